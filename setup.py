@@ -1,5 +1,7 @@
 """For colcon alone, which builds an `ament_python` package by this file; pip builds by pyproject.toml's hatchling."""
 
+from pathlib import Path
+
 from setuptools import find_packages, setup
 
 distribution = setup(
@@ -9,6 +11,7 @@ distribution = setup(
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),
+        ("share/yumi_ros2/meshes", sorted(map(str, Path("src/yumi/robot/meshes").glob("*.stl")))),
         ("share/yumi_ros2/launch", ["launch/yumi.launch.py"]),
     ],
 )

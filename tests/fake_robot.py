@@ -6,7 +6,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.api.motion import (
+    GOAL_CONTROLLER,
+    JOG_CONTROLLER,
+    STREAM_CONTROLLER,
+    TRAJECTORY_CONTROLLER,
+    MotionExecutor,
+    MotionRegistry,
+)
 from yumi.clock import ManualClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
@@ -18,7 +25,7 @@ from yumi.control.shared_state import Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home
 
-NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER)
+NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, JOG_CONTROLLER)
 
 
 class Switch(NamedTuple):
@@ -70,7 +77,7 @@ class FakeControl:
         self.switches.append(Switch(side, activate, deactivate))
         (self._active[side],) = activate
         before = self.snapshots[side]
-        self.snapshots[side] = replace(before, activation=before.activation + 1)
+        self.snapshots[side] = replace(before, activation=before.activation + 1, activity=before.activity + 1)
 
 
 class FakeRobot:
@@ -79,6 +86,7 @@ class FakeRobot:
     def __init__(self, arms: tuple[Side, ...] = tuple(Side)) -> None:
         self.control = FakeControl()
         self.goals = {side: MemoryBuffer() for side in Side}
+        self.speeds = {side: MemoryBuffer() for side in Side}
         self.motions = MotionRegistry()
         self.feedback = {side: MemoryBuffer() for side in Side}
         self.dual_feedback = {side: MemoryBuffer() for side in Side}
@@ -92,6 +100,7 @@ class FakeRobot:
             ManualClock(100.0),
             {side: (buffer, self.dual_feedback[side]) for side, buffer in self.feedback.items()},
             lambda: self.speed_scale,
+            self.speeds,
         )
 
     def rest(self, command: ControllerCommand) -> None:

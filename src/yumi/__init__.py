@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from yumi import errors
     from yumi.api.attach import attach
+    from yumi.api.cartesian import pose
     from yumi.api.connect import connect, connect_async
     from yumi.api.motion import abb_degrees, degrees, in_degrees
     from yumi.driver.egm_server import EgmServer
@@ -24,6 +25,7 @@ __all__ = [
     "degrees",
     "errors",
     "in_degrees",
+    "pose",
     "read_recording",
 ]
 
@@ -35,6 +37,7 @@ _OFFERS = {
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",
     "in_degrees": "yumi.api.motion",
+    "pose": "yumi.api.cartesian",
     "read_recording": "yumi.recording.tables",
 }
 

@@ -41,6 +41,7 @@ LEFT_OUT = {
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
+    r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
     r"yumi shell": "a prompt; has tests of its own",
     r"yumi completion fish": "needs fish",
 }

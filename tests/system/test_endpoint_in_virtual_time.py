@@ -7,6 +7,7 @@ import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from math import nan
 from pathlib import Path
 from threading import Event, RLock
 from typing import Any
@@ -15,13 +16,15 @@ import pytest
 from click.testing import CliRunner
 
 from system.virtual_time_bench import System
-from yumi.api.motion import GOAL_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.api.attach import attach
+from yumi.api.motion import GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.joint_goal import JointGoalController
+from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
-from yumi.errors import YumiError
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
 from yumi.virtual.controller.fault_names import Fault
 
@@ -33,9 +36,12 @@ class Driver(System):
         self._time = RLock()
         self._motions = MotionRegistry(is_script=False)
         super().__init__(are_calibrated=are_calibrated)
-        for arm in self.arms.values():
+        self.speeds = {side: MemoryBuffer() for side in Side}
+        for side, arm in self.arms.items():
             arm.line.manager.load(GOAL_CONTROLLER, JointGoalController(MemoryBuffer()))
             arm.line.manager.configure(GOAL_CONTROLLER)
+            arm.line.manager.load(JOG_CONTROLLER, JointVelocityController(self.speeds[side]))
+            arm.line.manager.configure(JOG_CONTROLLER)
         mover = MotionExecutor(
             self,
             {side: arm.goals for side, arm in self.arms.items()},
@@ -43,6 +49,7 @@ class Driver(System):
             tuple(Side),
             YUMI_LIMITS,
             self,
+            speeds=self.speeds,
         )
         access = DriverAccess(
             robot="memory",
@@ -125,6 +132,42 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert driver.done("stop") == "EGM has ended on both arms\n"
     assert "EGM is not running on the right arm; run `yumi start`" in driver.refused("move", "right", "home")
     assert driver.done("mode", "motors_off") == "The motors are off\n"
+
+
+def test_arm_is_jogged_while_speeds_come_and_stops_within_a_fifth_of_a_second(driver: Driver) -> None:
+    driver.done("start")
+    with attach() as attached, ThreadPoolExecutor(1) as other:
+
+        def jog(seconds: float) -> None:
+            for _ in range(round(seconds / 0.033)):
+                asked = other.submit(attached.jog, "left", [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+                while not asked.done():
+                    driver.wait(0.004)
+                asked.result()
+                driver.wait(0.033)
+
+        start, begun = driver.snapshot(Side.LEFT).position, driver.now()
+        jog(1.0)
+        moved = driver.snapshot(Side.LEFT).position
+        assert 0.3 < moved[0] - start[0] < 0.5 * (driver.now() - begun)
+        driver.wait(0.2)  # none comes any more
+        stood = driver.snapshot(Side.LEFT)
+        assert max(map(abs, stood.velocity)) < 0.02
+        driver.wait(0.5)
+        assert driver.snapshot(Side.LEFT).position == pytest.approx(stood.position, abs=0.002)
+        for speeds, words in (([0.1] * 6, "expected 7 speeds"), ([nan, *[0.0] * 6], "finite number")):
+            with pytest.raises(CommandRefused, match=words):
+                attached.jog("left", speeds)
+
+
+def test_jog_of_an_arm_that_another_motion_moves_is_refused(driver: Driver) -> None:
+    driver.done("start")
+    with attach() as attached, ThreadPoolExecutor(1) as other:
+        moving = other.submit(driver.run, "move", "right", "ready")
+        poll_until(lambda: max(map(abs, driver.snapshot(Side.RIGHT).velocity)) > 0.05)
+        with pytest.raises(CommandRefused, match="Another move is being carried out"):
+            attached.jog("right", [0.1] * 7)
+        assert moving.result()[0] == 0
 
 
 def test_grippers_are_calibrated(driver: Driver) -> None:

@@ -9,9 +9,15 @@ import pytest
 
 from commissioning_bench import HERE, Interruption, Site
 from soak import long, short
+from yumi.driver.commissioning.installation import Installation, Record
+from yumi.driver.commissioning.stream import listen, streaming
+from yumi.egm.codec import JointCodec
+from yumi.egm.session import SensorSession
 from yumi.errors import NoConnection, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState, OperatingMode
+from yumi.testing.virtual_yumi import VirtualYumi
+from yumi.virtual.controller.system import factory_system
 from yumi.virtual.world import WorldSettings
 
 FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"
@@ -208,3 +214,25 @@ def test_roll_back_that_is_killed_itself_goes_on(site: Site) -> None:
                 site.wait(30.0)
             site.reconnect()
     assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_factory_robot_moves_both_arms_within_90_seconds_of_its_time(tmp_path: Path) -> None:
+    yumi = VirtualYumi(WorldSettings(system=factory_system(), grippers_are_calibrated=True))
+    client = yumi.client()
+    installation = Installation(client, Record.of("yumi", tmp_path))
+    installation.install(installation.plan(client.connect(), HERE))
+    with streaming(client, yumi):
+        streams = listen(yumi.egm, yumi, 0.2)
+    assert all(streams[side].is_of(client.joint_target(side.unit)) for side in Side)
+    yumi.start_egm()
+    start = {side: yumi.world.arms[side].position for side in Side}
+    sessions = {side: SensorSession(JointCodec()) for side in Side}
+    for _ in range(250):
+        yumi.wait(yumi.world.cycle_time)
+        for side, session in sessions.items():
+            if session.accept(yumi.egm[side].receive(), yumi.now()) is not None:
+                goal = start[side][0] + 0.05, *start[side][1:]
+                yumi.egm[side].send(session.reply(goal, None))
+    for side in Side:
+        assert yumi.world.arms[side].position[0] - start[side][0] == pytest.approx(0.05, abs=0.01)
+    assert yumi.now() < 90.0

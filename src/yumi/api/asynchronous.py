@@ -7,8 +7,9 @@ from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial, wraps
 from inspect import signature
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
+from yumi.api.cartesian import PoseLike
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion, MotionExecutor, Position, check_ended, halt
 from yumi.api.robot import Arm, Robot
@@ -57,6 +58,16 @@ def awaited(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[An
         return begun[0]
 
     return wraps(method)(moving if "wait" in signature(method).parameters else in_thread)
+
+
+def at_once(method: Callable[Concatenate[Any, P], T]) -> Callable[Concatenate[Any, P], T]:
+    """The twin of a ``method`` that returns at once: the same on the twin's ``sync`` object, not awaited."""
+
+    @wraps(method)
+    def forwarded(twin: Any, *args: P.args, **options: P.kwargs) -> T:
+        return cast("T", getattr(twin.sync, method.__name__)(*args, **options))
+
+    return cast("Callable[Concatenate[Any, P], T]", forwarded)
 
 
 def _motions(begun: Sequence[Motion | Sequence[Motion]]) -> Sequence[Motion]:
@@ -136,8 +147,22 @@ class AsyncArm:
 
     @property
     def pose(self) -> Pose:
-        """Pose of tool0 in the frame of the robot's body [m], quaternion w first."""
+        """Pose of the tool in the frame of the robot's body [m], quaternion w first."""
         return self.sync.pose
+
+    @property
+    def arm_angle(self) -> float:
+        """How far the elbow is turned about the line from shoulder to wrist [rad]."""
+        return self.sync.arm_angle
+
+    @property
+    def tool(self) -> PoseLike | str | None:
+        """What poses are poses of, as :attr:`yumi.api.robot.Arm.tool`; it can be set."""
+        return self.sync.tool
+
+    @tool.setter
+    def tool(self, value: PoseLike | str | None) -> None:
+        self.sync.tool = value
 
     @property
     def poses(self) -> Mapping[str, Joints]:
@@ -163,7 +188,14 @@ class AsyncArm:
         """Follow a stream of positions [rad], (7,), of which this is the next; returns at once."""
         self.sync.stream(position)
 
+    servo_pose = at_once(Arm.servo_pose)
+    servo_twist = at_once(Arm.servo_twist)
+    jacobian = at_once(Arm.jacobian)
+    inverse_kinematics = awaited(Arm.inverse_kinematics)
     move_to = awaited(Arm.move_to)
+    move_to_pose = awaited(Arm.move_to_pose)
+    move_linear = awaited(Arm.move_linear)
+    move_through = awaited(Arm.move_through)
     follow = awaited(Arm.follow)
     stop = awaited(Arm.stop)
 
@@ -226,7 +258,20 @@ class AsyncRobot:
         self.sync.speed_scale = value
 
     close = awaited(Robot.close)
+
+    @property
+    def tools(self) -> dict[str, PoseLike]:
+        """Tools by name, as :attr:`yumi.api.robot.Robot.tools`."""
+        return self.sync.tools
+
+    @property
+    def work_objects(self) -> dict[str, PoseLike]:
+        """Work objects by name, as :attr:`yumi.api.robot.Robot.work_objects`."""
+        return self.sync.work_objects
+
     move_to = awaited(Robot.move_to)
+    move_to_pose = awaited(Robot.move_to_pose)
+    move_linear = awaited(Robot.move_linear)
     follow = awaited(Robot.follow)
     stop = awaited(Robot.stop)
     recover = awaited(Robot.recover)

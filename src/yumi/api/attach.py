@@ -19,7 +19,7 @@ from yumi.driver.endpoint import (
     find_driver,
 )
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Side
+from yumi.robot.joints import JOINT_COUNT, Side, joints
 
 T = TypeVar("T")
 Arms = wire.Arm | Sequence[wire.Arm]
@@ -173,6 +173,18 @@ class RunningDriver:
             timeout=timeout,
         )
         return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
+
+    def jog(self, arm: wire.Arm, speeds: Sequence[float]) -> None:
+        """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s; call it again while it is to move.
+
+        Raises:
+            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            RobotNotReady: EGM does not run on the arm.
+        """
+        values = _position(speeds)
+        if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} speeds in chain order.")
+        self._ask(wire.Jog(arm=arm, speeds=joints(values)), str)
 
     def _ask(self, request: Request, result: type[T]) -> T:
         return self._client.ask(request, result, self._on_step, timeout=None)

@@ -181,7 +181,7 @@ class Connection:
         buffers = parts.control.buffers
         goals = {side: each.goals for side, each in buffers.items()}
         limits = slower(YUMI_LIMITS, top_speed=radians(settings.egm_motion.max_speed_deviation))
-        feedback = {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()}
+        feedback = {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()}
         self.executor = MotionExecutor(
             parts.control,
             goals,
@@ -191,6 +191,8 @@ class Connection:
             SystemClock(),
             feedback,
             lambda: manager.speed.in_force,
+            {side: each.tool_goals for side, each in buffers.items()},
+            {side: each.speeds for side, each in buffers.items()},
         )
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:

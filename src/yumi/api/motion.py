@@ -17,12 +17,13 @@ from dataclasses import replace
 from functools import partial
 from itertools import count
 from math import degrees as _degrees_of
-from math import dist, radians
+from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.clock import Clock
-from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal
+from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
+from yumi.control.controllers.cartesian import ToolGoal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
@@ -30,7 +31,14 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, plan_trajectory, time_to_start
+from yumi.control.trajectory import (
+    ArmPlan,
+    JointTrajectory,
+    TrajectoryPoint,
+    check_count,
+    plan_trajectory,
+    time_to_start,
+)
 from yumi.driver.readiness import why_arm_does_not_follow
 from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
@@ -335,8 +343,14 @@ GOAL_CONTROLLER = "joint_goal_controller"
 STREAM_CONTROLLER = "joint_position_controller"
 """Follows a stream of points."""
 
+JOG_CONTROLLER = "joint_velocity_controller"
+"""Follows speeds, and stops where none come."""
+
 TRAJECTORY_CONTROLLER = "joint_trajectory_controller"
 """Follows points with times."""
+
+CARTESIAN_CONTROLLER = "cartesian_controller"
+"""Moves the tool on straight lines and after streams."""
 
 ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([STANDING] * JOINT_COUNT), goal_time=2.0)
 """When a trajectory's last point is reached: the same as for single points."""
@@ -370,6 +384,8 @@ class MotionExecutor:
         feedback: the buffers of the controllers that follow trajectories on each arm; without them the progress of
             trajectories is unknown.
         speed_scale: the factor on all speeds now.
+        tool_goals: the buffer of each arm's stream of poses and velocities of its tool.
+        speeds: the buffer of each arm's speeds; without them no arm can be jogged.
     """
 
     def __init__(
@@ -382,16 +398,20 @@ class MotionExecutor:
         clock: Clock,
         feedback: Mapping[Side, Sequence[Buffer[TrajectoryFeedback]]] | None = None,
         speed_scale: Callable[[], float] = lambda: FULL,
+        tool_goals: Mapping[Side, Buffer[ToolGoal]] | None = None,
+        speeds: Mapping[Side, GoalBuffer] | None = None,
     ) -> None:
         self.arms = arms
+        self.limits = limits
+        self._tool_goals = tool_goals or {}
+        self._speeds = speeds or {}
         self._feedback = feedback or {}
         self._speed_scale = speed_scale
-        self._limits = limits
         self._clock = clock
         self._control = control
         self._goals = goals
         self._motions = motions
-        self._streaming: dict[Side, tuple[int, int]] = {}  # session and activation of the stream's controller
+        self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle.
@@ -470,27 +490,49 @@ class MotionExecutor:
         """
         plans = {
             side: plan_trajectory(
-                JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self._limits
+                JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self.limits
             )[side]
             for side, points in trajectories.items()
         }
-        for side in plans:
+        return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda starts: plans)
+
+    def follow_path(
+        self, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+    ) -> tuple[Motion, ...]:
+        """Have arms follow paths of their tools that are planned from where they stand, beginning at the same moment.
+
+        What moves when it is called comes to rest first.
+
+        Raises:
+            CommandRefused: a path is impossible; nothing moves, but what moved has come to rest.
+            RobotNotReady: an arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        for side in sides:
+            self._check_has(side, CARTESIAN_CONTROLLER)
+        moving = [side for side in sides if self.is_moving(side)]
+        for motion in self.stop(moving):
+            motion.wait(LAST_STOP)
+        return self._follow_plans(CARTESIAN_CONTROLLER, sides, plan)
+
+    def _follow_plans(
+        self, name: str, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+    ) -> tuple[Motion, ...]:
+        """Have a controller of each arm follow what ``plan`` makes of where the arms stand."""
+        for side in sides:
             self._check_follows(side)
-        for side in plans:
-            self._take_over(side, TRAJECTORY_CONTROLLER)
-        most = max(map(len, trajectories.values()))
+        for side in sides:
+            self._take_over(side, name)
+        plans = plan(self._control.call(Commands.commanded_positions, *sides))
+        most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
         commands = [
-            ControllerCommand(
-                side,
-                TRAJECTORY_CONTROLLER,
-                FollowTrajectory(replace(plan, start=start), motions[side].identity, ARRIVAL),
-            )
-            for side, plan in plans.items()
+            ControllerCommand(side, name, FollowTrajectory(replace(each, start=start), motions[side].identity, ARRIVAL))
+            for side, each in plans.items()
         ]
-        for side, plan in plans.items():
-            motions[side].follow_way(partial(self._way_on_trajectory, motions[side], plan.spline.end))
+        for side, each in plans.items():
+            motions[side].follow_way(partial(self._way_on_trajectory, motions[side], each.spline.end))
         return self._send(commands, tuple(motions.values()))
 
     def stop(self, sides: Iterable[Side]) -> tuple[Motion, ...]:
@@ -515,13 +557,60 @@ class MotionExecutor:
             GoalNotReached: an arm that moved did not come to rest.
         """
         checked = checked_goal(side, goal)
+        session, _ = self._begin_stream(side, STREAM_CONTROLLER)
+        write_goal(self._goals[side], session, checked)
+
+    def jog(self, side: Side, speeds: Sequence[float]) -> bool:
+        """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
+
+        Returns:
+            Whether its controllers were switched for it.
+
+        Raises:
+            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            RobotNotReady: the arm does not follow.
+        """
+        if side not in self._speeds:
+            raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
+        if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
+        session, is_new = self._begin_stream(side, JOG_CONTROLLER)
+        write_speeds(self._speeds[side], session, joints(speeds))
+        return is_new
+
+    def _begin_stream(self, side: Side, controller: str) -> tuple[int, bool]:
+        """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
-        if self._streaming.get(side) != (snapshot.session, snapshot.activation) or not snapshot.is_commanded:
-            self._check_follows(side)
-            self._take_over(side, STREAM_CONTROLLER)
-            snapshot = self._control.snapshot(side)
-            self._streaming[side] = (snapshot.session, snapshot.activation)
-        write_goal(self._goals[side], snapshot.session, checked)
+        known = (controller, snapshot.session, snapshot.activation)
+        if self._streaming.get(side) == known and snapshot.is_commanded:
+            return snapshot.session, False
+        if controller == CARTESIAN_CONTROLLER:
+            self._check_has(side, controller)
+        self._check_follows(side)
+        if controller == JOG_CONTROLLER and self.commanding(side) != (controller,) and self.is_moving(side):
+            raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+        self._take_over(side, controller)
+        snapshot = self._control.snapshot(side)
+        self._streaming[side] = (controller, snapshot.session, snapshot.activation)
+        return snapshot.session, True
+
+    def stream_tool(self, side: Side, goal: Callable[[int], ToolGoal]) -> None:
+        """Have an arm's tool follow a stream, of which ``goal`` of the EGM session is the next message.
+
+        Raises:
+            CommandRefused: the driver has no Cartesian controller.
+            RobotNotReady: the arm does not follow.
+            GoalNotReached: an arm that moved did not come to rest.
+        """
+        session, _ = self._begin_stream(side, CARTESIAN_CONTROLLER)
+        self._tool_goals[side].write(goal(session))
+
+    def _check_has(self, side: Side, name: str) -> None:
+        if all(info.name != name for info in self._control.call(Commands.list_controllers, side)):
+            raise CommandRefused(
+                f"The {side.word} arm has no {name}, which moves its tool; name it in controllers.yaml as the "
+                "delivered file does."
+            )
 
     def _limits_of_goals(self, side: Side, speed: float | None, acceleration: float | None) -> JointLimits:
         """What the controller of single points keeps on an arm."""

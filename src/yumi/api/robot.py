@@ -5,21 +5,40 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from math import isfinite, nan
 from types import TracebackType
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
+from yumi.api.cartesian import (
+    TOOL0,
+    Frames,
+    Path,
+    PoseLike,
+    planned,
+    pose_from,
+    poses_from,
+    posture_for,
+    postures_of,
+    way_points,
+)
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, in_degrees, wait_for
+from yumi.control.controllers.cartesian import pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
+from yumi.control.tool_path import SPEED, TURNING, ZONE
 from yumi.driver import gripper as driver
 from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady
-from yumi.robot.joints import POSES, Joints, Pose, Side, abb_from_chain, joint_names
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.inverse_kinematics import arm_angle, jacobian
+from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +51,14 @@ class Arm:
         executor: the robot's, while it is connected; raises when it is not.
         gripper: on its flange.
         datagram: the newest one of its robot.
+        frames: the robot's tools and work objects.
+        tcp: the tool in use, as the driver knows it.
+
+    Attributes:
+        side: which arm.
+        gripper: on its flange.
+        tool: what poses are poses of: the name of one of the robot's ``tools``, its frame in tool0, or None for the
+            tool in use (``set_tool``; tool0 where none was set).
     """
 
     def __init__(
@@ -40,9 +67,14 @@ class Arm:
         executor: Callable[[], MotionExecutor],
         gripper: Gripper,
         datagram: Callable[[], bytes] = lambda: b"",
+        frames: Frames | None = None,
+        tcp: Callable[[], Pose] = lambda: TOOL0,
     ) -> None:
         self.side = side
         self.gripper = gripper
+        self.tool: PoseLike | str | None = None
+        self._frames = frames or Frames()
+        self._tcp = tcp
         self._executor = executor
         self._datagram = datagram
 
@@ -88,11 +120,59 @@ class Arm:
 
     @property
     def pose(self) -> Pose:
-        """Pose of tool0 in the frame of the robot's body, from the measured joints [m], quaternion w first.
+        """Pose of the tool in the frame of the robot's body, from the measured joints [m], quaternion w first.
 
         It is exact forward kinematics; raises as :attr:`position`.
         """
-        return tool0_to_body(self.side, self.position)
+        return tool0_to_body(self.side, self.position, self._tool(None))
+
+    @property
+    def arm_angle(self) -> float:
+        """How far the elbow is turned about the line from shoulder to wrist, RAPID's ``eax_a`` of a robtarget [rad]."""
+        return arm_angle(self.side, self.position)
+
+    def _tool(self, given: PoseLike | str | None) -> Pose:
+        chosen = self.tool if given is None else given
+        return self._tcp() if chosen is None else self._frames.tool(chosen)
+
+    def _tool0(self, pose: PoseLike, tool: PoseLike | str | None, work_object: PoseLike | str | None) -> Pose:
+        """Where tool0 is in the body frame when the tool is at a pose of a work object."""
+        return compose(compose(self._frames.work_object(work_object), pose_from(pose)), inverse(self._tool(tool)))
+
+    def inverse_kinematics(
+        self,
+        pose: PoseLike,
+        *,
+        arm_angle: float | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+    ) -> tuple[Joints, ...]:
+        """All postures within the joints' ranges that bring the tool to a pose; takes about 0.1 s.
+
+        Args:
+            pose: of the tool: :func:`yumi.pose`, or seven numbers x, y, z [m], quaternion w, x, y, z.
+            arm_angle: how far the elbow is turned [rad]; None takes the present arm angle.
+            tool: the name of a tool or its frame in tool0; None takes :attr:`tool`.
+            work_object: what the pose is seen from, by name or as a frame in the body; None is the body.
+
+        Returns:
+            Joint positions [rad], (7,) each, the one nearest to the present position first; none where the pose is out
+            of reach with this arm angle.
+
+        Raises:
+            CommandRefused: the pose is none, or a name is not known.
+            RobotNotReady: as for :attr:`position`.
+        """
+        tool0 = self._tool0(pose, tool, work_object)
+        return postures_of(self.side, tool0, arm_angle, self.position, YUMI_LIMITS)
+
+    def jacobian(self, position: Joints | None = None, *, tool: PoseLike | str | None = None) -> NDArray[np.float64]:
+        """How the tool moves with the joints, at ``position`` [rad] or where the arm is, (6, 7).
+
+        Rows: velocity x, y, z [m/s] and angular velocity x, y, z [rad/s] in the body frame; columns: joints in chain
+        order. Raises as :attr:`position`.
+        """
+        return jacobian(self.side, self.position if position is None else joints(position), self._tool(tool))
 
     @property
     def degrees(self) -> dict[str, float]:
@@ -190,6 +270,207 @@ class Arm:
         executor = self.executor
         wait_for(executor.stop((self.side,)), None, executor)
 
+    def move_to_pose(
+        self,
+        pose: PoseLike,
+        *,
+        arm_angle: float | None = None,
+        configuration: Sequence[int] | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+        speed: float | None = None,
+        acceleration: float | None = None,
+    ) -> Motion:
+        """Move the tool to a pose, all joints together as :meth:`move_to`: RAPID's MoveJ. Its way is not a line.
+
+        Args:
+            pose: as for :meth:`inverse_kinematics`; so are ``tool`` and ``work_object``.
+            arm_angle: how far the elbow is turned then [rad]; None keeps the present one where that is possible.
+            configuration: ``(cf1, cf4, cf6, cfx)`` of a robtarget; None takes the posture that is nearest.
+            tool: see ``pose``.
+            work_object: see ``pose``.
+            wait: return when the arm stands at the goal; else at once.
+            timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
+            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
+            acceleration: the same for accelerations and jerks.
+
+        Returns:
+            The motion; over, unless ``wait`` is False.
+
+        Raises:
+            Unreachable: no posture has the pose; nothing was changed.
+            CommandRefused: the pose is none, or a name is not known; nothing was changed.
+            RobotNotReady: as for :meth:`move_to`.
+            GoalNotReached: the motion ended elsewhere; the arm holds.
+        """
+        goal = self._posture(pose, arm_angle, configuration, tool, work_object)
+        return self.move_to(goal, wait=wait, timeout=timeout, speed=speed, acceleration=acceleration)
+
+    def _posture(
+        self,
+        pose: PoseLike,
+        arm_angle: float | None = None,
+        configuration: Sequence[int] | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+    ) -> Joints:
+        now = self.executor.snapshot(self.side).sent
+        return posture_for(self.side, self._tool0(pose, tool, work_object), arm_angle, configuration, now, YUMI_LIMITS)
+
+    def move_linear(
+        self,
+        pose: PoseLike,
+        *,
+        arm_angle: float | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+        speed: float = SPEED,
+        turning: float = TURNING,
+        acceleration: float = 1.0,
+    ) -> Motion:
+        """Move the tool to a pose on a straight line, its orientation along the shortest turn: RAPID's MoveL.
+
+        The arm comes to rest first, and at the end. Near singularities it slows down, so that no joint is too fast.
+
+        Args:
+            pose: as for :meth:`inverse_kinematics`; so are ``tool`` and ``work_object``.
+            arm_angle: how far the elbow is turned at the end [rad]; it turns evenly on the way. None keeps the present
+                one, and turns the elbow only where the line cannot be followed otherwise.
+            tool: see ``pose``.
+            work_object: see ``pose``.
+            wait: return when the arm stands at the goal; else at once.
+            timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
+            speed: of the tool at most [m/s], up to 1.5.
+            turning: of its orientation and of the elbow at most [rad/s].
+            acceleration: share of the highest accelerations and jerks of joints and tool, up to 1.
+
+        Returns:
+            The motion; over, unless ``wait`` is False.
+
+        Raises:
+            Unreachable: the arm cannot follow the line; the message says from where on. Nothing has moved.
+            CommandRefused: the pose is none, or a value is out of bounds; nothing has moved.
+            RobotNotReady: as for :meth:`move_to`.
+            GoalNotReached: the motion ended elsewhere; the arm holds.
+        """
+        return self.move_through(
+            [pose],
+            arm_angle=arm_angle,
+            tool=tool,
+            work_object=work_object,
+            wait=wait,
+            timeout=timeout,
+            speed=speed,
+            turning=turning,
+            acceleration=acceleration,
+        )
+
+    def move_through(
+        self,
+        poses: Sequence[PoseLike],
+        *,
+        zone: float = ZONE,
+        arm_angle: float | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+        speed: float = SPEED,
+        turning: float = TURNING,
+        acceleration: float = 1.0,
+    ) -> Motion:
+        """Move the tool on straight lines from pose to pose, without a stop: corners are rounded within a zone.
+
+        Args:
+            poses: in their order; all else as for :meth:`move_linear`, with the arm angle of the last.
+            zone: a corner is left from so far before it to so far behind it [m], as RAPID's zones.
+            arm_angle: see :meth:`move_linear`, as for all that follow.
+            tool: see there.
+            work_object: see there.
+            wait: see there.
+            timeout: see there.
+            speed: see there.
+            turning: see there.
+            acceleration: see there.
+
+        Returns:
+            The motion; over, unless ``wait`` is False. Raises as :meth:`move_linear`.
+        """
+        executor = self.executor
+        points = way_points(self._frames, poses, work_object, arm_angle)
+        path = Path(self._tool(tool), points, speed, turning, zone, acceleration)
+        (motion,) = executor.follow_path((self.side,), planned({self.side: path}, executor.limits))
+        if wait:
+            wait_for((motion,), timeout, executor)
+        return motion
+
+    def servo_pose(
+        self,
+        pose: PoseLike,
+        *,
+        arm_angle: float | None = None,
+        tool: PoseLike | str | None = None,
+        work_object: PoseLike | str | None = None,
+    ) -> None:
+        """Follow a stream of poses of the tool, of which this is the next; returns at once.
+
+        It may be called up to 500 times a second. The tool keeps its limits (``cartesian_controller`` in
+        controllers.yaml) and those of the joints, and stays at the last pose.
+
+        Args:
+            pose: as for :meth:`inverse_kinematics`; so are ``tool`` and ``work_object``.
+            arm_angle: how far the elbow is turned there [rad]; None keeps what it is.
+            tool: see ``pose``.
+            work_object: see ``pose``.
+
+        Raises:
+            CommandRefused: the pose is none; the arm keeps the one before.
+            RobotNotReady: as for :meth:`move_to`.
+        """
+        target = compose(self._frames.work_object(work_object), pose_from(pose))
+        angle = nan if arm_angle is None else float(arm_angle)
+        frame = self._tool(tool)
+        self.executor.stream_tool(self.side, lambda session: pose_goal(session, target, frame, angle))
+
+    def servo_twist(
+        self,
+        linear: Sequence[float] = (0.0, 0.0, 0.0),
+        angular: Sequence[float] = (0.0, 0.0, 0.0),
+        *,
+        elbow: float = 0.0,
+        frame: str = "base",
+        tool: PoseLike | str | None = None,
+    ) -> None:
+        """Follow a stream of velocities of the tool, of which this is the next; returns at once.
+
+        Without a new one for 0.1 s (``twist.timeout``) the tool stops.
+
+        Args:
+            linear: velocity x, y, z [m/s].
+            angular: angular velocity about x, y, z [rad/s].
+            elbow: speed of the arm angle [rad/s].
+            frame: ``"base"``: seen from the robot's body; ``"tool"``: seen from the tool.
+            tool: whose velocity it is: a name or a frame in tool0; None takes :attr:`tool`.
+
+        Raises:
+            CommandRefused: a value is not finite, or the frame another one; the arm keeps the velocity before.
+            RobotNotReady: as for :meth:`move_to`.
+        """
+        if frame not in ("base", "tool"):
+            raise CommandRefused(f"Velocity refused: frame is {frame!r}; choose 'base' or 'tool'.")
+        try:
+            twist = joints([*linear, *angular, elbow])
+        except (TypeError, ValueError) as error:
+            raise CommandRefused("Velocity refused: give three numbers each for linear and angular.") from error
+        if not all(map(isfinite, twist)):
+            raise CommandRefused(f"Velocity refused: {twist} has a value that is not finite.")
+        of = self._tool(tool)
+        self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
+
     def stream(self, position: Position) -> None:
         """Follow a stream of positions, of which this is the next; returns at once.
 
@@ -241,6 +522,7 @@ class Robot:
         self._connection = Connection(settings, controllers, arms, on_step)
         self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
         self._is_connected = False
+        self._frames = Frames()
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
             Arm(
@@ -255,6 +537,8 @@ class Robot:
                     partial(self._calibrate, side),
                 ),
                 partial(self._datagram, side),
+                self._frames,
+                partial(self._tcp, side),
             )
             for side in (Side.RIGHT, Side.LEFT)
         )
@@ -351,6 +635,69 @@ class Robot:
             wait_for(motions, timeout, executor)
         return motions
 
+    def move_to_pose(
+        self,
+        *,
+        right: PoseLike | None = None,
+        left: PoseLike | None = None,
+        wait: bool = True,
+        timeout: float | None = None,
+        speed: float | None = None,
+        acceleration: float | None = None,
+    ) -> tuple[Motion, ...]:
+        """Move the tools of both arms to poses, beginning in the same cycle; either both move or none.
+
+        Arguments and errors are those of :meth:`Arm.move_to_pose`, with each arm's own tool.
+        """
+        arms = {Side.RIGHT: self.right, Side.LEFT: self.left}
+        given: dict[Side, PoseLike] = _named(right, left)
+        goals = {side: arms[side]._posture(pose) for side, pose in given.items()}
+        return self.move_to(
+            right=goals.get(Side.RIGHT),
+            left=goals.get(Side.LEFT),
+            wait=wait,
+            timeout=timeout,
+            speed=speed,
+            acceleration=acceleration,
+        )
+
+    def move_linear(
+        self,
+        *,
+        right: PoseLike | Sequence[PoseLike] | None = None,
+        left: PoseLike | Sequence[PoseLike] | None = None,
+        work_object: PoseLike | str | None = None,
+        zone: float = ZONE,
+        wait: bool = True,
+        timeout: float | None = None,
+        speed: float = SPEED,
+        turning: float = TURNING,
+        acceleration: float = 1.0,
+    ) -> tuple[Motion, ...]:
+        """Move the tools of both arms on straight lines, as one motion: they begin and end together, or none moves.
+
+        A list of poses is a path as of :meth:`Arm.move_through`. Arguments and errors are those of
+        :meth:`Arm.move_linear`, with each arm's own tool; an arm that is stopped on its way stops the other while the
+        call waits for them.
+        """
+        arms, executor = {Side.RIGHT: self.right, Side.LEFT: self.left}, self.executor
+        poses: dict[Side, PoseLike | Sequence[PoseLike]] = _named(right, left)
+        paths = {
+            side: Path(
+                arms[side]._tool(None),
+                way_points(self._frames, poses_from(given), work_object, None),
+                speed,
+                turning,
+                zone,
+                acceleration,
+            )
+            for side, given in poses.items()
+        }
+        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits))
+        if wait:
+            wait_for(motions, timeout, executor)
+        return motions
+
     def stop(self) -> None:
         """Bring both arms to rest as fast as their joints may, and return when they stand.
 
@@ -431,6 +778,19 @@ class Robot:
     def executor(self) -> MotionExecutor:
         """What the arms' methods are made of; raises RobotNotReady when the robot is not connected."""
         return self._connected.executor
+
+    @property
+    def tools(self) -> dict[str, PoseLike]:
+        """Tools by name: frames in tool0, RAPID's ``tframe``. Add your own: ``robot.tools["pen"] = yumi.pose(…)``."""
+        return self._frames.tools
+
+    @property
+    def work_objects(self) -> dict[str, PoseLike]:
+        """Work objects by name: frames in the robot's body, in which poses may be given. Add your own."""
+        return self._frames.work_objects
+
+    def _tcp(self, side: Side) -> Pose:
+        return self._connected.manager.tcp(side)
 
     def _check_not_stopped(self) -> None:
         self._connected.manager.check_not_stopped()

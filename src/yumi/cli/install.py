@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from yumi.rws.replies import SystemInfo
 
 _STREAM_TIME = 2.0
+_PROGRESS_PERIOD = 5.0  # [s]
 _WORST_LOSS = 0.01
 
 
@@ -106,16 +108,18 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
 
 
 class _Progress:
-    """Prints each step; one that only goes on replaces its line on a terminal."""
+    """Prints each step; of one that goes on, a line in five seconds."""
 
     def __init__(self, is_quiet: bool) -> None:
         self._is_quiet = is_quiet
         self._last = ""
+        self._next = 0.0
 
     def __call__(self, text: str) -> None:
-        if self._is_quiet or text == self._last:
+        kind, now = text.partition(",")[0], time.monotonic()
+        if self._is_quiet or (kind == self._last and now < self._next):
             return
-        self._last = text
+        self._last, self._next = kind, now + _PROGRESS_PERIOD
         click.echo(f"  {text}")
 
 

@@ -25,6 +25,7 @@ from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.rapid import rapid
 from yumi.cli.record import record
 from yumi.cli.up import up
+from yumi.cli.view import view
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
@@ -141,6 +142,7 @@ def main() -> None:
       yumi up --robot 192.168.125.1      the driver for a real one
       yumi controller --rws-port 8080    a virtual controller for any client
       yumi install --robot 192.168.125.1 put the robot's side onto a real controller; it asks first
+      yumi view --virtual                a virtual robot in the browser
       yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
       eval "$(yumi completion bash)"     complete commands and their arguments in this shell
     """
@@ -149,6 +151,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (answer, controller, demo, doctor, fault, rapid, record, rws.rws, up)
+_COMMANDS = (answer, controller, demo, doctor, fault, rapid, record, rws.rws, up, view)
 for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

@@ -257,8 +257,10 @@ def _endpoint_of(
         tuple(Side),
         parts.plan.limits,
         SystemClock(),
-        {side: (each.trajectory, each.dual_trajectory) for side, each in buffers.items()},
+        {side: (each.trajectory, each.dual_trajectory, each.tool_path) for side, each in buffers.items()},
         lambda: manager.speed.in_force,
+        {side: each.tool_goals for side, each in buffers.items()},
+        {side: each.speeds for side, each in buffers.items()},
     )
     access = DriverAccess(
         robot=f"{settings.robot.address}:{settings.robot.rws_port}",

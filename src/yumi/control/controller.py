@@ -62,6 +62,7 @@ class GoalKind(IntFlag):
     VELOCITY = 2
     FORWARD_POSITION = 4
     FORWARD_VELOCITY = 8
+    TOOL = 16
 
 
 class Goal(NamedTuple):

@@ -287,6 +287,11 @@ class SpeedMotion:
         self._velocity = speeds_without_noise(state.velocity)
         self._rates = [0.0] * JOINT_COUNT
 
+    def go_on(self, position: Joints, velocity: Joints) -> None:
+        """Begin from what the arm is commanded, with that speed."""
+        self.position, self._velocity = position, velocity
+        self._rates = [0.0] * JOINT_COUNT
+
     def step(self, state: ArmState, goal: Joints, scale: float = 1.0) -> ArmCommand:
         """Go on for ``state.dt`` towards the speeds ``goal`` [rad/s], (7,), at most ``scale`` times the limits."""
         dt, limits = state.dt, self._limits

@@ -18,7 +18,7 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
 from math import comb, degrees, inf, isfinite, nan
@@ -253,6 +253,55 @@ def spline_through(points: Sequence[TrajectoryPoint]) -> Spline:
     return Spline(Segments(segment_between(start, end) for start, end in pairwise(points)), points[-1])
 
 
+def smooth_spline_through(points: Sequence[TrajectoryPoint], velocity: Sequence[float] = ()) -> Spline:
+    """The cubic spline through positions alone: its velocity and acceleration do not jump, and it ends at rest.
+
+    Args:
+        points: whose times increase; their velocities and accelerations do not count.
+        velocity: at the first point [rad/s], one for each joint; at rest when left out.
+    """
+    if len(points) < 2:
+        return spline_through(points)
+    first = tuple(velocity) or (0.0,) * len(points[0].position)
+    # The inner velocities follow from equal accelerations on both sides: one system with three diagonals (Thomas).
+    lengths = [after.time - before.time for before, after in pairwise(points)]
+    ways = [
+        [(b - a) / length for a, b in zip(before.position, after.position, strict=True)]
+        for (before, after), length in zip(pairwise(points), lengths, strict=True)
+    ]
+    upper, right = [0.0], [list(first)]
+    for index in range(1, len(points) - 1):
+        before, after = 1.0 / lengths[index - 1], 1.0 / lengths[index]
+        pivot = 2.0 * (before + after) - before * upper[-1]
+        upper.append(after / pivot)
+        rows = zip(ways[index - 1], ways[index], right[-1], strict=True)
+        right.append([(3.0 * (before * v + after * w) - before * last) / pivot for v, w, last in rows])
+    velocities = [[0.0] * len(first)]
+    for index in range(len(points) - 2, -1, -1):
+        factor = upper[index]
+        velocities.append([own - factor * next_ for own, next_ in zip(right[index], velocities[-1], strict=True)])
+    velocities.reverse()
+    return spline_through(
+        [TrajectoryPoint(each.time, each.position, tuple(own)) for each, own in zip(points, velocities, strict=True)]
+    )
+
+
+def stretched(plan: ArmPlan, end: float) -> ArmPlan:
+    """The same way in more time: it ends at ``end`` [s], at or after its own end."""
+    spline, factor = plan.spline, end / plan.spline.end if plan.spline.end else 1.0
+    if factor == 1.0:
+        return plan
+
+    def slower(row: Coefficients) -> Coefficients:
+        a, b, c, d, e, f = row
+        return a, b / factor, c / factor**2, d / factor**3, e / factor**4, f / factor**5
+
+    segments = Segments(
+        Segment(each.begin * factor, each.end * factor, tuple(map(slower, each.rows))) for each in spline.segments
+    )
+    return replace(plan, spline=Spline(segments, spline.last._replace(time=end, velocity=(), acceleration=())))
+
+
 def resting_at(position: Joints) -> Spline:
     """A spline that stays at one place."""
     return Spline(Segments(), TrajectoryPoint(0.0, position))
@@ -383,6 +432,8 @@ class ArmPlan:
         spline: the way from there on, seven joints in chain order.
         start: when it starts, on the machine's monotonic clock [s]; None is at once.
         left_out: the joints that the trajectory does not name.
+        is_smoothed: whether its points came without velocities and got them here: an arm that cannot be at the first
+            one in time may leave for a later one.
     """
 
     side: Side
@@ -390,6 +441,7 @@ class ArmPlan:
     spline: Spline
     start: float | None
     left_out: tuple[str, ...] = ()
+    is_smoothed: bool = False
 
 
 def time_to_start(points: int) -> float:
@@ -415,6 +467,7 @@ def plan_trajectory(
     sides: Sequence[Side],
     limits: JointLimits,
     held: Mapping[Side, Joints] | None = None,
+    smoothed_from: Mapping[Side, Setpoint] | None = None,
 ) -> Mapping[Side, ArmPlan]:
     """The plan of each of ``sides`` for a trajectory that names their joints in any order.
 
@@ -423,6 +476,8 @@ def plan_trajectory(
         sides: the arms that follow it.
         limits: of the joints of an arm.
         held: where joints hold that the trajectory leaves out [rad], by arm; None: it must name all.
+        smoothed_from: points with positions alone are followed by a spline without jumps of velocity or acceleration,
+            which begins with how each arm is commanded now; None: on straight lines between them.
 
     Raises:
         TrajectoryRefused: it has a fault, see the sentence; or it asks more of a joint than its limits allow.
@@ -446,11 +501,29 @@ def plan_trajectory(
             ]
             points.append(TrajectoryPoint(point.time, *map(tuple, rows)))
         _check_values(points, names, limits)
+        is_smoothed = smoothed_from is not None and not any(each.velocity for each in points)
         spline = spline_through(points)
+        if smoothed_from is not None and is_smoothed:
+            now = smoothed_from[side]
+            if points[0].time > 0.0:  # the arm comes there in motion
+                whole = smooth_spline_through([TrajectoryPoint(0.0, now.position), *points], now.velocity)
+                spline = Spline(Segments(whole.segments[1:]), whole.last)
+                end = SplineSampler(Spline(Segments(whole.segments[:1]), points[0]))
+                points[0] = TrajectoryPoint(points[0].time, *end.setpoint(points[0].time * (1.0 - 1e-12)))
+            else:
+                spline = smooth_spline_through(points, now.velocity)
         check_motion(spline.segments, names, limits)
         left_out = tuple(name for name in names if name not in column_of)
-        plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out)
+        plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out, is_smoothed)
     return plans
+
+
+def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
+    """A trajectory whose points all bear no time gets them: ``1 / frequency`` [s] apart, the first one, too."""
+    if any(each.time for each in trajectory.points):
+        return trajectory
+    points = [each._replace(time=number / frequency) for number, each in enumerate(trajectory.points, 1)]
+    return replace(trajectory, points=tuple(points))
 
 
 def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
@@ -617,19 +690,31 @@ def blend(
                 velocity=end.velocity or after.velocity, acceleration=end.acceleration or after.acceleration
             )
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
-        check_motion((lead,), names, limits)
-        return Spline(spline.segments.after(lead), spline.last)
+        try:
+            check_motion((lead,), names, limits)
+            return Spline(spline.segments.after(lead), spline.last)
+        except TrajectoryRefused:
+            if not plan.is_smoothed:
+                raise
     begin = max(begin, 0.0)
     by_now = sampler.setpoint(begin)
-    _check_begin(plan, setpoint, begin, by_now.position, tolerance)
+    if is_at_rest or not plan.is_smoothed:
+        _check_begin(plan, setpoint, begin, by_now.position, tolerance)
     if (
         max(abs(a - b) for a, b in zip(setpoint.position, by_now.position, strict=True)) <= _SAME_POSITION
         and max(abs(a - b) for a, b in zip(setpoint.velocity, by_now.velocity, strict=True)) <= _SAME_VELOCITY
     ):
         return spline
-    # Onto the running trajectory, as soon as the limits let it.
+    return _joined(spline, setpoint, begin, names, limits)
+
+
+def _joined(spline: Spline, setpoint: Setpoint, begin: float, names: Sequence[str], limits: JointLimits) -> Spline:
+    """Onto the running trajectory, as soon as the limits let it."""
+    sampler = SplineSampler(spline)
     refusal: TrajectoryRefused | None = None
     for duration in _DURATIONS:
+        if begin + duration < spline.begin:
+            continue
         end = TrajectoryPoint(begin + duration, *sampler.setpoint(begin + duration))
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
         try:

@@ -21,6 +21,7 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
+from yumi.control.controllers.cartesian import ToolGoal
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
 from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
@@ -87,6 +88,8 @@ class ArmBuffers:
         forward_speeds: speeds by index.
         trajectory: how it follows a trajectory of its own.
         dual_trajectory: how it follows its part of one for both arms.
+        tool_goals: poses and velocities of the tool.
+        tool_path: how it follows a line of the tool.
         speed_scale: the factor on its speeds.
         flight: memory of its flight recorder.
         datagram: the robot's newest, for what the control loop does not read of it.
@@ -102,6 +105,8 @@ class ArmBuffers:
         self.forward_speeds = SharedBuffer(SessionGoal)
         self.trajectory = SharedBuffer(TrajectoryFeedback)
         self.dual_trajectory = SharedBuffer(TrajectoryFeedback)
+        self.tool_goals = SharedBuffer(ToolGoal)
+        self.tool_path = SharedBuffer(TrajectoryFeedback)
         self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
         self.flight = shared_numbers(FLIGHT_SIZE)

@@ -126,6 +126,16 @@ class Move(Request, frozen=True):
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
 
+class Jog(Request, frozen=True):
+    """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
+
+    The first one takes the arm over from standstill. A client that goes away, or asks no more, stops the arm.
+    """
+
+    arm: Arm
+    speeds: tuple[float, float, float, float, float, float, float]
+
+
 class SwitchControllers(Request, frozen=True):
     """Activate and deactivate controllers of one arm in one step."""
 
@@ -151,6 +161,7 @@ AnyRequest = (
     | Calibrate
     | Grip
     | Move
+    | Jog
     | SwitchControllers
     | SetSpeedScale
 )

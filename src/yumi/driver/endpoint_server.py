@@ -42,6 +42,7 @@ from yumi.driver.endpoint import (
     Grip,
     GripperReport,
     GripReport,
+    Jog,
     MotionReport,
     Move,
     Position,
@@ -112,6 +113,8 @@ class Mover(Protocol):
     ) -> Sequence[RunningMotion]: ...
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
+
+    def jog(self, side: Side, speeds: Sequence[float]) -> bool: ...
 
     def is_moving(self, side: Side) -> bool: ...
 
@@ -222,7 +225,7 @@ class Handlers:
         try:
             return HANDLERS[type(request)](self, request, caller)
         finally:
-            if not isinstance(request, GetState | GetControllers):
+            if not isinstance(request, GetState | GetControllers | Jog):
                 self._access.on_change()
 
     # What only looks
@@ -372,6 +375,20 @@ class Handlers:
             f"The {' and the '.join(side.word for side in goals)} arm stand{'' if len(goals) > 1 else 's'} at the goal"
         )
 
+    def jog(self, request: Jog, caller: Caller) -> str:
+        """Move an arm for a moment; a move that is being carried out goes first."""
+        (side,) = sides_of((request.arm,))
+        self._access.check_arms((side,))
+        if not self._moving.acquire(blocking=False):
+            raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
+        try:
+            caller.check()
+            if self._access.mover.jog(side, request.speeds):
+                self._access.on_change()
+        finally:
+            self._moving.release()
+        return ""
+
     def _give_back(self, commanding: Mapping[Side, tuple[str, ...]]) -> None:
         """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
         access = self._access
@@ -416,11 +433,12 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
     Calibrate: Handlers.calibrate,
     Grip: Handlers.grip,
     Move: Handlers.move,
+    Jog: Handlers.jog,
     SwitchControllers: Handlers.switch,
 }
 """What may be asked for; nothing else is called for a client."""
 
-_AT_ONCE = (GetState, GetControllers, StopEgm, SetSpeedScale)  # these wait for nothing that others have asked for
+_AT_ONCE = (GetState, GetControllers, StopEgm, SetSpeedScale, Jog)  # these wait for nothing that others have asked for
 
 _requests = msgspec.json.Decoder(AnyRequest)
 _log = logging.getLogger(__name__)

@@ -29,6 +29,7 @@ from typing import NamedTuple
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import Controller, find_parameter
 from yumi.control.controller_manager import ControllerManager
+from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.forward_command import FORWARDERS, ForwardCommandController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
@@ -151,6 +152,9 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
         place.halves,
         place.limits,
         place.speed,
+    ),
+    CartesianController.kind: lambda place: CartesianController(
+        place.side, place.buffers.tool_goals, place.buffers.tool_path, place.limits, place.speed
     ),
     JointGoalController.kind: lambda place: JointGoalController(
         place.buffers.point_goals, place.limits, place.period, place.speed

@@ -137,7 +137,8 @@ def no_thread(name: str, error: Exception) -> str:
 CONTROLLER_READY = "Virtual controller ready: "
 DRIVER_READY = "Driver ready: "
 DRIVER_RUNNING = "Driver running, robot not ready: "
-"""How the line begins that either command prints when it serves; the last one when the robot is not ready."""
+PAGE_READY = "Page ready: "
+"""How the line begins that a command prints when it serves; the third one when the robot is not ready."""
 
 _STOP_TIMEOUT = 20.0
 _POLL_PERIOD = 0.1  # [s]
@@ -224,7 +225,7 @@ class Command:
                 continue
             if line is None:
                 raise RobotNotReady(last or f"The {self.name} exited without a message; see {self.log}.")
-            for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING):
+            for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, PAGE_READY):
                 if line.startswith(ready):
                     return line.removeprefix(ready).strip()
             on_line(line)

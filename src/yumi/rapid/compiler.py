@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Any
@@ -211,8 +211,47 @@ class Statements:
                 except Unresolved as error:
                     if self.faults is not None:
                         raise
-                    self.builder.replace(span, _failing(error))
+                    self.builder.replace(span, self._late_statement(statement, error))
         self.labels = outer
+
+    def _late_statement(self, statement: s.Statement, error: Unresolved) -> Step:
+        """The step of a statement that names what nothing declares: a module that is loaded meanwhile may do so.
+
+        It raises the error where none has, and where the statement is one of several steps, such as a loop.
+        """
+        routine, known, faults, in_handler = self.routine, self.scope.locals, self.scope.faults, self.in_handler
+
+        def execute(machine: Machine, frame: Frame) -> None:
+            again = Statements(frame.task.program, routine)
+            again.scope.locals, again.scope.faults, again.in_handler = known, faults, in_handler
+            try:
+                getattr(again, f"compile_{type(statement).__name__.lower()}")(statement)
+            except Unresolved as still:
+                raise RapidRuntimeError(still.error, str(still)) from still
+            except RapidReferenceError as misfits:
+                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
+            if len(again.builder.code.steps) != 1:
+                raise RapidRuntimeError(error.error, str(error))
+            again.builder.code.steps[0](machine, frame)
+
+        return execute
+
+    def _late_condition(self, node: s.Expression) -> Evaluate:
+        """The condition that names what nothing declares."""
+        module, known, faults = self.scope.module, self.scope.locals, self.scope.faults
+
+        def evaluate(frame: Frame) -> bool:
+            scope = Scope(frame.task.program, module)
+            scope.locals, scope.faults, scope.is_declaration = known, faults, False
+            try:
+                is_met: bool = Expressions(scope).condition(node)(frame)
+            except Unresolved as error:
+                raise RapidRuntimeError(error.error, str(error)) from error
+            except RapidReferenceError as misfits:
+                raise RapidRuntimeError("ERR_LINKREF", str(misfits)) from misfits
+            return is_met
+
+        return evaluate
 
     def _end(self) -> None:
         """What happens after the last statement."""
@@ -241,14 +280,7 @@ class Statements:
         if node.name.lower() == "waituntil":
             self._wait_until(node)
             return
-        try:
-            found = self.scope.find(node.name, node, UnresolvedProcedure)
-        except UnresolvedProcedure as error:
-            if self.faults is not None or self._runs_routine(node.arguments):
-                raise
-            called = node.name  # a module that is loaded meanwhile may have it
-            self.builder.add(self._late_call(node, lambda frame: called, error))
-            return
+        found = self.scope.find(node.name, node, UnresolvedProcedure)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a procedure or instruction")
         self.builder.add(self.expressions.calls.procedure(found, node.arguments, node))
@@ -256,22 +288,13 @@ class Statements:
     def compile_latecall(self, node: s.LateCall) -> None:
         """`%"name"% arguments;`: the procedure is looked up each time the statement runs."""
         name = self.expressions.value(node.name, STRING).evaluate
-        if self._runs_routine(node.arguments):
+        if any(a.value is not None and self.expressions.runs_routine(a.value) for a in node.arguments):
             self.scope.refuse(node, "the arguments of a late-binding call cannot call routines; use a variable")
-        self.builder.add(self._late_call(node, name))
-
-    def _runs_routine(self, arguments: Sequence[s.Argument]) -> bool:
-        return any(each.value is not None and self.expressions.runs_routine(each.value) for each in arguments)
-
-    def _late_call(self, node: s.LateCall | s.ProcedureCall, name: Evaluate, error: Unresolved | None = None) -> Step:
-        """The step that calls what has the name then; `error` is why it could not be called by a name that is fixed."""
         module, known, faults = self.scope.module, dict(self.scope.locals), self.scope.faults
 
         def call(machine: Machine, frame: Frame) -> None:
             called, program = name(frame), frame.task.program
             found = program.find_late(called, module)
-            if found is None and error is not None:
-                raise RapidRuntimeError(error.error, str(error))
             if found is None and program.library.is_missing(called):
                 raise RapidRuntimeError(NotProvided.error, f"The instruction '{called}' is not provided here.")
             if not isinstance(found, (UserRoutine, LibraryRoutine)):
@@ -286,7 +309,7 @@ class Statements:
                 raise RapidRuntimeError("ERR_CALLPROC", str(misfits)) from misfits
             step(machine, frame)
 
-        return call
+        self.builder.add(call)
 
     def _wait_until(self, node: s.ProcedureCall) -> None:
         """WaitUntil: the condition, whatever it calls, is computed anew at each advance."""
@@ -382,10 +405,10 @@ class Statements:
         with _collecting(self.faults):
             try:
                 self.builder.jump_unless(self.expressions.condition(condition), target)
-            except Unresolved as error:
+            except Unresolved:
                 if self.faults is not None:
                     raise
-                self.builder.add(_failing(error))
+                self.builder.jump_unless(self._late_condition(condition), target)
 
     def compile_while(self, node: s.While) -> None:
         start, end = self.builder.here(), Target()

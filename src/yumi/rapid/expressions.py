@@ -502,7 +502,8 @@ class Calls:
             self.scope.refuse(argument, f"'\\{parameter.name}' needs a value: '\\{parameter.name}:=...'")
         if parameter.mode is s.Mode.VALUE:
             compiled = self.expressions.value(argument.value, parameter.type)
-            name, type_, evaluate, convert = parameter.name, compiled.type, compiled.evaluate, parameter.type.convert
+            name = argument.value.name if isinstance(argument.value, s.Name) else parameter.name  # for ArgName
+            type_, evaluate, convert = compiled.type, compiled.evaluate, parameter.type.convert
             return lambda frame: Variable(name, type_, convert(evaluate(frame)))
         return self._by_reference(parameter, argument.value, node)
 

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Protocol
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.program import UserRoutine
@@ -31,12 +32,18 @@ class Edge(Enum):
         return self is Edge.BOTH or bool(new) == (self is Edge.HIGH)
 
 
+class Change(Protocol):
+    """Which change of a signal orders an interrupt."""
+
+    def is_in(self, old: float, new: float) -> bool: ...
+
+
 @dataclass(slots=True)
 class SignalOrder:
-    """ISignalDI, ISignalDO, ISignalGI, ISignalGO."""
+    """ISignalDI, ISignalDO, ISignalGI, ISignalGO, ISignalAI, ISignalAO."""
 
     signal: str
-    edge: Edge
+    edge: Change
     is_single: bool
 
 
@@ -123,6 +130,12 @@ class Interrupts:
             order = connection.order
             if isinstance(order, SignalOrder) and order.signal.lower() == signal.lower() and order.edge.is_in(old, new):
                 self._enqueue(number, connection)
+
+    def occur(self, number: int) -> None:
+        """Let an interrupt come that no order brings, such as TriggInt's; unknown numbers are none."""
+        connection = self.connections.get(number)
+        if connection is not None:
+            self._enqueue(number, connection)
 
     def next_timer(self) -> float:
         """Task time at which the next timer is due [s], infinite when none runs."""

@@ -30,6 +30,7 @@ from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
@@ -58,6 +59,7 @@ from yumi.rapid.types import (
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
 
+_parsed = cache(parse_parameters)  # each task has a library, and all have the same signatures
 Implementation = TypeVar("Implementation", bound=Callable[..., Any])
 Wait = Iterator["float | None"]
 
@@ -236,7 +238,7 @@ class Library:
                 p.mode,
                 p.group,
             )
-            for p in parse_parameters(signature)
+            for p in _parsed(signature)
         )
 
     def record(self, name: str, components: dict[str, str]) -> RecordType:
@@ -281,7 +283,9 @@ class Library:
         """Let routines that are registered do something else; they keep their parameters."""
         for name in names:
             self._routines[name.lower()] = replace(
-                self._routines[name.lower()], implementation=implementation, may_wait=False
+                self._routines[name.lower()],
+                implementation=implementation,
+                may_wait=inspect.isgeneratorfunction(implementation),
             )
 
     def include(self, other: Library) -> None:

@@ -180,6 +180,14 @@ class Frame:
             raise Propagated(RapidRuntimeError("ERR_EXCRTYMAX", sentence), is_long_jump=False)
         self.step, self.error = self.retry_step, None
 
+    @property
+    def remaining_retries(self) -> float:
+        """How often RETRY is still possible for the statement that failed."""
+        return MOST_RETRIES - (self._retries if self._retried == self.retry_step else 0)
+
+    def reset_retries(self) -> None:
+        self._retried = -1
+
     def try_next(self) -> None:
         self.step, self.error = self.next_step, None
         self._retried = -1

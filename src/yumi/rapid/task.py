@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import logging
 import math
+import re
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -53,6 +55,8 @@ STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 OP_AUTO = 1
+# From the name of a datum on: what stands between ":=" and ";".
+FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
 FATAL = 0.0  # the number of an error that no handler may take
 
 
@@ -440,12 +444,55 @@ class Task:
         """The module of the routine that is being executed, None without a program pointer."""
         return self._machine.frames[-1].routine.module if self._machine.frames else None
 
+    def exit_cycle(self) -> None:
+        """Leave all routines, each after its UNDO clause, and go on as at the end of main (ExitCycle)."""
+        self._machine.unwind(0, self.finished)
+
+    @property
+    def is_in_trap(self) -> bool:
+        return self._machine.in_trap
+
+    @property
+    def clause(self) -> str:
+        """The clause of the routine that is being executed: "ERR", "UNDO", or "NONE" for its statements."""
+        frame = self._machine.frames[-1]
+        return "UNDO" if frame.is_undoing else "NONE" if frame.error is None else "ERR"
+
+    def remaining_retries(self) -> float:
+        """How often the error handler that is being executed may still RETRY its statement."""
+        return self._machine.frames[-1].remaining_retries
+
+    def reset_retries(self) -> None:
+        self._machine.frames[-1].reset_retries()
+
+    def saved_text(self, module: LoadedModule) -> str:
+        """A module's text, its persistents with their values of now as first values."""
+        text = module.syntax.text
+        lines = list(itertools.accumulate((len(line) for line in text.splitlines(keepends=True)), initial=0))
+        for variable, datum in sorted(module.data.items(), key=lambda item: -item[1].position):
+            if datum.storage is not s.Storage.PERS or datum.initial is None or variable.value is UNSET:
+                continue
+            found = FIRST_VALUE.match(text, lines[datum.line - 1] + datum.column - 1)
+            if found is not None:
+                value = format_value(variable.type, variable.value)
+                text = f"{text[: found.start(1)]}{value}{text[found.end(1) :]}"
+        return text
+
     def call_procedure(self, name: str) -> None:
         """Let a procedure without arguments run next, as an instruction such as CallByVar does."""
+        self._machine.enter(self._procedure(name), (), None)
+
+    def interrupt_of(self, procedure: str) -> int:
+        """The number of an interrupt that calls a procedure without arguments, as MoveLSync does."""
+        found, interrupts = self._procedure(procedure), self._machine.interrupts
+        numbers = (number for number, connection in interrupts.connections.items() if connection.trap is found)
+        return next(numbers, None) or interrupts.connect(0, found)
+
+    def _procedure(self, name: str) -> UserRoutine:
         found = self.program.find(name, self._machine.frames[-1].routine.module)
         if not isinstance(found, UserRoutine) or found.syntax.kind is not s.RoutineKind.PROC:
             raise RapidRuntimeError("ERR_REFUNKPRC", f"There is no procedure '{name}' to call.")
-        self._machine.enter(found, (), None)
+        return found
 
     # Stops ---------------------------------------------------------------------------------------
 

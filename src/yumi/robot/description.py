@@ -188,27 +188,44 @@ MATERIALS = {
 }
 
 
+MESHES = "package://yumi_ros2/meshes"
+"""Where ROS's tools find the meshes of :func:`robot_description`."""
+
+_VISUALS: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "body": (("torso", "abb_white"), ("base", "abb_grey")),
+    **{
+        f"link_{number}": ((f"link_{number}", "abb_white"), (f"ring_{number}", "abb_graphite"))
+        for number in range(1, 7)
+    },
+    "link_7": (("link_7", "abb_grey"),),
+    "gripper": (("gripper", "abb_graphite"),),
+    "finger": (("finger", "abb_grey"),),
+}
+"""The meshes of each link, with their materials."""
+
 SERVO_GRIPPERS: Mapping[Side, GripperModules] = dict.fromkeys(Side, GripperModules.SERVO)
 
 
 def robot_description(
-    limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS
+    limits: JointLimits = YUMI_LIMITS, grippers: Mapping[Side, GripperModules] = SERVO_GRIPPERS, meshes: str = ""
 ) -> str:
     """The URDF: ``yumi_base_link`` at the root, two arms, two grippers; all names with the robot's prefix.
 
     Args:
         limits: of the joints; tools take the speeds they plan with from here.
         grippers: the modules of each gripper, for its mass.
+        meshes: URL of the folder of the meshes that are shown, such as :data:`MESHES`; empty: the shapes that collide
+            are shown, too, which every program can do.
     """
     parts = [f'<material name="{name}"><color rgba="{rgba}"/></material>' for name, rgba in MATERIALS.items()]
     root, body = prefixed("yumi_base_link"), prefixed("yumi_body")
     parts.append(_link(root))
-    parts.append(_link(body, BODY_MASS, BODY_SHAPES, "abb_grey"))
+    parts.append(_link(body, BODY_MASS, BODY_SHAPES, "abb_grey", _visuals("body", meshes)))
     parts.append(_joint(f"{root}_to_body", "fixed", root, body, Origin()))
     parts += _frame(prefixed("yumi_base"), root, Origin())
     for side in (Side.LEFT, Side.RIGHT):
-        parts += _arm(side, limits)
-        parts += _gripper(side, grippers[side])
+        parts += _arm(side, limits, meshes)
+        parts += _gripper(side, grippers[side], meshes)
     robot = ET.fromstring(f'<robot name="yumi">{"".join(parts)}</robot>')
     ET.indent(robot)
     # No encoding in the declaration: lxml refuses a decoded string that names one.
@@ -228,11 +245,12 @@ def link_mass(index: int) -> Mass:
     return Mass(mass, centre, (xx * scale, xy * scale, xz * scale, yy * scale, yz * scale, zz * scale))
 
 
-def _arm(side: Side, limits: JointLimits) -> Iterator[str]:
+def _arm(side: Side, limits: JointLimits, meshes: str) -> Iterator[str]:
     parent, origins = prefixed("yumi_body"), (joint_1_origin(side), *JOINT_ORIGINS)
     for index, (name, origin) in enumerate(zip(joint_names(side), origins, strict=True)):
         link = prefixed(f"yumi_link_{index + 1}_{side.value}")
-        yield _link(link, link_mass(index), LINK_SHAPES[index], "abb_white")
+        visuals = _visuals(f"link_{index + 1}", meshes)
+        yield _link(link, link_mass(index), LINK_SHAPES[index], "abb_white", visuals)
         limit = _limit(limits.lower[index], limits.upper[index], JOINT_EFFORT, limits.velocity[index])
         dynamics = f'<dynamics damping="{JOINT_DAMPING}" friction="{JOINT_FRICTION[index]}"/>'
         yield _joint(name, "revolute", parent, link, origin, f'<axis xyz="0 0 1"/>{limit}{dynamics}')
@@ -242,9 +260,9 @@ def _arm(side: Side, limits: JointLimits) -> Iterator[str]:
     yield from _frame(prefixed(f"yumi_tool0_{side.value}"), flange, TOOL0_ORIGIN)
 
 
-def _gripper(side: Side, modules: GripperModules) -> Iterator[str]:
+def _gripper(side: Side, modules: GripperModules, meshes: str) -> Iterator[str]:
     base = prefixed(f"gripper_{side.value}_base")
-    yield _link(base, GRIPPER_MASSES[modules], GRIPPER_SHAPES, "abb_graphite")
+    yield _link(base, GRIPPER_MASSES[modules], GRIPPER_SHAPES, "abb_graphite", _visuals("gripper", meshes))
     yield _joint(f"{base}_joint", "fixed", prefixed(f"yumi_tool0_{side.value}"), base, Origin())
     frames = {"fingertips": FINGERTIPS, **{f"vacuum_{channel}": CUPS[channel] for channel in modules.vacuum_channels}}
     if modules.has_camera:
@@ -257,7 +275,7 @@ def _gripper(side: Side, modules: GripperModules) -> Iterator[str]:
     limit = _limit(0.0, FINGER_TRAVEL, FINGER_FORCE, FINGER_SPEED)
     for name, origin in zip((first, second), FINGER_ORIGINS, strict=True):
         finger = "finger".join(name.rsplit("joint", 1))  # the last one: the prefix may have the word
-        yield _link(finger, FINGER_MASS, FINGER_SHAPES, "abb_grey")
+        yield _link(finger, FINGER_MASS, FINGER_SHAPES, "abb_grey", _visuals("finger", meshes))
         yield _joint(name, "prismatic", base, finger, origin, f'<axis xyz="-1 0 0"/>{limit}{mimic.get(name, "")}')
 
 
@@ -276,14 +294,27 @@ def _limit(lower: float, upper: float, effort: float, velocity: float) -> str:
     return f"<limit {_attributes(lower=lower, upper=upper, effort=effort, velocity=velocity)}/>"
 
 
-def _link(name: str, mass: Mass | None = None, shapes: tuple[Shape, ...] = (), material: str = "abb_white") -> str:
+def _visuals(part: str, meshes: str) -> str:
+    """The meshes of a link, where there is a folder of them."""
+    return "".join(
+        f'<visual><geometry><mesh filename="{meshes}/{name}.stl"/></geometry><material name="{material}"/></visual>'
+        for name, material in (_VISUALS[part] if meshes else ())
+    )
+
+
+def _link(
+    name: str, mass: Mass | None = None, shapes: tuple[Shape, ...] = (), material: str = "abb_white", visuals: str = ""
+) -> str:
+    """A link; the shapes that collide are shown, too, unless it has visuals of its own."""
     parts = []
     if mass is not None:
         inertia = _attributes(**dict(zip(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), mass.inertia, strict=True)))
         body = f'<mass value="{mass.mass:.15g}"/><inertia {inertia}/>'
         parts.append(f"<inertial>{_origin(Origin(mass.centre))}{body}</inertial>")
+    parts.append(visuals)
     for solid in [solid for shape in shapes for solid in _solids(shape)]:
-        parts.append(f'<visual>{solid}<material name="{material}"/></visual><collision>{solid}</collision>')
+        shown = "" if visuals else f'<visual>{solid}<material name="{material}"/></visual>'
+        parts.append(f"{shown}<collision>{solid}</collision>")
     return f'<link name="{name}">{"".join(parts)}</link>'
 
 

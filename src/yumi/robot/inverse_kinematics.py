@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.errors import YumiError
+from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
@@ -75,7 +75,7 @@ _SAME = 1e-7  # [rad]
 _ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than 90°
 
 
-class Unreachable(YumiError):
+class Unreachable(CommandRefused):
     """No posture within the limits has the pose; the message says what is nearest."""
 
 

@@ -7,7 +7,7 @@ In the all-zero pose every axis of the arm is parallel to an axis of the arm's f
 
 from __future__ import annotations
 
-from math import asin, atan2, copysign, cos, pi, sin
+from math import asin, atan2, copysign, cos, hypot, pi, sin, tau
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,28 @@ def inverse(b_to_a: Pose) -> Pose:
     back = (w, -x, -y, -z)
     px, py, pz = rotate(back, b_to_a.position)
     return Pose((-px, -py, -pz), back)
+
+
+def rotation_vector(orientation: Quaternion) -> Vector:
+    """A rotation as its axis times its angle [rad], at most half a turn."""
+    w, x, y, z = orientation
+    sine = hypot(x, y, z)
+    if sine < 1e-12:
+        return (0.0, 0.0, 0.0)
+    angle = 2.0 * atan2(sine, w)
+    factor = (angle - tau if angle > pi else angle) / sine
+    return (factor * x, factor * y, factor * z)
+
+
+def quaternion_of(rotation: Vector, factor: float = 1.0) -> Quaternion:
+    """The rotation by ``factor`` times an axis times its angle [rad]."""
+    x, y, z = rotation
+    angle = hypot(x, y, z)
+    if angle < 1e-12:
+        return IDENTITY
+    half = 0.5 * factor * angle
+    s = sin(half) / angle
+    return (cos(half), s * x, s * y, s * z)
 
 
 def euler_zyx(orientation: Quaternion) -> Vector:

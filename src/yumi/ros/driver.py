@@ -7,6 +7,7 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
+r/cartesian_controller         target_pose, servo_pose, servo_twist
 r/yumi_topics                  the command topics of controllers, egm_state, gripper/joint_states,
                                gripper/state, gripper/vacuum_1/pressure and object_picked
 r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog_open, jog_close, stop,
@@ -43,8 +44,9 @@ from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, config_folder
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
-from yumi.robot.description import robot_description
+from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
+from yumi.ros.cartesian import RobotFrames, cartesian_interfaces
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
@@ -127,8 +129,17 @@ class RosDriver:
             self._timers,
             manager.monitor,
         )
-        forwarding = forward_interfaces(self._streams, control, clock.now)
-        interfaces = {**self._trajectories.interfaces, **forwarding}
+        frames = RobotFrames(
+            robot_description(limits, {side: grippers.settings.modules(side) for side in Side}, _meshes()),
+            settings.ros.frames,
+            manager.tcp,
+            lambda side: newest_state(buffers[side], polled(side)),
+        )
+        interfaces = {
+            **self._trajectories.interfaces,
+            **forward_interfaces(self._streams, control, clock.now),
+            **cartesian_interfaces(self._streams, control, clock.now, frames, limits),
+        }
         self._arms = {
             side: ArmManager(
                 side,
@@ -203,10 +214,10 @@ class RosDriver:
         self._frames = FramePublisher(
             description_node,
             self._streams,
-            robot_description(limits, {side: grippers.settings.modules(side) for side in Side}),
+            frames.urdf,
             settings.ros,
             manager.tcp,
-            lambda side: newest_state(buffers[side], polled(side)),
+            frames.measured,
             self._grippers.fingers,
             clock,
             self._timers,
@@ -341,3 +352,10 @@ def open_ros(arguments: Sequence[str] | None = None) -> None:
 def close_ros() -> None:
     """End ROS in this process."""
     rclpy.try_shutdown()
+
+
+def _meshes() -> str:
+    """Where ROS's tools find our meshes; empty, which shows simple shapes, where this package is in no workspace."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    is_there = any((Path(prefix) / "share/yumi_ros2/meshes").is_dir() for prefix in prefixes if prefix)
+    return MESHES if is_there else ""

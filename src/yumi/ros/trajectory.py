@@ -39,9 +39,10 @@ from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory
+from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
+from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.errors import YumiError
-from yumi.robot.joints import CYCLE, JointLimits, Side, joint_names
+from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
@@ -54,6 +55,7 @@ from yumi.ros.messages import (
     tolerances_of,
     trajectory_of,
 )
+from yumi.settings import number
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
 
@@ -293,7 +295,8 @@ class TrajectoryAction:
             if names <= set(message.joint_names)
             else self._control.call(Commands.commanded_positions, *self._sides)
         )
-        plans = plan_trajectory(trajectory_of(message, None), self._sides, self._limits, held)
+        trajectory, smoothed_from = self._smoothed(trajectory_of(message, None))
+        plans = plan_trajectory(trajectory, self._sides, self._limits, held, smoothed_from)
         number, stamped, start = next(self._numbers), stamp_of(message), None  # None is at once
         if stamped:  # on the monotonic clock as it is now: to plan a long trajectory takes time
             start = self._clock.now() + (stamped - int(self._ros_clock.now().nanoseconds)) * 1e-9
@@ -310,6 +313,25 @@ class TrajectoryAction:
                 self._open.pop(number, None)
             raise
         self._query.note(number, plans)
+
+    def _smoothed(self, trajectory: Trajectory) -> tuple[Trajectory, Mapping[Side, Setpoint] | None]:
+        """A trajectory with positions alone as ``positions_upsampling`` has it: its times, and where it begins.
+
+        Upstream's parameters: a chunk of a policy begins at the speed the arm is commanded now, and ends at rest.
+        """
+        if any(each.velocity or each.acceleration for each in trajectory.points):
+            return trajectory, None
+        infos = self._control.call(Commands.list_parameters, self._sides[0], self._name)
+        values = {info.parameter.name: info.value for info in infos}
+        if not values["positions_upsampling.enable"]:
+            return trajectory, None
+        now, starts = self._clock.now(), {}
+        positions = self._control.call(Commands.commanded_positions, *self._sides)
+        for side, buffer in self._feedback.items():
+            newest = buffer.read()
+            is_known = newest is not None and newest[1].goal and now - newest[1].time < _FRESH
+            starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
+        return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
     def _command(self, messages: Mapping[Side, object]) -> None:
         self._control.call(Commands.send_commands, *self._commands(messages))

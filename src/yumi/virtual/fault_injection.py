@@ -20,6 +20,7 @@ from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.egm_network import LASTING, SINGLE
 from yumi.virtual.controller.fault_names import Fault, FaultKind, Way, kind_of
+from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
@@ -60,6 +61,10 @@ class FaultInjection:
         self._lasting: Mapping[Fault, Callable[[float], None]] = {
             Fault.WARM_RESTART: controller.restart,
             Fault.RWS_BUSY: service.be_busy,
+        }
+        self._with_strength: Mapping[Fault, Callable[[Side, float], None]] = {
+            Fault.OBJECT_PLACED: self._place_object,
+            Fault.OBJECT_UNDER_CUPS: self._put_under_cups,
         }
         self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
             Fault.EGM_REPAIR: world.network.repair,
@@ -158,6 +163,8 @@ class FaultInjection:
                 if fault in SINGLE:
                     self._running_egm(side)  # an additional datagram is a changed copy of one that was sent
                     self._world.network.inject(fault, side, strength)
+                elif fault in self._with_strength:
+                    self._with_strength[fault](side, strength)
                 else:
                     self._of_arm[fault](side)
             except CommandRefused as error:
@@ -202,6 +209,22 @@ class FaultInjection:
         if not egm.is_running:
             raise CommandRefused(f"EGM does not move the {side.word} arm; start EGM first.")
         return egm
+
+    def _place_object(self, side: Side, width_mm: float) -> None:
+        gripper, width = self._world.grippers[side], width_mm * 1e-3
+        if 2.0 * gripper.position < width:
+            raise CommandRefused(
+                f"The {side.word} gripper is open by {2e3 * gripper.position:.1f} mm; open it further than "
+                f"{width_mm:g} mm first."
+            )
+        gripper.workpiece = Workpiece(width)
+
+    def _put_under_cups(self, side: Side, leak: float) -> None:
+        cups = self._world.grippers[side].cups
+        if not cups:
+            raise CommandRefused(f"The {side.word} gripper has no vacuum module.")
+        for cup in cups.values():
+            cup.under = CupObject(leak)
 
     def _lose_object(self, side: Side) -> None:
         gripper = self._world.grippers[side]

@@ -19,7 +19,7 @@ class RecordingHost:
         self.files: dict[str, str] = {}
         self.devices = Devices(RapidDisk(FileStore({})), LocalNetwork())
         self.devices.log = lambda number, title, text, severity: self.log.append((title, text, severity))
-        self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0, "ai1": 0.0, "ao1": 0.0}
+        self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0, "ai1": 0.0, "ao1": 0.0, "gi1": 0.0}
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)

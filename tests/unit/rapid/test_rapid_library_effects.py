@@ -22,10 +22,13 @@ class Effect:
     lines: list[str] = field(default_factory=list)
 
 
-def effects() -> list[Effect]:
-    """The programs of the file."""
+EFFECTS = Path(__file__).with_name("effects.txt")
+
+
+def effects(file: Path = EFFECTS) -> list[Effect]:
+    """The programs of a file."""
     found: list[Effect] = []
-    for line in Path(__file__).with_name("effects.txt").read_text(encoding="ascii").splitlines():
+    for line in file.read_text(encoding="ascii").splitlines():
         mark, _, rest = line.partition(" ")
         if mark == "==":
             found.append(Effect(rest.split()))

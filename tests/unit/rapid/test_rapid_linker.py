@@ -133,11 +133,12 @@ def test_handler_takes_the_error_of_an_unknown_name() -> None:
     assert started(f"missing; {handler}").lines == ["handled"]
 
 
-def test_name_is_known_as_soon_as_its_module_is_loaded() -> None:
-    bench = started('WHILE TRUE DO missing; WaitTime 1; ENDWHILE ERROR TPWrite "not yet"; TRYNEXT;')
-    bench.task.load('MODULE Late PROC missing() TPWrite "there"; ENDPROC ENDMODULE', "late.mod")
-    bench.run(1.5)
-    assert bench.lines == ["not yet", "there"]
+@pytest.mark.parametrize("statement", ["enlarge 1;", "total := total + 1;", "IF total < 9 total := total + 1;"])
+def test_name_is_known_as_soon_as_its_module_is_loaded(statement: str) -> None:
+    bench = started(f"WHILE TRUE DO WaitTime 1; {statement} ENDWHILE")
+    bench.task.load("MODULE Late VAR num total; PROC enlarge(num n) total := total + n; ENDPROC ENDMODULE", "late.mod")
+    bench.run(2.5)
+    assert bench.task.read("Late", "total") == "2"
 
 
 FAULTS = """MODULE Faulty

@@ -99,7 +99,8 @@ IN_AMENT_INDEX = {
 def test_wheel_brings_what_the_tools_of_ros_look_for(wheel: Path) -> None:
     with ZipFile(wheel) as archive:
         data = {name.removeprefix(DATA): archive.getinfo(name) for name in archive.namelist() if name.startswith(DATA)}
-    assert set(data) == IN_AMENT_INDEX
+    meshes = {f"share/yumi_ros2/meshes/{file.name}" for file in (ROOT / "src/yumi/robot/meshes").iterdir()}
+    assert set(data) == IN_AMENT_INDEX | meshes
     assert data["lib/yumi_ros2/yumi"].external_attr >> 16 & 0o111  # pip keeps that it can be executed
 
 

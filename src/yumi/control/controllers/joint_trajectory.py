@@ -177,6 +177,19 @@ def trajectory_parameters(joint_names: tuple[str, ...]) -> tuple[Parameter, ...]
             description="Whether a goal may leave out joints; they hold where they are commanded to be.",
         ),
         Parameter("interpolation_method", "splines", choices=("splines",), description="What is between two points."),
+        Parameter(
+            "positions_upsampling.enable",
+            default=False,
+            description="Whether points with positions alone are followed by a smooth spline, not on straight lines.",
+        ),
+        Parameter(
+            "positions_upsampling.policy_frequency",
+            30.0,
+            0.1,
+            1000.0,
+            "Hz",
+            "How many points a second such a trajectory has that gives no times.",
+        ),
         Parameter("feedforward", 1.0, 0.0, 1.0, "", "Share of the planned speed that is sent beside the position."),
         Parameter(
             "lookahead",

@@ -5,10 +5,13 @@ from __future__ import annotations
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.data import DATA, MATHS
 from yumi.rapid.builtins.dialogs import DIALOGS
+from yumi.rapid.builtins.execution import EXECUTION
 from yumi.rapid.builtins.files import FILES
 from yumi.rapid.builtins.information import INFORMATION
+from yumi.rapid.builtins.matrices import MATRICES
 from yumi.rapid.builtins.names import CONSTANTS as NAMES_OF_CONSTANTS
 from yumi.rapid.builtins.names import FUNCTIONS, INSTRUCTIONS, TYPES
+from yumi.rapid.builtins.options import OPTIONS
 from yumi.rapid.builtins.queues import QUEUES
 from yumi.rapid.builtins.rawbytes import RAWBYTES
 from yumi.rapid.builtins.signals import SIGNALS
@@ -20,7 +23,23 @@ from yumi.rapid.library import Library
 
 STANDARD = Library(DATA)
 for _part in (
-    *(CONSTANTS, MATHS, STRINGS, SIGNALS, SYSTEM, RAWBYTES, SOCKETS, FILES, DIALOGS, INFORMATION, SYMBOLS, QUEUES),
+    *(
+        CONSTANTS,
+        MATHS,
+        STRINGS,
+        SIGNALS,
+        SYSTEM,
+        RAWBYTES,
+        SOCKETS,
+        FILES,
+        DIALOGS,
+        INFORMATION,
+        SYMBOLS,
+        QUEUES,
+        EXECUTION,
+        MATRICES,
+        OPTIONS,
+    ),
 ):
     STANDARD.include(_part)
 STANDARD.missing(*INSTRUCTIONS, *FUNCTIONS, *TYPES, *NAMES_OF_CONSTANTS)  # except those that are provided

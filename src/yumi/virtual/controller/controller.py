@@ -27,6 +27,7 @@ from yumi.virtual.instructions.gripper import add_gripper
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
 from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
+from yumi.virtual.instructions.triggers import add_triggers
 from yumi.virtual.mechanics.arm import VirtualArm
 
 log = logging.getLogger(__name__)
@@ -142,7 +143,7 @@ class Irc5:
         )
         self.devices = rapid_devices(
             self.files,
-            configuration,
+            self.effective,
             self.signals,
             self.identity,
             self.events,
@@ -532,6 +533,7 @@ def robot_library(
     add_data(library, unit.side.unit)
     motion = add_motion(library, unit, speed_ratio, events)
     add_motion_settings(library, motion)
+    add_triggers(library, motion)
     if is_motion_task:
         add_egm(library, unit, configuration, events)
         add_gripper(library, unit.gripper, events)

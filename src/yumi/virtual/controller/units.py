@@ -192,6 +192,7 @@ class ArmUnit:
         egm_device: name of the UDPUC device EGMSetupUC chose last.
         tool, wobj: RAPID values of the last motion's tool and work object; None until there was one.
         settings: what the program has set for its motions.
+        synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
     """
 
     arm: VirtualArm
@@ -203,6 +204,7 @@ class ArmUnit:
     tool: Any = None
     wobj: Any = None
     settings: MotionSettings = field(default_factory=MotionSettings)
+    synchronized_tasks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.side.unit
@@ -210,6 +212,7 @@ class ArmUnit:
     def begin_program(self) -> None:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
         self.settings = MotionSettings()
+        self.synchronized_tasks = ()
         path = self.arm.path
         path.holds.clear()
         path.acceleration = Acceleration()

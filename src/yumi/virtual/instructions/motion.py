@@ -6,7 +6,7 @@ zone is done for the program when the arm begins it, a move to a stop point when
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from math import degrees, hypot, pi, radians, tau
 from typing import Any
@@ -132,9 +132,9 @@ class MotionInstructions:
         )
 
     def zone(self, call: Call) -> Zone:
-        """How near the arm comes to the target."""
-        zone = call["Zone"]
-        if zone.finep or call.present("Inpos"):
+        """How near the arm comes to the target; a search comes to a stop."""
+        zone = call.get("Zone")
+        if zone is None or zone.finep or call.get("Inpos") is not None:
             return STOP
         return Zone(call.get("Z", zone.pzone_tcp) * 1e-3, radians(zone.zone_ori))
 
@@ -229,7 +229,7 @@ class MotionInstructions:
 
     def passed(
         self, call: Call, build: Build, added: Callable[[Passage], None] | None = None
-    ) -> Iterator[float | None]:
+    ) -> Generator[float | None, None, None]:
         r"""Plan a leg, add it to the path, and wait as the zone and \Conc demand.
 
         Args:
@@ -485,7 +485,9 @@ def forbid_motion(library: Library) -> None:
         sentence = f"{call.name} moves a robot, which the task {call.task.name} may not (MotionTask in CAB_TASKS)."
         raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
 
-    library.replace_implementations(("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "MoveExtJ", "WaitRob"), refuse)
+    moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "TriggL", "TriggJ", "TriggC", "SearchL", "SearchC")
+    library.replace_implementations((*moves, *others), refuse)
 
 
 def _predefined(call: Call, name: str) -> Any:

@@ -194,7 +194,7 @@ class MotionSettingInstructions:
         """StopMove: the arm slows down on its path and stays there; done when it stands."""
         arm = self._unit.arm
         arm.path.holds.add(STOP_MOVE)
-        while not (arm.path.is_empty or arm.path.is_standing or arm.egm is not None):
+        while not arm.is_stationary and arm.egm is None:
             yield None
 
     def start_move(self, call: Call) -> None:
@@ -219,7 +219,6 @@ class MotionSettingInstructions:
         while not arm.is_stationary:
             yield None
         self._stored.append(arm.path.store())
-        arm.path.restart_at(arm.planned)
 
     def restore_path(self, call: Call) -> Wait:
         """RestoPath: the path that was stored is ahead again, and starts with StartMove."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.types import BOOL, is_numeric, resolved
+from yumi.rapid.types import BOOL, UNSET, is_numeric, resolved
+from yumi.robot.dynamics import ArmDynamics
+from yumi.robot.joints import JOINT_COUNT, abb_from_chain
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints
 
@@ -27,6 +30,8 @@ class SystemInstructions:
         self._units = units
         self._configuration = configuration
         self._sync_points = sync_points
+        self._active: dict[str, tuple[str, Any]] = {}
+        self._dynamics = ArmDynamics(unit.side, unit.arm.model.payload)
 
     def unit_name(self, call: Call) -> str:
         """GetMecUnitName."""
@@ -61,6 +66,60 @@ class SystemInstructions:
         active: bool = call["MechUnit"].mode == "Activated"
         return active
 
+    def motor_torque(self, call: Call) -> float:
+        """GetMotorTorque: of an axis, in ABB's numbering [N m]: what holds the arm where it is.
+
+        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
+        """
+        axis = int(call["AxisNo"])
+        if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")
+        robax, eax_a = abb_from_chain(self._dynamics.torque(self._unit.arm.position))
+        return (*robax, eax_a)[axis - 1]
+
+    def get_system_data(self, call: Call) -> None:
+        r"""GetSysData: the tool or work object that is active, with its name in \ObjectName."""
+        type_name = call.reference("DestObject").type.name
+        value, name = self._system_data(call, type_name)
+        call["DestObject"] = value
+        if call.present("ObjectName"):
+            call["ObjectName"] = name
+
+    def set_system_data(self, call: Call) -> None:
+        """SetSysData: the tool or work object that is active until the next motion."""
+        reference = call.reference("SourceObject")
+        type_name = reference.type.name
+        self._system_data(call, type_name)  # whether there is such
+        setattr(self._unit, {"tooldata": "tool", "wobjdata": "wobj"}[type_name], reference.value)
+        self._active[type_name] = call.get("ObjectName", ""), reference.value
+
+    def _system_data(self, call: Call, type_name: str) -> tuple[Any, str]:
+        predefined = {"tooldata": "tool0", "wobjdata": "wobj0"}.get(type_name)
+        if predefined is None:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes a tooldata or wobjdata, not a {type_name}.")
+        value = self._unit.tool if type_name == "tooldata" else self._unit.wobj
+        if value is None:
+            datum = call.task.library.datum(predefined)
+            assert datum is not None, f"RAPID predefines {predefined}"
+            return datum.value, predefined
+        name, known = self._active.get(type_name, ("", None))
+        return value, name if name and known == value else self._name_of(call, type_name, value, predefined)
+
+    @staticmethod
+    def _name_of(call: Call, type_name: str, value: Any, predefined: str) -> str:
+        """The datum of the task that has the value."""
+        for module in call.task.program.modules.values():
+            for variable in module.data:
+                if variable.type is not UNSET and variable.type.name == type_name and variable.value == value:
+                    return variable.name
+        return predefined
+
+    def task_status(self, call: Call) -> float:
+        """GetTSPStatus: of a task on the task selection panel, where all are selected."""
+        if call["TaskName"].lower() not in (name.lower() for name in call.task.host.devices.tasks()):
+            raise RapidRuntimeError("ERR_TASKNAME", f"GetTSPStatus: there is no task '{call['TaskName']}'.")
+        return 3.0  # TSP_STATUS_ACT
+
     def payload_mode(self, call: Call) -> float:
         """GetModalPayLoadMode: 1 when the load of the arm is set by GripLoad."""
         found = self._configuration.find("SYS", "SYS_MISC", "ModalPayLoadMode")
@@ -89,17 +148,71 @@ class SystemInstructions:
         """WaitSyncTask: until every task of the list is here, or ERR_WAITSYNCTASK after the time-out."""
         while call.present("InPos") and not self._unit.arm.is_stationary:
             yield None
-        point, tasks = call.reference("SyncID").name.lower(), [task.taskname for task in call["TaskList"]]
+        tasks = [task.taskname for task in call["TaskList"]]
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_WAITSYNCTASK")
+
+    def _meet(self, call: Call, point: str, tasks: Sequence[str], error: str) -> Wait:
+        """Until every task is at a point; raises the error after the call's time-out."""
         arrival = self._sync_points.arrive(point, call.task.name)
         deadline = call.task.now + call.get("TimeOut", float("inf"))
         try:
             while not self._sync_points.have_met(point, arrival, tasks):
                 if call.task.now >= deadline:
-                    raise RapidRuntimeError("ERR_WAITSYNCTASK", f"The other tasks did not come to {point} in time.")
+                    raise RapidRuntimeError(error, f"The other tasks did not come to {point} in time.")
                 yield None
         except (GeneratorExit, RapidRuntimeError):
             self._sync_points.leave(point, call.task.name)
             raise
+
+    # Synchronized movements (application manual MultiMove): moves with the same ID begin together.
+
+    def sync_move_on(self, call: Call) -> Wait:
+        """SyncMoveOn: when every task of the list is here and stands, their moves are synchronized."""
+        while not self._unit.arm.is_stationary:
+            yield None
+        tasks = tuple(task.taskname for task in call["TaskList"])
+        if call.task.name.upper() not in (name.upper() for name in tasks):
+            raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.task.name} is not in the list of {call.name}.")
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_SYNCMOVEON")
+        self._unit.synchronized_tasks = tasks
+
+    def sync_move_off(self, call: Call) -> Wait:
+        """SyncMoveOff: when every synchronized task is here and stands, each moves by itself again."""
+        while not self._unit.arm.is_stationary:
+            yield None
+        tasks = self._unit.synchronized_tasks or (call.task.name,)
+        yield from self._meet(call, call.reference("SyncID").name.lower(), tasks, "ERR_SYNCMOVEOFF")
+        self._unit.synchronized_tasks = ()
+
+    def sync_move_undo(self, call: Call) -> None:
+        """SyncMoveUndo: moves of this task are not synchronized any more, wherever the others are."""
+        self._unit.synchronized_tasks = ()
+
+    def is_synchronized(self, call: Call) -> bool:
+        """IsSyncMoveOn."""
+        return bool(self._unit.synchronized_tasks)
+
+    def tasks_in_sync(self, call: Call) -> float:
+        """TasksInSync: writes the tasks whose moves are synchronized, and how many they are."""
+        reference = call.reference("TaskList")
+        names = self._unit.synchronized_tasks
+        rows = [(name,) for name in names] + [("",)] * len(reference.value)
+        call["TaskList"] = reference.type.convert(rows[: len(reference.value)])
+        return len(names)
+
+    def synchronized(self, move: Callable[[Call], Wait]) -> Callable[[Call], Wait]:
+        """A move that waits for the moves of the same ID where movements are synchronized."""
+
+        def meet_and_move(call: Call) -> Wait:
+            tasks = self._unit.synchronized_tasks
+            if tasks:
+                if not call.present("ID"):
+                    sentence = f"{call.name} needs \\ID while movements are synchronized."
+                    raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+                yield from self._meet(call, f"the move {call['ID']:g}", tasks, "ERR_SYNCMOVEON")
+            yield from move(call)
+
+        return meet_and_move
 
 
 def add_system(
@@ -120,9 +233,24 @@ def add_system(
     )(system.next_unit)
     library.function("IsMechUnitActive", "mecunit MechUnit", "bool")(system.is_active)
     library.function("GetModalPayLoadMode", "", "num")(system.payload_mode)
+    library.function("GetMotorTorque", r"\mecunit MecUnit, num AxisNo", "num")(system.motor_torque)
+    library.instruction("GetSysData", r"INOUT anytype DestObject, \VAR string ObjectName")(system.get_system_data)
+    library.instruction("SetSysData", r"anytype SourceObject, \string ObjectName")(system.set_system_data)
+    library.function("GetTSPStatus", "string TaskName", "tsp_status")(system.task_status)
+    planner = float(units[0].task != unit.side.task) + 1.0
+    library.function("MotionPlannerNo", "", "num")(lambda call: planner)
     library.instruction("ReadCfgData", r"string InstancePath, string Attribute, INOUT anytype CfgData, \num ListNo")(
         system.read_cfg
     )
+    library.instruction("SyncMoveOn", r"VAR syncident SyncID, anytype TaskList, \num TimeOut")(system.sync_move_on)
+    library.instruction("SyncMoveOff", r"VAR syncident SyncID, \num TimeOut")(system.sync_move_off)
+    library.instruction("SyncMoveUndo")(system.sync_move_undo)
+    library.function("IsSyncMoveOn", "", "bool")(system.is_synchronized)
+    library.function("TasksInSync", "INOUT tasks TaskList{*}", "num")(system.tasks_in_sync)
+    for name in ("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "MoveExtJ"):
+        move = library.routine(name)
+        if move is not None and move.may_wait:
+            library.replace_implementations((name,), system.synchronized(move.implementation))
     library.instruction("WaitSyncTask", r"\switch InPos, VAR syncident SyncID, anytype TaskList, \num TimeOut")(
         system.wait_sync
     )

@@ -31,21 +31,6 @@ _SAME = 1e-9  # [m] of distance
 TOOL_ACCELERATION = 11.0  # [m/s²] of a YuMi (reference/yumi.md §3)
 
 
-@dataclass(slots=True)
-class Trigger:
-    """What happens when the arm passes a place.
-
-    Attributes:
-        distance: along its run [m of distance].
-        lead: how much earlier it happens [s]; negative is later.
-        action: what happens.
-    """
-
-    distance: float
-    lead: float
-    action: Callable[[], None]
-
-
 @dataclass(eq=False, slots=True)
 class Passage:
     """A leg on the path.
@@ -61,6 +46,29 @@ class Passage:
     run: Run
     begin: float
     end: float
+
+
+@dataclass(slots=True)
+class Trigger:
+    """What happens when the arm passes a place.
+
+    Attributes:
+        passage: the leg it is on.
+        share: where on the leg, 0 to 1 of its samples' distance.
+        lead: how much earlier it happens [s]; negative is later.
+        action: what happens.
+    """
+
+    passage: Passage
+    share: float
+    lead: float
+    action: Callable[[], None]
+
+    @property
+    def distance(self) -> float:
+        """Where on the run it is now [m of distance]: a corner added later moves the end of its leg."""
+        begin, end = self.passage.begin, self.passage.end
+        return begin + (end - begin) * self.share
 
 
 @dataclass(slots=True)
@@ -156,6 +164,7 @@ class StoredPath:
     passages: tuple[Passage, ...]
     shown: float
     position: Joints
+    holds: frozenset[str]
 
 
 class PathMotion:
@@ -299,14 +308,19 @@ class PathMotion:
         return float(np.sum(self._steps(piece)))
 
     def store(self) -> StoredPath:
-        """What is ahead, for `restore`; the arm has to stand."""
-        return StoredPath(tuple(self._runs), tuple(self._passages), self._shown, self.state.position)
+        """Put what is ahead aside, with the reasons why the arm stands; the arm has to stand."""
+        holds = frozenset(self.holds)
+        stored = StoredPath(tuple(self._runs), tuple(self._passages), self._shown, self.state.position, holds)
+        self.holds.clear()
+        self.restart_at(self.state.position)
+        return stored
 
     def restore(self, stored: StoredPath) -> None:
         """Put what was stored ahead again."""
         self.restart_at(stored.position)
         self._runs, self._passages = deque(stored.runs), deque(stored.passages)
         self._shown = stored.shown
+        self.holds |= stored.holds
         self.halt()
 
     def has_begun(self, passage: Passage) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import yumi.controller_files
@@ -12,7 +13,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.controller.controller import robot_library
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.events import EventLog
-from yumi.virtual.controller.signals import Configuration, Signals
+from yumi.virtual.controller.signals import Configuration, Signal, Signals
 from yumi.virtual.controller.tasks import TaskHost
 from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, SyncPoints
 from yumi.virtual.mechanics.arm import VirtualArm
@@ -21,7 +22,7 @@ from yumi.virtual.mechanics.gripper import VirtualGripper, Workpiece
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 STOCK = FOLDER.parent / "virtual" / "controller" / "stock"
 
-MODULE = """MODULE Program
+MODULE = r"""MODULE Program
     TASK PERS tooldata my_tool:=[TRUE,[[0,0,100],[1,0,0,0]],[0.2,[0,0,50],[1,0,0,0],0,0,0]];
     PERS tasks both{{2}}:=[["T_ROB_R"],["T_ROB_L"]];
     VAR egmident egm;
@@ -34,9 +35,37 @@ MODULE = """MODULE Program
     VAR string text;
     VAR num number;
     VAR bool flag;
+    VAR intnum interrupt;
+    VAR triggdata event;
+    VAR triggdata another;
+    VAR triggdata events{{3}};
+    VAR jointtarget start;
+    VAR robtarget found;
+    VAR pose one;
+    VAR pose two;
+    VAR pose three;
+    VAR robtarget list_one{{4}};
+    VAR robtarget list_two{{4}};
     PROC main()
         {body}
     ENDPROC
+    PROC count()
+        number:=number+1;
+    ENDPROC
+    TRAP note
+        tip:=CRobT(\Tool:=tool0\WObj:=wobj0);
+        number:=number+1;
+    ENDTRAP
+    TRAP step_aside
+        StopMove;
+        StorePath;
+        found:=CRobT(\Tool:=tool0\WObj:=wobj0);
+        MoveL Offs(found,0,30,0),v200,fine,tool0;
+        MoveL found,v200,fine,tool0;
+        RestoPath;
+        StartMove;
+        number:=number+1;
+    ENDTRAP
 ENDMODULE
 """
 
@@ -45,7 +74,11 @@ class InstructionBench:
     """Runs the body of a main procedure in virtual time."""
 
     def __init__(
-        self, side: Side = Side.RIGHT, workpiece: Workpiece | None = None, sync_points: SyncPoints | None = None
+        self,
+        side: Side = Side.RIGHT,
+        workpiece: Workpiece | None = None,
+        sync_points: SyncPoints | None = None,
+        signals: Sequence[Signal] = (),
     ) -> None:
         arm = VirtualArm(side)
         arm.switch_motors_on()
@@ -56,7 +89,8 @@ class InstructionBench:
         self.configuration = Configuration(path.read_text(encoding="ascii") for path in paths)
         self.events = EventLog(lambda: 0.0)
         self.speed_ratio = 100
-        self.host = TaskHost(Signals([], lambda *_: None), {}, self.events, is_virtual=False)
+        self.signals = Signals(signals, self._signal_changed)
+        self.host = TaskHost(self.signals, {}, self.events, is_virtual=False)
         library = robot_library(
             self.unit,
             configuration=self.configuration,
@@ -68,6 +102,9 @@ class InstructionBench:
         self.task = Task(side.task, self.host, library)
         self.inbox: list[bytes] = []
         self.sent: list[bytes] = []
+
+    def _signal_changed(self, name: str, old: float, new: float) -> None:
+        self.task.signal_changed(name, old, new)
 
     def start(self, body: str, others: str = "") -> None:
         self.task.lose_pp()

@@ -1,0 +1,241 @@
+"""The tool's motions, as a script asks for them: poses, tools and work objects by name, lines and streams."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import Any, SupportsFloat
+
+from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
+from yumi.control.trajectory import ArmPlan, stretched
+from yumi.errors import CommandRefused
+from yumi.robot.inverse_kinematics import (
+    Configuration,
+    Unreachable,
+    arm_angle,
+    configuration,
+    nearest_posture,
+    postures,
+)
+from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
+from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
+
+PoseLike = Pose | Sequence[SupportsFloat]
+"""A pose: a :class:`yumi.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
+
+TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
+"""The tips of ABB's own fingers, seen from tool0 (reference/yumi.md §2.2)."""
+
+_FURTHER_ANGLES = tuple(sign * number * 0.2618 for number in range(1, 12) for sign in (1.0, -1.0))  # [rad] 15° apart
+
+
+def pose(
+    x: float,
+    y: float,
+    z: float,
+    quaternion: Sequence[SupportsFloat] | None = None,
+    *,
+    rpy: Sequence[SupportsFloat] | None = None,
+) -> Pose:
+    """A pose: ``yumi.pose(0.4, -0.2, 0.2, rpy=(math.pi, 0, 0))`` is a tool that points down.
+
+    Args:
+        x: the place [m].
+        y: see x.
+        z: see x.
+        quaternion: the orientation as w, x, y, z; it need not have the length 1.
+        rpy: the orientation as roll, pitch, yaw about x, y, z [rad], as in URDF.
+
+    Raises:
+        CommandRefused: both or a wrong number of values are given, or one is not finite.
+    """
+    if quaternion is not None and rpy is not None:
+        raise CommandRefused("Pose refused: give its orientation as quaternion= or as rpy=, not both.")
+    orientation: Quaternion = IDENTITY
+    if rpy is not None:
+        roll, pitch, yaw = _numbers(rpy, 3, "rpy")
+        orientation = quaternion_from_euler_zyx((roll, pitch, yaw))
+    elif quaternion is not None:
+        w, i, j, k = _numbers(quaternion, 4, "quaternion")
+        length = (w * w + i * i + j * j + k * k) ** 0.5
+        if not 1e-6 < length < 1e6:
+            raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
+        orientation = (w / length, i / length, j / length, k / length)
+    result = Pose((float(x), float(y), float(z)), orientation)
+    check_pose(result)
+    return result
+
+
+def pose_from(given: PoseLike) -> Pose:
+    """A pose as this package has it; raises CommandRefused when it is none."""
+    if isinstance(given, Pose):
+        check_pose(given)
+        return given
+    x, y, z, *quaternion = _numbers(given, 7, "pose")
+    result = Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3]))
+    check_pose(result)
+    return result
+
+
+def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
+    """One pose or several as several."""
+    if isinstance(given, Pose) or (len(given) and isinstance(given[0], SupportsFloat)):
+        return [given]  # type: ignore[list-item]
+    return given  # type: ignore[return-value]
+
+
+def _numbers(values: Any, count: int, name: str) -> list[float]:
+    try:
+        numbers = [float(each) for each in values]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} numbers.") from error
+    if len(numbers) != count or not all(map(isfinite, numbers)):
+        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} finite numbers.")
+    return numbers
+
+
+@dataclass
+class Frames:
+    """Tools and work objects of a robot by name; scripts add their own.
+
+    Attributes:
+        tools: frames of tools in tool0, RAPID's ``tframe``.
+        work_objects: frames in the robot's body, in which poses may be given.
+    """
+
+    tools: dict[str, PoseLike] = field(default_factory=lambda: {"tool0": TOOL0, "fingertips": FINGERTIPS})
+    work_objects: dict[str, PoseLike] = field(default_factory=lambda: {"wobj0": TOOL0})
+
+    def tool(self, given: PoseLike | str) -> Pose:
+        """The frame of a tool, by name or given itself."""
+        return _named(given, self.tools, "tool")
+
+    def work_object(self, given: PoseLike | str | None) -> Pose:
+        """The frame of a work object; None is the body's."""
+        return TOOL0 if given is None else _named(given, self.work_objects, "work object")
+
+
+def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> Pose:
+    if not isinstance(given, str):
+        return pose_from(given)
+    if given not in known:
+        raise CommandRefused(f"There is no {kind} {given[:60]!r}; there are {', '.join(known)}.")
+    return pose_from(known[given])
+
+
+# ---- postures
+
+
+def postures_of(side: Side, tool0: Pose, angle: float | None, now: Joints, limits: JointLimits) -> tuple[Joints, ...]:
+    """All postures of a pose of tool0 with an arm angle, None for the present one; the nearest to ``now`` first."""
+    found = postures(side, tool0, arm_angle(side, now) if angle is None else _checked_angle(angle), limits)
+    return tuple(sorted(found, key=lambda each: _furthest(each, now)))
+
+
+def posture_for(
+    side: Side,
+    tool0: Pose,
+    angle: float | None,
+    wanted: Configuration | Sequence[int] | None,
+    now: Joints,
+    limits: JointLimits,
+) -> Joints:
+    """The posture to go to: with the configuration, or the nearest.
+
+    Raises:
+        Unreachable: there is none; where no arm angle was asked for, with none of those tried.
+    """
+    with_angle = arm_angle(side, now) if angle is None else _checked_angle(angle)
+    if wanted is None:
+        try:
+            near = nearest_posture(side, tool0, with_angle, now, limits)
+        except Unreachable:
+            near = None
+        if near is not None and _furthest(near, now) < 1.0:
+            return near
+    for bend in (0.0, *(_FURTHER_ANGLES if angle is None else ())):
+        found = postures_of(side, tool0, with_angle + bend, now, limits)
+        if wanted is not None:
+            found = tuple(each for each in found if configuration(each) == tuple(wanted))
+        if found:
+            return found[0]
+    x, y, z = tool0.position
+    which = f" with configuration {tuple(wanted)}" if wanted is not None else ""
+    how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
+    raise Unreachable(
+        f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
+        f"its orientation, with {how}. Choose a pose within reach{advice}."
+    )
+
+
+def _furthest(posture: Joints, now: Joints) -> float:
+    return max(abs(a - b) for a, b in zip(posture, now, strict=True))
+
+
+def _checked_angle(angle: float) -> float:
+    if not isfinite(angle):
+        raise CommandRefused(f"Pose refused: the arm angle is {angle}; give radians.")
+    return float(angle)
+
+
+# ---- lines
+
+
+@dataclass(frozen=True)
+class Path:
+    """What one arm's tool does.
+
+    Attributes:
+        tool: its frame in tool0.
+        waypoints: where it goes, in the body frame.
+        speed: of the tool [m/s].
+        turning: of its orientation [rad/s].
+        zone: corners are rounded from so far before them [m].
+        acceleration: share of the highest accelerations and jerks.
+    """
+
+    tool: Pose
+    waypoints: tuple[Waypoint, ...]
+    speed: float = SPEED
+    turning: float = TURNING
+    zone: float = ZONE
+    acceleration: float = 1.0
+
+
+def planned(
+    paths: Mapping[Side, Path], limits: JointLimits
+) -> Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]:
+    """Plans paths from where the arms stand; several end at the same time."""
+
+    def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
+        plans = {
+            side: plan_path(
+                side,
+                starts[side],
+                path.waypoints,
+                limits,
+                path.tool,
+                path.speed,
+                path.turning,
+                path.zone,
+                path.acceleration,
+            )
+            for side, path in paths.items()
+        }
+        longest = max(each.spline.end for each in plans.values())
+        return {side: stretched(each, longest) for side, each in plans.items()}
+
+    return plan
+
+
+def way_points(
+    frames: Frames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
+) -> tuple[Waypoint, ...]:
+    """Poses given in a work object as waypoints in the body frame; the arm angle is that of the last."""
+    base = frames.work_object(work_object)
+    points = [Waypoint(compose(base, pose_from(each))) for each in poses]
+    if points and angle is not None:
+        points[-1] = replace(points[-1], angle=_checked_angle(angle))
+    return tuple(points)

@@ -1,0 +1,412 @@
+"""The Cartesian controller: straight lines of the tool, and streams of its poses or velocities.
+
+Lines are planned before they begin (:mod:`yumi.control.tool_path`) and arrive as trajectories: this controller follows
+them as the joint trajectory controllers do. Streams are followed here, in every cycle: the tool's target moves
+smoothly, within the tool's limits, and the joints follow it by one step of the inverse kinematics
+(:mod:`yumi.robot.differential_kinematics`). What would be too fast for a joint, as near a singularity, slows all of
+them down; a joint at the end of its range stays there, and the elbow gives way first.
+"""
+
+from __future__ import annotations
+
+from math import dist, hypot, inf, isnan, nan, pi, tau
+from typing import NamedTuple
+
+from yumi.control.controller import UNKNOWN, Buffer, GoalKind
+from yumi.control.controllers.joint_position import DELAY
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTrajectoryController, Outcome
+from yumi.control.limiter import SpeedScale
+from yumi.control.motion import Setpoint, SpeedMotion, ramp_speed, speed_to_stop
+from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.tracking import TargetPredictor, TrackingFilter
+from yumi.control.trajectory import ResultCode
+from yumi.robot.differential_kinematics import (
+    Solver,
+    missing,
+    wrist_of,
+    wrist_target,
+)
+from yumi.robot.joints import (
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    JointLimits,
+    Joints,
+    Pose,
+    Side,
+    joints,
+)
+from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, rotation_vector, tool0_to_body
+from yumi.settings import Parameter, Values, number
+
+TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+"""The tool that is none, as numbers: position x, y, z [m], quaternion w, x, y, z."""
+
+
+class ToolGoal(NamedTuple):
+    """One message of a stream.
+
+    Attributes:
+        session: the EGM session that it is meant for.
+        time: when it was given, on the machine's monotonic clock [s].
+        is_twist: whether it is a velocity, else a pose.
+        is_in_tool: whether the velocity is seen from the tool, else from the body.
+        angle: the arm angle to go to with a pose [rad]; NaN keeps it.
+        pose: of the tool in the body frame: x, y, z [m], quaternion w, x, y, z.
+        twist: velocity x, y, z [m/s], angular velocity x, y, z [rad/s], and of the arm angle [rad/s].
+        tool: the tool's frame in tool0, as ``pose``.
+    """
+
+    session: int
+    time: float
+    is_twist: bool
+    is_in_tool: bool
+    angle: float
+    pose: Joints
+    twist: Joints
+    tool: Joints = TOOL0
+
+
+def numbers_of(pose: Pose) -> Joints:
+    """A pose as seven numbers: x, y, z [m], quaternion w, x, y, z."""
+    return (*pose.position, *pose.orientation)
+
+
+def pose_of(numbers: Joints) -> Pose:
+    """The pose of seven numbers."""
+    x, y, z, w, qx, qy, qz = numbers
+    return Pose((x, y, z), (w, qx, qy, qz))
+
+
+def pose_goal(session: int, pose: Pose, tool: Pose | None = None, angle: float = nan, time: float = nan) -> ToolGoal:
+    """A pose of the tool in the body frame, for :class:`ToolGoal`."""
+    return ToolGoal(
+        session, time, False, False, angle, numbers_of(pose), ZERO, TOOL0 if tool is None else numbers_of(tool)
+    )
+
+
+def twist_goal(
+    session: int, twist: Joints, tool: Pose | None = None, *, is_in_tool: bool = False, time: float = nan
+) -> ToolGoal:
+    """A velocity of the tool and of the arm angle, (7,), for :class:`ToolGoal`."""
+    return ToolGoal(session, time, True, is_in_tool, nan, TOOL0, twist, TOOL0 if tool is None else numbers_of(tool))
+
+
+_PARAMETERS = (
+    Parameter("tool.speed", 0.5, 0.001, 1.5, "m/s", "Of the tool while it follows a stream, at most."),
+    Parameter("tool.turning", 2.0, 0.01, 6.3, "rad/s", "Of its orientation and of the elbow, at most."),
+    Parameter("tool.acceleration", 4.0, 0.1, 20.0, "m/s²", "Of the tool, at most."),
+    Parameter("tool.jerk", 80.0, 1.0, 1000.0, "m/s³", "Of the tool, at most."),
+    Parameter("twist.timeout", 0.1, 0.01, 2.0, "s", "Without a new velocity for so long, the tool stops."),
+    Parameter("tracking.delay", DELAY, 0.0, 0.2, "s", "From a command to the motion it makes; how far to predict."),
+    Parameter("tracking.memory", 0.030, 0.005, 0.5, "s", "How long a pose counts; more against noise."),
+    Parameter("tracking.stiffness", 30.0, 5.0, 100.0, "1/s", "How closely it is followed; less against noise."),
+    Parameter("tracking.silence", 0.030, 0.010, 0.5, "s", "Without a pose for so long, the stream has ended."),
+    Parameter("line.speed", 0.25, 0.001, 1.5, "m/s", "Of the tool on lines that name no speed."),
+    Parameter("line.turning", 1.5, 0.01, 6.3, "rad/s", "Of its orientation on lines that name none."),
+    Parameter("line.acceleration", 1.0, 0.01, 1.0, "", "Share of the accelerations and jerks on lines."),
+)
+_RADIANS_PER_METRE = 6.0  # accelerations and jerks of the orientation beside those of the tool
+_CORRECTION = 20.0  # [1/s] what the joints are behind the target dies away so
+_INDEPENDENT = 0.15  # where axes are more in line than this, all goes slower: the arm would swing about its reach
+_SLOWEST = 0.3
+_FASTEST_WEAK = 0.3  # [rad/s] so much may lead through a singularity
+_LEAD = (0.002, 0.002, 0.002, 0.02, 0.02, 0.02, 0.05)  # [m], [rad] a velocity takes the target no further ahead
+_UNMOVED = 1e-5  # [rad/s]
+_SLOWEST_PERIOD = 0.25  # [s] poses that come less often are goals of their own
+_PERIODS = 2.2  # without a pose for so many of its periods a stream has ended
+_LEARNING = 0.2  # weight of one interval in the learned period
+_QUIET = 1.0  # [s] after which a stream that rests has ended
+_MOST_LOCKED = 3
+
+
+class _Stream:
+    """The motion of one arm along a stream, from where its joints are commanded to be.
+
+    The target's seven numbers are the tool's place [m], its orientation as a rotation vector from where the stream
+    began, and the arm angle [rad]; they share filters with streams of joints.
+    """
+
+    def __init__(
+        self, side: Side, tool: Joints, start: Setpoint, limits: JointLimits, tool_limits: JointLimits, stiffness: float
+    ) -> None:
+        self._side = side
+        self.tool = tool
+        self._tool, self._to_tool0 = pose_of(tool), inverse(pose_of(tool))
+        self._limits = limits
+        self._tool_limits = tool_limits
+        self.predictor, self._filter = TargetPredictor(tool_limits), TrackingFilter(tool_limits)
+        self._filter.stiffness = stiffness
+        self._weakest_joint = min(limits.acceleration), min(limits.jerk)
+        self._joints = SpeedMotion(limits)
+        self._joints.go_on(start.position, start.velocity)
+        self._velocity = start.velocity
+        here = tool0_to_body(side, start.position, self._tool)
+        self._anchor = here.orientation
+        self._now = wrist_of(side, start.position)
+        x, y, z = here.position
+        self._target: Joints = (x, y, z, 0.0, 0.0, 0.0, self._now.angle)
+        # The tool's velocity at the begin, from a step of the joints.
+        small = 1e-5
+        soon = joints([p + small * v for p, v in zip(*start[:2], strict=True)])
+        moved = self._numbers(tool0_to_body(side, soon, self._tool), wrist_of(side, soon).angle)
+        self._rates: Joints = joints([(b - a) / small for a, b in zip(self._target, moved, strict=True)])
+        self._changes = [0.0] * JOINT_COUNT
+        self._filter.begin(self._target, self._rates)
+        self.predictor.rest_at(self._target)
+        self._twist: Joints = ZERO
+        self._is_twist = False
+        self._given_at = -inf
+        self._period, self.silence = 0.0, 0.0
+        self._was_behind = 0.0
+        self.independence = 1.0
+        self._weakest: tuple[float, ...] = (1.0,) * 6
+
+    def take(self, goal: ToolGoal, now: float) -> None:
+        """The next message; ``now`` [s] where it has no time."""
+        time = now if isnan(goal.time) else goal.time
+        if goal.is_twist:
+            if not self._is_twist:
+                self._is_twist = True
+                self._twist, self._changes = self._rates, [0.0] * JOINT_COUNT
+            self._goal, self._given_at = goal, time
+            return
+        if self._is_twist:
+            self._is_twist = False
+            self._filter.begin(self._target, self._rates)
+            self.predictor.rest_at(self._target)
+        # A slow stream is one, too: its period says for how long it may be predicted.
+        interval = time - self._given_at
+        if interval < _SLOWEST_PERIOD:
+            self._period += (interval - self._period) * (_LEARNING if self._period else 1.0)
+        self.predictor.timeout = max(self.silence, _PERIODS * self._period)
+        angle = self.predictor.goal[6] if isnan(goal.angle) else goal.angle
+        self.predictor.add(self._numbers(pose_of(goal.pose), angle), UNKNOWN, time)
+        self._given_at = time
+
+    def _numbers(self, pose: Pose, angle: float) -> Joints:
+        """A pose and an arm angle as the target has them, without jumps at half a turn."""
+        w, x, y, z = self._anchor
+        turn = rotation_vector(multiply((w, -x, -y, -z), pose.orientation))
+        last = self._target[3:6]
+        size = hypot(*turn)
+        if size > 1e-6:
+            # A turn the other way round is the same orientation; the one nearer to the last goes on.
+            x, y, z = turn
+            less, more = 1.0 - tau / size, 1.0 + tau / size
+            other, further = (less * x, less * y, less * z), (more * x, more * y, more * z)
+            turn = min((turn, other, further), key=lambda each: dist(each, last))
+        bend = (angle - self._target[6] + pi) % tau - pi
+        return joints([*pose.position, *turn, self._target[6] + bend])
+
+    def step(self, state: ArmState, delay: float, timeout: float, scale: float) -> ArmCommand:
+        """Go on for ``state.dt``; at most ``scale`` times the speeds."""
+        dt = state.dt
+        if dt > 0.0:
+            before = self._pose, self._target[6]
+            self._now = wrist_of(self._side, self._joints.position)
+            if self._is_twist:
+                self._move_target(dt, timeout, state.time, scale)
+            else:
+                target = self.predictor.at(state.time, delay)
+                self._target, self._rates, _ = self._filter.step(target, dt, scale)
+            velocity = self._follow(before, dt, scale)
+        else:
+            velocity = self._velocity
+        command = self._joints.step(state, velocity, 1.0)
+        self._velocity = command.velocity
+        return command
+
+    @property
+    def _calm(self) -> float:
+        """A factor on speeds: slower, where joints move much for little of the way."""
+        return max(_SLOWEST, min(1.0, self.independence / _INDEPENDENT))
+
+    @property
+    def _pose(self) -> Pose:
+        x, y, z, u, v, w, _ = self._target
+        return Pose((x, y, z), multiply(self._anchor, quaternion_of((u, v, w))))
+
+    def _move_target(self, dt: float, timeout: float, now: float, scale: float) -> None:
+        """A velocity moves the target, as far as the tool keeps up with it."""
+        goal, limits = self._goal, self._tool_limits
+        wanted = ZERO if now - self._given_at > timeout else goal.twist
+        vx, vy, vz, wx, wy, wz, bend = wanted
+        linear, angular = (vx, vy, vz), (wx, wy, wz)
+        if goal.is_in_tool:
+            orientation = self._pose.orientation
+            linear, angular = rotate(orientation, linear), rotate(orientation, angular)
+        # Too much is too much in the same direction.
+        slower = self._calm * min(
+            scale * limits.velocity[0] / max(hypot(*linear), 1e-9),
+            scale * limits.velocity[3] / max(hypot(*angular), 1e-9),
+            1.0,
+        )
+        rates = []
+        rows = zip((*linear, *angular, bend), self._twist, limits.acceleration, limits.jerk, strict=True)
+        for index, (speed, last, strength, jerk) in enumerate(rows):
+            rate, self._changes[index] = ramp_speed(
+                slower * speed, last, self._changes[index], limits.velocity[index], strength, jerk, dt
+            )
+            rates.append(rate)
+        self._twist = joints(rates)
+        vx, vy, vz, wx, wy, wz, bend = self._twist
+        x, y, z, *_, angle = self._target
+        turned = multiply(quaternion_of((wx, wy, wz), dt), self._pose.orientation)
+        target = self._numbers(Pose((x + dt * vx, y + dt * vy, z + dt * vz), turned), angle + dt * bend)
+        here = self._numbers(tool0_to_body(self._side, self._joints.position, self._tool), self._now.angle)
+        leads = zip(target, here, _LEAD, strict=True)
+        self._target = joints([max(at - most, min(at + most, to)) for to, at, most in leads])
+        self._rates = self._twist
+
+    def _follow(self, before: tuple[Pose, float], dt: float, scale: float) -> Joints:
+        """The speeds of the joints that bring the tool after its target, which was at ``before`` [rad/s]."""
+        side, position, now = self._side, self._joints.position, self._now
+        old = wrist_target(side, compose(before[0], self._to_tool0), before[1])
+        new = wrist_target(side, compose(self._pose, self._to_tool0), self._target[6])
+        behind, ahead = missing(now, old), missing(now, new)
+        self._was_behind = max(map(abs, behind))
+        onward = joints([b - a for a, b in zip(behind, ahead, strict=True)])
+        limits = self._limits
+        locked: dict[int, float] = {}
+        for _ in range(_MOST_LOCKED):
+            solver = Solver(now, tuple(locked), self._weakest)
+            self.independence, self._weakest = solver.independence, solver.weakest
+            # In its weakest direction no faster than the arm can stop before its axes are in line.
+            fastest = max(_FASTEST_WEAK, speed_to_stop(solver.independence, *self._weakest_joint))
+            correction = solver.change(behind, fastest / _CORRECTION)
+            # As fast as what is behind can still be stopped at the target, all joints alike.
+            rows = zip(correction, limits.acceleration, limits.jerk, strict=True)
+            rate = min(
+                _CORRECTION,
+                *(speed_to_stop(abs(way), top, jerk) / max(abs(way), 1e-9) for way, top, jerk in rows),
+            )
+            steps = zip(correction, solver.change(onward, fastest * dt), strict=True)
+            calm = 1.0 if self._is_twist else self._calm
+            speeds = [calm * (rate * way + further / dt) for way, further in steps]
+            # All joints slower alike, so that the tool keeps its direction; a joint at its end stays there.
+            most = max(abs(speed) / top for speed, top in zip(speeds, limits.velocity, strict=True))
+            if most > scale:
+                speeds = [speed * scale / most for speed in speeds]
+            at_end = {}
+            for index, speed in enumerate(speeds):
+                if index in locked:
+                    speeds[index] = 0.0
+                    continue
+                end = limits.upper[index] if speed > 0.0 else limits.lower[index]
+                room = abs(end - position[index])
+                if abs(speed) > speed_to_stop(room, limits.acceleration[index], limits.jerk[index]) + _UNMOVED:
+                    at_end[index] = speed
+            if not at_end:
+                break
+            locked.update(at_end)
+        return joints(speeds)
+
+    def is_over(self, now: float) -> bool:
+        """Whether the tool stands where the stream has led it, and nothing has come for a while."""
+        return (
+            now - self._given_at > _QUIET
+            and max(map(abs, self._velocity)) < _UNMOVED
+            and max(map(abs, self._rates)) < _UNMOVED
+        )
+
+    def motion(self, time: float) -> tuple[Joints, Joints]:
+        """Where the joints are commanded to be now, whatever ``time``."""
+        return self._joints.position, self._velocity
+
+    def setpoint(self, time: float) -> Setpoint:
+        """The same as a start for what comes next."""
+        velocity = self._velocity
+        return Setpoint(self._joints.position, velocity if max(map(abs, velocity)) > _UNMOVED else ZERO)
+
+
+class CartesianController(JointTrajectoryController):
+    """Follows lines that were planned, and streams of poses and velocities of the tool.
+
+    Args:
+        side: its arm.
+        goals: where messages of streams arrive.
+        feedback: where others see how it follows a line.
+        limits: what the joints may do.
+        speed: the factor on the arm's speed.
+    """
+
+    kind = "yumi_controllers/CartesianController"
+    goal_kind = GoalKind.TOOL
+
+    def __init__(
+        self,
+        side: Side,
+        goals: Buffer[ToolGoal],
+        feedback: Buffer[TrajectoryFeedback],
+        limits: JointLimits = YUMI_LIMITS,
+        speed: SpeedScale | None = None,
+    ) -> None:
+        super().__init__(side, feedback, limits, speed)
+        self._goals = goals
+        self._number = 0
+        self._values: Values = {each.name: each.default for each in _PARAMETERS}
+
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        return (*_PARAMETERS, *super().parameters(joint_names))
+
+    def configure(self, values: Values) -> None:
+        super().configure(values)
+        self._values = values
+
+    def activate(self, state: ArmState) -> None:
+        super().activate(state)
+        newest = self._goals.read()
+        self._number = newest[0] if newest else 0  # what was sent before does not count
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        newest = self._goals.read()
+        if newest is not None and newest[0] != self._number and self._standstill is None:
+            self._number, goal = newest
+            if goal.session == state.session:
+                self._take(goal, state)
+        stream = self._source
+        if not isinstance(stream, _Stream):
+            return super().update(state)
+        self._state = state
+        values = self._values
+        self._position, self._velocity = command = stream.step(
+            state, number(values, "tracking.delay"), number(values, "twist.timeout"), self._speed.value
+        )
+        self._is_judged = False
+        if stream.is_over(state.time):
+            self._rest_at(self._position)
+        return command
+
+    def _take(self, goal: ToolGoal, state: ArmState) -> None:
+        stream, values = self._source, self._values
+        if not isinstance(stream, _Stream) or stream.tool != goal.tool:
+            start = self._source.setpoint(self._time)
+            if self._goal is not None:
+                start = start.scaled(self._pace)
+            self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A stream of the tool has replaced this motion.")
+            speed, turning = number(values, "tool.speed"), number(values, "tool.turning")
+            strength, jerk = number(values, "tool.acceleration"), number(values, "tool.jerk")
+            hard, harder = _RADIANS_PER_METRE * strength, _RADIANS_PER_METRE * jerk
+            far = (1e6,) * JOINT_COUNT
+            tool_limits = JointLimits(
+                joints([-each for each in far]),
+                joints(far),
+                (speed, speed, speed, turning, turning, turning, turning),
+                (strength, strength, strength, hard, hard, hard, hard),
+                (jerk, jerk, jerk, harder, harder, harder, harder),
+            )
+            stream = _Stream(
+                self._side, goal.tool, start, self._limits, tool_limits, number(values, "tracking.stiffness")
+            )
+            stream.predictor.memory = number(values, "tracking.memory")
+            stream.silence = number(values, "tracking.silence")
+            self._source, self._time = stream, 0.0
+        stream.take(goal, state.time)
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        super().receive(message, state)
+        if isinstance(message, CancelTrajectory) and isinstance(self._source, _Stream):
+            self._brake()

@@ -1,0 +1,531 @@
+"""Straight lines of the tool: where the joints are on them, and when, within the limits of joints and tool.
+
+In three steps, all before the motion begins and outside of the control process:
+
+1. :class:`ToolPath` says where the tool is and how the elbow is turned: straight lines with the orientation along the
+   geodesic, and corners rounded within a zone, as a function of a parameter that grows with the time the tool would
+   take at its own speed.
+2. `_followed` goes along it with all joints, in steps of equal size of joints and parameter together. So steps are
+   short where joints have to move much for little of the way (near singularities), and a way that turns back there is
+   found, not jumped over.
+3. `_timed` slows down where a joint would be too fast, accelerate or jerk too hard: first by a speed along the way
+   that changes gradually, then by a jerk-limited start and end (Ruckig) in the time this leaves.
+
+What results is a :class:`yumi.control.trajectory.ArmPlan` like that of any trajectory: it is followed, scaled, stopped
+and judged by the same controller.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from math import degrees, hypot, inf, isfinite, pi, tau
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from ruckig import InputParameter, Result, Ruckig, Trajectory
+
+from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
+from yumi.errors import CommandRefused
+from yumi.robot.differential_kinematics import (
+    missing,
+    rotated_to_foot,
+    wrist_of,
+    wrist_target,
+)
+from yumi.robot.inverse_kinematics import Unreachable
+from yumi.robot.joints import CYCLE, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
+from yumi.robot.kinematics import (
+    FLANGE,
+    IDENTITY,
+    compose,
+    inverse,
+    multiply,
+    quaternion_of,
+    rotate,
+    rotation_vector,
+    tool0_to_body,
+)
+
+Array = NDArray[np.float64]
+
+SPEED = 0.25
+"""Of the tool where nothing else is asked for [m/s]: what a robot may have beside people in manual mode."""
+
+FASTEST = 1.5
+"""The tool's highest speed [m/s], ABB's for this robot."""
+
+TURNING = 1.5
+"""Speed of the tool's orientation where nothing else is asked for [rad/s]."""
+
+ZONE = 0.01
+"""Corners of a path are rounded from so far before them [m], as RAPID's z10."""
+
+_SHARPEST = 1e-4  # [m] of a corner that is passed without a stop
+_BENDS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
+_ACCELERATION, _JERK = 2.5, 50.0  # of the tool [m/s²], [m/s³]
+_ROTATION_ACCELERATION, _ROTATION_JERK = 15.0, 300.0  # [rad/s²], [rad/s³]
+_TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """Where a path goes.
+
+    Attributes:
+        tool: pose of the tool in the body frame.
+        angle: the arm angle [rad]; None keeps that of the point before.
+    """
+
+    tool: Pose
+    angle: float | None = None
+
+
+class _At(NamedTuple):
+    """The path at one parameter: pose and arm angle, and how they change with it."""
+
+    tool: Pose
+    angle: float
+    velocity: Vector
+    rotation: Vector
+    turning: float
+
+
+class _Line(NamedTuple):
+    """A line between two waypoints: its length in the parameter, and what changes per unit of it.
+
+    ``rotation`` is seen from the tool.
+    """
+
+    length: float
+    velocity: Vector
+    rotation: Vector
+    turning: float
+
+
+class ToolPath:
+    """Straight lines from waypoint to waypoint.
+
+    Args:
+        waypoints: at least two, each with its arm angle.
+        speed: of the tool [m/s].
+        turning: of its orientation and of the elbow [rad/s].
+        zone: corners are rounded from so far before them [m]; a tenth of a millimetre at least.
+
+    Attributes:
+        length: the time the tool takes without any limits of the joints [s]; 0 where nothing moves.
+    """
+
+    def __init__(self, waypoints: Sequence[Waypoint], speed: float, turning: float, zone: float) -> None:
+        self._first = waypoints[0]
+        self._points: list[Pose] = [waypoints[0].tool]
+        self._angles = [waypoints[0].angle or 0.0]
+        self._lines: list[_Line] = []
+        for waypoint in waypoints[1:]:
+            here, angle = self._points[-1], self._angles[-1]
+            way = tuple(b - a for a, b in zip(here.position, waypoint.tool.position, strict=True))
+            w, x, y, z = here.orientation
+            turn = rotation_vector(multiply((w, -x, -y, -z), waypoint.tool.orientation))
+            bend = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
+            length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(bend) / turning)
+            if length < 1e-6:
+                continue
+            x, y, z = (each / length for each in way)
+            u, v, w = (each / length for each in turn)
+            self._lines.append(_Line(length, (x, y, z), (u, v, w), bend / length))
+            self._points.append(waypoint.tool)
+            self._angles.append(angle + bend)
+        self._begins = [0.0]
+        for line in self._lines:
+            self._begins.append(self._begins[-1] + line.length)
+        self.length = self._begins[-1]
+        self._zones = [0.0] * len(self._points)
+        for index, (before, after) in enumerate(zip(self._lines, self._lines[1:], strict=False), 1):
+            # In the parameter: on both sides as long, at most half of the shorter line.
+            fastest = max(hypot(*before.velocity), hypot(*after.velocity), 1e-9)
+            self._zones[index] = min(max(zone, _SHARPEST) / fastest, 0.5 * before.length, 0.5 * after.length)
+
+    def at(self, parameter: float) -> _At:
+        """Where the tool is at ``parameter``, 0 to :attr:`length`."""
+        if not self._lines:
+            return _At(self._points[0], self._angles[0], (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+        index = 0
+        while index < len(self._lines) - 1 and parameter > self._begins[index + 1]:
+            index += 1
+        # The nearer end of the line decides whether it is in the zone of a corner.
+        corner = index if parameter - self._begins[index] < 0.5 * self._lines[index].length else index + 1
+        if abs(parameter - self._begins[corner]) >= self._zones[corner] or not 0 < corner < len(self._lines):
+            line, past = self._lines[index], parameter - self._begins[index]
+            return self._near(index, past, 0.0, 1.0, 0.0, line, line)
+        zone = self._zones[corner]
+        past = parameter - self._begins[corner]
+        share = (past + zone) / (2.0 * zone)
+        weight = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
+        gone = 2.0 * zone * share**4 * (2.5 - 3.0 * share + share * share)  # the weight's integral
+        before, after = self._lines[corner - 1], self._lines[corner]
+        return self._near(corner, past - gone, gone, 1.0 - weight, weight, before, after)
+
+    def _near(
+        self, index: int, past: float, gone: float, rate: float, weight: float, before: _Line, after: _Line
+    ) -> _At:
+        """From a waypoint by ``past`` along one line and by ``gone`` along another."""
+        point, angle = self._points[index], self._angles[index]
+        (px, py, pz), (ax, ay, az), (bx, by, bz) = point.position, before.velocity, after.velocity
+        first = multiply(point.orientation, quaternion_of(before.rotation, past))
+        (ux, uy, uz), (vx, vy, vz) = before.rotation, after.rotation
+        return _At(
+            Pose(
+                (px + past * ax + gone * bx, py + past * ay + gone * by, pz + past * az + gone * bz),
+                multiply(first, quaternion_of(after.rotation, gone)),
+            ),
+            angle + past * before.turning + gone * after.turning,
+            (rate * ax + weight * bx, rate * ay + weight * by, rate * az + weight * bz),
+            rotate(first, (rate * ux + weight * vx, rate * uy + weight * vy, rate * uz + weight * vz)),
+            rate * before.turning + weight * after.turning,
+        )
+
+
+# ---- along the path with all joints
+
+_LONGEST_STEP = 0.02  # [s] of joints at their speeds and the tool at its own
+_SHORTEST_STEP = 1e-6
+_STRAIGHT = 2e-4  # by so much the way may bend within a step, in the same unit
+_CONVERGED = 1e-11
+_FARTHEST_OFF = 0.1  # of a guess
+_TURNS_BACK = 1e-9
+_MOST_STEPS = 20_000
+
+
+class _Followed(NamedTuple):
+    """All joints along a path: by the length of the way, the joints [rad] and the parameter, (n, 8), and their slopes.
+
+    The length counts each joint in the time it takes at its highest speed, and the parameter as it is.
+    """
+
+    length: Array
+    values: Array
+    slopes: Array
+
+
+class _Equations:
+    """The seven equations along a path, of the joints and the parameter in their units, (8,).
+
+    Args:
+        side: the arm.
+        path: of its tool.
+        tool: the tool's frame in tool0.
+        unit: what the eight are counted in.
+    """
+
+    def __init__(self, side: Side, path: ToolPath, tool: Pose, unit: Array) -> None:
+        self._side, self._path, self._unit = side, path, unit
+        self._to_tool0 = inverse(tool)
+
+    def at(self, values: Array) -> tuple[Array, Array]:
+        """What is missing, (7,), and how that grows with each of the eight, (7, 8)."""
+        side, at = self._side, self._path.at(float(values[7]))
+        tool0 = compose(at.tool, self._to_tool0)
+        now = wrist_of(side, joints(values[:7].tolist()))
+        # The tool's velocity, at the wrist: from the tool to tool0, and back by the flange.
+        arm = rotate(at.tool.orientation, self._to_tool0.position)
+        back = rotate(tool0.orientation, (0.0, 0.0, -FLANGE))
+        (rx, ry, rz), (vx, vy, vz) = at.rotation, at.velocity
+        ux, uy, uz = (a + b for a, b in zip(arm, back, strict=True))
+        velocity = rotated_to_foot(side, (vx + ry * uz - rz * uy, vy + rz * ux - rx * uz, vz + rx * uy - ry * ux))
+        rates = [*velocity, *rotated_to_foot(side, at.rotation), at.turning]
+        with_joints = np.array([*now.velocity, *now.rotation, now.elbow])
+        left = missing(now, wrist_target(side, tool0, at.angle))
+        return np.array(left), np.column_stack([-with_joints, rates]) * self._unit
+
+    def slope(self, values: Array, before: Array) -> Array:
+        """The direction in which nothing is missing any more, (8,), of length 1, going on as ``before``."""
+        direction = np.linalg.svd(self.at(values)[1])[2][-1]
+        return np.asarray(direction * np.copysign(1.0, float(direction @ before)))
+
+    def solved(self, guess: Array, across: Array, end: float | None) -> tuple[Array, float]:
+        """The solution near a guess, and how far it lies from there; infinitely far where there is none.
+
+        It is looked for across a direction, or at a parameter ``end``.
+        """
+        bend, row = 0.0, across if end is None else np.eye(8)[7]
+        for _ in range(8):
+            left, derivative = self.at(guess)
+            off = 0.0 if end is None else end - guess[7]
+            try:
+                change = np.linalg.solve(np.vstack([derivative, row]), np.array([*-left, off]))
+            except np.linalg.LinAlgError:
+                break
+            size = float(np.max(np.abs(change)))
+            if not size < _FARTHEST_OFF:
+                break
+            guess, bend = guess + change * self._unit, max(bend, size)
+            if size < _CONVERGED:
+                return guess, bend
+        return guess, inf
+
+
+def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: JointLimits) -> _Followed:
+    """From ``start``, which is at the begin of the path.
+
+    Raises:
+        Unreachable: the path leaves the reach of the arm, or the range of a joint.
+    """
+    unit = np.array([*limits.velocity, 1.0])
+    equations = _Equations(side, path, tool, unit)
+    values = np.array([*start, 0.0])
+    slope = equations.slope(values, np.eye(8)[7])
+    found, slopes, lengths, step = [values], [slope], [0.0], _LONGEST_STEP / 4.0
+    while values[7] < path.length:
+        is_last = bool(values[7] + step * slope[7] >= path.length)
+        if is_last:
+            step = min(step, max((path.length - values[7]) / slope[7], _SHORTEST_STEP))
+        after, bend = equations.solved(values + step * slope * unit, slope, path.length if is_last else None)
+        if bend > _STRAIGHT and step > _SHORTEST_STEP:
+            step *= 0.5
+            continue
+        onward = slope if bend == inf else equations.slope(after, slope)
+        if bend == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
+            raise _unreachable(side, path, values, "the arm is stretched out there, or has to fold over")
+        outside = limits.outside(joints(after[:7].tolist()))
+        if outside is not None:
+            place, joint = f"{degrees(after[outside]):.1f}°", joint_names(side)[outside]
+            why = f"{joint} would be at {place}, out of its range {limits.range_deg(outside)}"
+            raise _unreachable(side, path, after, why)
+        values, slope = after, onward
+        found.append(values)
+        slopes.append(slope)
+        lengths.append(lengths[-1] + step)
+        if bend < 0.3 * _STRAIGHT:
+            step = min(1.5 * step, _LONGEST_STEP)
+    return _Followed(np.array(lengths), np.array(found), np.array(slopes) * unit)
+
+
+def _unreachable(side: Side, path: ToolPath, values: Array, why: str) -> Unreachable:
+    at = path.at(float(values[7]))
+    x, y, z = at.tool.position
+    return Unreachable(
+        f"Path refused: the {side.word} arm cannot follow it beyond {100.0 * values[7] / path.length:.0f} %, at "
+        f"x {x:.3f}, y {y:.3f}, z {z:.3f} m: {why}. Choose another arm angle, begin in another posture, or take "
+        "another path."
+    )
+
+
+# ---- when
+
+_FINE = 0.003  # [s] between two looks at the way
+_KNOTS = 3  # cycles between two points of the plan: between them a spline is within a thousandth of a millimetre
+_ATTEMPTS = 40
+_SMOOTHING = 0.12  # [s] over which the speed along the way changes
+_ROUNDING = 1e-4  # [rad] of room that every joint has
+_SHARE = 0.9  # of the joints' limits: the limiter looks at what robot and reference add up to
+
+
+def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scale: float) -> tuple[Array, Array]:
+    """Joints [rad] and parameter in each cycle, (n, 8), and the times [s], (n,).
+
+    Args:
+        way: with all joints.
+        limits: of the joints.
+        rates: acceleration and jerk of the parameter, as the tool may [1/s], [1/s²].
+        scale: factor on accelerations and jerks of joints and tool, above 0 up to 1.
+    """
+    total = float(way.length[-1])
+    count = max(round(total / _FINE), 40)
+    fine = np.linspace(0.0, total, count + 1)
+    gap = total / count
+    strength, jerk = scale * rates[0], scale * rates[1]
+    tops = np.array([*(_SHARE * each for each in limits.velocity), 1.0])
+    strengths = np.array([*(_SHARE * scale * each for each in limits.acceleration), strength])
+    jerks = np.array([*(_SHARE * scale * each for each in limits.jerk), jerk])
+
+    slope = _hermite(fine, way.length, way.values, way.slopes, 1)
+    bend = _hermite(fine, way.length, way.values, way.slopes, 2)
+    highest = np.min(tops / np.maximum(np.abs(slope), 1e-9), 1)
+    highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(bend), 1e-9), 1)))
+    width = max(int(_SMOOTHING / gap / 2.0), 1)
+    slowing, cycle = 1.0, CYCLE
+    for attempt in range(_ATTEMPTS):
+        speed = _smoothed(highest, width) * slowing
+        # The time that each look takes at this speed, as the parameter of the jerk-limited motion.
+        times = np.concatenate([[0.0], np.cumsum(gap * 0.5 * (1.0 / speed[1:] + 1.0 / speed[:-1]))])
+        pace = np.abs(slope) * speed[:, None]
+        most = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
+        hardest = float(np.min(0.45 * jerks / np.maximum(np.max(pace, 0), 1e-9)))
+        ticks, clock = _start_and_end(float(times[-1]), most * slowing, hardest * slowing * slowing, cycle)
+        along = _hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
+        values = _hermite(along, way.length, way.values, way.slopes, 0)
+        # What the robot sees: differences from cycle to cycle, at rest before and after.
+        rest = [values[:1]] * 3, [values[-1:]] * 3
+        rows = np.concatenate([*rest[0], values, *rest[1]])
+        first = np.diff(rows, axis=0) / cycle
+        second, third = np.diff(first, axis=0) / cycle, np.diff(first, 2, axis=0) / cycle**2
+        # A joint that comes near the end of its range must be able to stop before it, as the limiter has it.
+        ranges = np.where(first[:, :7] > 0.0, limits.upper - rows[1:, :7], rows[1:, :7] - limits.lower)
+        stoppable = speeds_to_stop(ranges + _ROUNDING, np.array(limits.acceleration), np.array(limits.jerk))
+        shares = (
+            np.maximum(np.max(np.abs(first) / tops, 1), np.max(np.abs(first[:, :7]) / (_SHARE * stoppable), 1)),
+            np.sqrt(np.max(np.abs(second) / strengths, 1)),
+            np.cbrt(np.max(np.abs(third) / jerks, 1)),
+        )
+        # Each of them belongs to a place on the way.
+        demand = np.maximum.reduce([shares[0][2:], shares[1][1:], shares[2]])
+        places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(demand)]), 0, count)
+        if float(np.max(demand)) <= 1.0:
+            break
+        if attempt >= _ATTEMPTS // 2:
+            slowing /= min(float(np.max(demand)), 1.5) * 1.005
+            continue
+        asked = np.ones(count + 1)
+        np.maximum.at(asked, places, demand)
+        lower = speed / slowing / asked**1.2
+        highest = np.where(asked > 1.0, np.minimum(highest, lower), highest)
+    else:
+        raise CommandRefused("Path refused: no motion along it keeps the joints' limits; take another path.")
+    return values, ticks
+
+
+def speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
+    """As :func:`yumi.control.motion.speed_to_stop`, for arrays (n, 7) of all joints at once."""
+    slow = 3.0 * acceleration / jerk
+    return np.asarray(0.5 * acceleration * (np.sqrt(slow * slow + 8.0 * np.maximum(room, 0.0) / acceleration) - slow))
+
+
+def _smoothed(highest: Array, width: int) -> Array:
+    """A speed that changes gradually and is nowhere above ``highest``: the lowest nearby, averaged over as much."""
+    edge = np.pad(highest, 2 * width, mode="edge")
+    lowest = np.min(np.lib.stride_tricks.sliding_window_view(edge, 2 * width + 1), axis=1)
+    once = np.convolve(lowest, np.full(width + 1, 1.0 / (width + 1)), mode="valid")
+    return np.convolve(once, np.full(width + 1, 1.0 / (width + 1)), mode="valid")
+
+
+def _start_and_end(total: float, strength: float, jerk: float, cycle: float) -> tuple[Array, Array]:
+    """Times in whole cycles [s], and how far a clock that starts and ends gradually is by then, 0 to ``total`` [s]."""
+    plan = InputParameter(1)
+    plan.current_position, plan.target_position = [0.0], [total]
+    plan.max_velocity, plan.max_acceleration, plan.max_jerk = [1.0], [strength], [jerk]
+    motion = Trajectory(1)
+    result = Ruckig(1).calculate(plan, motion)
+    assert result in (Result.Working, Result.Finished), result  # at rest at both ends there is always one
+    count = int(motion.duration / cycle) + 1
+    ticks: Array = np.arange(count + 1, dtype=np.float64) * cycle
+    return ticks, np.array([motion.at_time(min(tick, motion.duration))[0][0] for tick in ticks.tolist()])
+
+
+def _hermite(at: Array, nodes: Array, values: Array, slopes: Array, order: int) -> Array:
+    """Cubic pieces through values (n, k) with slopes at nodes (n,), or their ``order``th derivative, at places (m,)."""
+    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
+    width = (nodes[index + 1] - nodes[index])[:, None]
+    t = (at[:, None] - nodes[index][:, None]) / width
+    p, q, v, w = values[index], values[index + 1], slopes[index] * width, slopes[index + 1] * width
+    c2, c3 = 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w
+    if order == 0:
+        return np.asarray(p + t * (v + t * (c2 + t * c3)))
+    if order == 1:
+        return np.asarray((v + t * (2.0 * c2 + t * 3.0 * c3)) / width)
+    return np.asarray((2.0 * c2 + t * 6.0 * c3) / width**2)
+
+
+# ---- the whole plan
+
+
+def plan_path(
+    side: Side,
+    start: Joints,
+    waypoints: Sequence[Waypoint],
+    limits: JointLimits,
+    tool: Pose = _TOOL0,
+    speed: float = SPEED,
+    turning: float = TURNING,
+    zone: float = ZONE,
+    acceleration: float = 1.0,
+) -> ArmPlan:
+    """The motion of an arm that stands, along straight lines of its tool through waypoints.
+
+    Args:
+        side: the arm.
+        start: where it stands [rad], (7,).
+        waypoints: where to, from where the tool is now.
+        limits: of the joints.
+        tool: the tool's frame in tool0.
+        speed: the tool's highest [m/s].
+        turning: the highest speed of its orientation and of the elbow [rad/s].
+        zone: corners are rounded from so far before them [m].
+        acceleration: factor on accelerations and jerks, above 0 up to 1.
+
+    Raises:
+        CommandRefused: a value is not finite or out of bounds.
+        Unreachable: the arm cannot follow the lines; the sentence says from where on.
+    """
+    _check(waypoints, speed, turning, zone, acceleration)
+    now = wrist_of(side, start)
+    here = Waypoint(tool0_to_body(side, start, tool), now.angle)
+    path = ToolPath([here, *waypoints], speed, turning, zone)
+    if path.length == 0.0:
+        point = TrajectoryPoint(0.0, start)
+        return ArmPlan(side, point, smooth_spline_through([point]), None)
+    try:
+        way = _followed(side, path, start, tool, limits)
+    except Unreachable:
+        if any(each.angle is not None for each in waypoints):
+            raise
+        # Where no arm angle is asked for, the elbow is free: it turns along the way, as little as helps.
+        for bend in _BENDS:
+            turned = [
+                Waypoint(each.tool, now.angle + bend * number / len(waypoints))
+                for number, each in enumerate(waypoints, 1)
+            ]
+            path = ToolPath([here, *turned], speed, turning, zone)
+            with suppress(Unreachable):
+                way = _followed(side, path, start, tool, limits)
+                break
+        else:
+            raise
+    rates = (
+        min(_ACCELERATION / speed, _ROTATION_ACCELERATION / turning),
+        min(_JERK / speed, _ROTATION_JERK / turning),
+    )
+    values, ticks = _timed(way, limits, rates, acceleration)
+    knots = sorted({*range(0, len(ticks), _KNOTS), len(ticks) - 1})
+    points = [TrajectoryPoint(float(ticks[index]), joints(values[index, :7].tolist())) for index in knots]
+    points[0] = TrajectoryPoint(0.0, start)
+    return ArmPlan(side, points[0], smooth_spline_through(points), None)
+
+
+def _check(waypoints: Sequence[Waypoint], speed: float, turning: float, zone: float, acceleration: float) -> None:
+    if not waypoints:
+        raise CommandRefused("Path refused: it has no poses; give at least one.")
+    for number, waypoint in enumerate(waypoints, 1):
+        check_pose(waypoint.tool, f"pose {number}")
+        if waypoint.angle is not None and not isfinite(waypoint.angle):
+            raise CommandRefused(f"Path refused: the arm angle of pose {number} is {waypoint.angle}; give radians.")
+    for name, value, lowest, highest, unit in (
+        ("speed", speed, 1e-4, FASTEST, "m/s"),
+        ("turning speed", turning, 1e-3, 2.0 * pi, "rad/s"),
+        ("zone", zone, 0.0, 1.0, "m"),
+        ("acceleration", acceleration, 0.01, 1.0, "of the highest"),
+    ):
+        if not lowest <= value <= highest:
+            raise CommandRefused(f"Path refused: {name} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}.")
+
+
+FARTHEST = 3.0
+"""A pose farther from the body than this [m] was hardly meant in metres."""
+
+
+def check_pose(pose: Pose, name: str = "the pose") -> None:
+    """Refuse what is not a pose.
+
+    Raises:
+        CommandRefused: a value is not finite, the orientation not a unit quaternion, or the place far away.
+    """
+    if not all(map(isfinite, (*pose.position, *pose.orientation))):
+        raise CommandRefused(f"Pose refused: {name} has a value that is not finite; give metres and a quaternion.")
+    if hypot(*pose.position) > FARTHEST:
+        raise CommandRefused(f"Pose refused: {name} is {hypot(*pose.position):g} m away; positions are in metres.")
+    if abs(hypot(*pose.orientation) - 1.0) > 1e-3:
+        raise CommandRefused(
+            f"Pose refused: the orientation of {name} has length {hypot(*pose.orientation):.3f}; give a unit "
+            "quaternion, w first."
+        )

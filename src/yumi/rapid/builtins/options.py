@@ -1,0 +1,79 @@
+"""Instructions and functions that need what this controller does not have, and those that change nothing on it.
+
+A program may use them: the former fail as on a controller on which the device does not answer or is not set up, so that
+error handlers are tried; the latter are executed and nothing happens.
+"""
+
+from __future__ import annotations
+
+from yumi.rapid.builtins.constants import CONSTANTS
+from yumi.rapid.library import Library
+
+OPTIONS = Library(CONSTANTS)
+
+OPTIONS.record("sensor", {"id": "num", "error": "num", "state": "sensorstate"})
+OPTIONS.alias("testsignal", "num")
+
+# The FlexPendant, diagnostics, brakes.
+for _name, _signature in (
+    ("TPShow", "tpnum Window"),
+    ("SpyStart", "string File"),
+    ("SpyStop", ""),
+    ("BrakeCheck", ""),
+    ("CyclicBrakeCheck", ""),
+):
+    OPTIONS.accepted(_name, _signature)
+
+OPTIONS.refused(
+    "UIShow",
+    r"string AssemblyName, string TypeName, \string InitCmd, \VAR uishownum InstanceID, \VAR num Status, "
+    r"\switch NoCloseBtn",
+    "ERR_UISHOW_FATAL",
+    "there is no FlexPendant on which an application could run.",
+)
+
+# Sensor Interface.
+_NO_SENSOR = "no sensor is connected to this controller."
+for _name, _signature in (
+    ("SiConnect", r"INOUT sensor Sensor, \switch NoStop"),
+    ("SiClose", "INOUT sensor Sensor"),
+    ("SiGetCyclic", "INOUT sensor Sensor, anytype Data, num Rate"),
+    ("SiSetCyclic", "INOUT sensor Sensor, anytype Data, num Rate"),
+    ("SenDevice", "string device"),
+    ("ReadBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
+    ("WriteBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
+    ("WriteVar", r"string device, num VarNo, num VarData, \num TaskName"),
+    ("IVarValue", r"string device, num VarNo, INOUT num Value, VAR intnum Interrupt, \num Unit, \string DeadBand"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_COMM_INIT", _NO_SENSOR)
+OPTIONS.refused("ReadVar", r"string device, num VarNo, \num TaskName", "ERR_COMM_INIT", _NO_SENSOR, "num")
+
+# Servo tools.
+_NO_GUN = "no servo tool is defined on this controller."
+for _name, _signature in (
+    ("STOpen", r"string ToolName, \switch WaitZeroSpeed, \switch Conc"),
+    ("STClose", r"string ToolName, num TipForce, num Thickness, \VAR num RetThickness, \switch Conc"),
+    ("STCalib", r"string ToolName, \switch ToolChg | \switch TipChg | \switch TipWear, \VAR num RetTipWear"),
+    ("STIndGun", "string ToolName, num GunPos"),
+    ("STIndGunReset", "string ToolName"),
+    ("STTune", r"anytype MecUnit, num TuneValue, num Type"),
+    ("STTuneReset", "anytype MecUnit"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_NO_SGUN", _NO_GUN)
+for _name, _signature, _returns in (
+    ("STCalcForce", "string ToolName, num MotorTorque", "num"),
+    ("STCalcTorque", "string ToolName, num TipForce", "num"),
+    ("STIsCalib", r"string ToolName, \switch sguninit | \switch sgunsynch", "bool"),
+    ("STIsClosed", r"string ToolName, \VAR num RetThickness", "bool"),
+    ("STIsIndGun", "string ToolName", "bool"),
+    ("STIsOpen", r"string ToolName, \VAR num RetTipWear, \VAR num RetThickness", "bool"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_NO_SGUN", _NO_GUN, _returns)
+
+# Cameras.
+OPTIONS.refused(
+    "AliasCamera",
+    "string CameraName, string CameraAlias",
+    "ERR_NAME_INVALID",
+    "no camera is connected to this controller.",
+)

@@ -1,0 +1,350 @@
+r"""RAPID's moves that do something on the way: MoveLDO and its like, TriggL with TriggIO, SearchL.
+
+What happens at a place on the path is done when the arm's planned position passes it, in the middle of its corner where
+the place is rounded, whatever the program is doing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.types import ArrayType, resolved
+from yumi.virtual.instructions.motion import FATAL, FRAMES, Build, MotionInstructions
+from yumi.virtual.mechanics.path import Passage, Trigger
+
+_MOST_TRIGGERS = 8
+_INSTANT = 1e-4  # [s] over which the tool's speed is measured
+_RELATIONS: dict[float, Callable[[float, float], bool]] = {
+    1.0: lambda a, b: a < b,
+    2.0: lambda a, b: a <= b,
+    3.0: lambda a, b: a == b,
+    4.0: lambda a, b: a > b,
+    5.0: lambda a, b: a >= b,
+    6.0: lambda a, b: a != b,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """What a triggdata describes.
+
+    Attributes:
+        action: what happens; it gets the task's call.
+        distance: from the end of the move, or from its start [mm].
+        is_from_start: which of them.
+        time: before the end instead of a distance [s].
+        lead: how much earlier it happens [s].
+    """
+
+    action: Callable[[Call], None]
+    distance: float = 0.0
+    is_from_start: bool = False
+    time: float = 0.0
+    lead: float = 0.0
+
+
+@dataclass(eq=False, slots=True)
+class TriggData:
+    """A triggdata: empty, or what happens where."""
+
+    events: tuple[Event, ...] = ()
+
+
+class TriggerInstructions:
+    """The moves with triggers of one task."""
+
+    def __init__(self, motion: MotionInstructions) -> None:
+        self._motion = motion
+
+    # What happens -------------------------------------------------------------------------------------------------
+
+    def define_output(self, call: Call) -> None:
+        """TriggIO, TriggEquip: an output is set."""
+        name = next((call[each].name for each in ("DOp", "GOp", "AOp") if call.present(each)), None)
+        if name is None:
+            raise RapidRuntimeError(FATAL, rf"{call.name} needs one of \DOp, \GOp and \AOp.")
+        value, delay = call["SetValue"], call.get("DODelay", 0.0)
+
+        def act(move: Call) -> None:
+            if delay > 0.0:
+                move.task.timers.add(move.task.now + delay, lambda: move.task.write_signal(name, value))
+            else:
+                move.task.write_signal(name, value)
+
+        self._define(call, Event(act))
+
+    def define_interrupt(self, call: Call) -> None:
+        """TriggInt: an interrupt occurs."""
+        number = int(call["Interrupt"])
+        self._define(call, Event(lambda move: move.task.interrupts.occur(number)))
+
+    def define_check(self, call: Call) -> None:
+        r"""TriggCheckIO: an interrupt occurs where a signal is not as it should be; with \StopMove the arm stops."""
+        name, relation, wanted = call["Signal"].name, call["Relation"], call["CheckValue"]
+        number, stops = int(call["Interrupt"]), call.present("StopMove")
+        if relation not in _RELATIONS:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"TriggCheckIO: {relation:g} is no relation; use LT to NOTEQ.")
+
+        def act(move: Call) -> None:
+            if not _RELATIONS[relation](move.task.read_signal(name), wanted):
+                if stops:
+                    self._motion.arm.path.holds.add("StopMove")
+                move.task.interrupts.occur(number)
+
+        self._define(call, Event(act))
+
+    def define_speed(self, call: Call) -> None:
+        """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""
+        name, scale = call["AOp"].name, call["ScaleValue"]
+
+        def act(move: Call) -> None:
+            path, frames = self._motion.arm.path, self._motion.read_frames(move)
+
+            def follow() -> None:
+                joints = np.array([path.state.position, path.state.position])
+                joints[1] += np.array(path.state.velocity) * _INSTANT
+                points, _ = frames.tip(*self._motion.arm.kinematics.forward(joints))
+                speed = float(np.linalg.norm(points[1] - points[0])) / _INSTANT  # [m/s]
+                move.task.write_signal(name, speed * scale)
+                if not path.is_finished:
+                    move.task.timers.add(move.task.now + 0.012, follow)
+
+            follow()
+
+        self._define(call, Event(act, lead=call["ScaleLag"]))
+
+    def define_ramp(self, call: Call) -> None:
+        r"""TriggRampAO: an analog output goes evenly to a value, over a length or with \Time a time."""
+        name, value, length = call["AOutput"].name, call["SetValue"], call["RampLength"]
+        steps = 20
+        begins: list[float] = []
+
+        def act(share: float) -> Callable[[Call], None]:
+            def set_part(move: Call) -> None:
+                if share == 0.0:
+                    begins[:] = [move.task.read_signal(name)]
+                start = begins[0] if begins else 0.0
+                move.task.write_signal(name, start + (value - start) * share)
+
+            return set_part
+
+        def ramp(move: Call) -> None:
+            act(0.0)(move)
+            for step in range(1, steps + 1):
+                share = step / steps
+                move.task.timers.add(move.task.now + length * share, lambda share=share: act(share)(move))  # type: ignore[misc]
+
+        if call.present("Time"):
+            self._define(call, Event(ramp))
+            return
+        self._define(call, Event(act(0.0)))
+        (event,) = call["TriggData"].events
+        sign = 1.0 if event.is_from_start else -1.0
+        call["TriggData"].events = tuple(
+            replace(event, action=act(step / steps), distance=event.distance + sign * length * step / steps)
+            for step in range(steps + 1)
+        )
+
+    def _define(self, call: Call, event: Event) -> None:
+        is_time = call.name.lower() != "triggrampao" and bool(call.get("Time", False))
+        distance = call["Distance"]
+        if distance < 0.0:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} takes no negative distance, not {distance:g}.")
+        call["TriggData"].events = (
+            replace(
+                event,
+                distance=0.0 if is_time else distance,
+                time=distance if is_time else 0.0,
+                is_from_start=call.present("Start"),
+                lead=event.lead + call.get("EquipLag", 0.0),
+            ),
+        )
+
+    def copy(self, call: Call) -> None:
+        """TriggDataCopy."""
+        call["DestinationTriggData"].events = call["SourceTriggData"].events
+
+    def reset(self, call: Call) -> None:
+        """TriggDataReset."""
+        call["TriggData"].events = ()
+
+    def is_defined(self, call: Call) -> bool:
+        """TriggDataValid."""
+        return bool(call["TriggData"].events)
+
+    # Moves --------------------------------------------------------------------------------------------------------
+
+    def trigger_line(self, call: Call) -> Wait:
+        """TriggL."""
+        yield from self._triggered(call, self._motion.line_build(call))
+
+    def trigger_joint(self, call: Call) -> Wait:
+        """TriggJ."""
+        yield from self._triggered(call, self._motion.joint_build(call))
+
+    def trigger_circle(self, call: Call) -> Wait:
+        """TriggC."""
+        yield from self._triggered(call, self._motion.circle_build(call))
+
+    def _triggered(self, call: Call, build: Build) -> Wait:
+        first = call.reference("Trigg_1")
+        is_array = isinstance(resolved(first.type), ArrayType)
+        data = list(first.value) if is_array else [first.value]
+        data += [call[f"T{number}"] for number in range(2, _MOST_TRIGGERS + 1) if call.present(f"T{number}")]
+        if not all(isinstance(each, TriggData) and (is_array or each.events) for each in data):
+            raise RapidRuntimeError(FATAL, f"{call.name}: a triggdata has to be defined, by TriggIO or its like.")
+        events = [event for each in data for event in each.events]
+        yield from self._motion.passed(call, build, lambda passage: self._attach(call, passage, events))
+
+    def _attach(self, call: Call, passage: Passage, events: list[Event]) -> None:
+        """Add what happens to the run; a distance longer than the move is its other end."""
+        leg, run = passage.leg, passage.run
+        total = float(leg.piece.way[-1]) * 1e3
+        for event in events:
+            share = min(event.distance / total, 1.0) if total > 0.0 else 0.0
+            at = share if event.is_from_start else 1.0 - share
+            action = event.action
+            if passage.run.length == 0.0:
+                action(call)
+                continue
+            run.triggers.append(Trigger(passage, at, event.lead + event.time, lambda action=action: action(call)))  # type: ignore[misc]
+
+    def set_at_end(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
+        """MoveLDO, MoveJAO and their like: a signal is set at the end, in the middle of a corner there."""
+
+        def move(call: Call) -> Wait:
+            value = call.get("DValue", call.get("Value", 0.0))
+            event = Event(lambda _: call.task.write_signal(call["Signal"].name, value))
+            attach: Callable[[Passage], None] = lambda passage: self._attach(call, passage, [event])  # noqa: E731
+            yield from self._motion.passed(call, build(call), attach)
+
+        return move
+
+    def call_at_end(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
+        """MoveLSync and its like: a procedure is called at the end, as a trap routine is."""
+
+        def move(call: Call) -> Wait:
+            number = call.task.interrupt_of(call["ProcName"])
+            event = Event(lambda _: call.task.interrupts.occur(number))
+            attach: Callable[[Passage], None] = lambda passage: self._attach(call, passage, [event])  # noqa: E731
+            yield from self._motion.passed(call, build(call), attach)
+
+        return move
+
+    # Searches -----------------------------------------------------------------------------------------------------
+
+    def search_line(self, call: Call) -> Wait:
+        """SearchL."""
+        yield from self._searched(call, self._motion.line_build)
+
+    def search_circle(self, call: Call) -> Wait:
+        """SearchC."""
+        yield from self._searched(call, self._motion.circle_build)
+
+    def _searched(self, call: Call, build: Callable[[Call], Build]) -> Wait:
+        """Move to a stop point; the place where the signal changes is kept, and the arm stops there if wanted."""
+        motion, arm, task, name = self._motion, self._motion.arm, call.task, call["Signal"].name
+        frames = motion.frames(call["Tool"], call.get("WObj"))
+        level = 0.0 if call.present("LowLevel") or call.present("NegFlank") else 1.0
+        by_level = call.present("HighLevel") or call.present("LowLevel")
+        both = call.present("Flanks")
+        before = task.read_signal(name)
+        if not by_level and not both and before == level and not call.present("PosFlank"):
+            sentence = f"{call.name}: the signal {name} is set already where the search begins."
+            raise RapidRuntimeError("ERR_SIGSUPSEARCH", sentence)
+        stops = any(call.present(each) for each in ("Stop", "PStop", "SStop"))
+        is_found = False
+        moving = motion.passed(call, build(call))
+        try:
+            for due in moving:
+                now = task.read_signal(name)
+                hit = (both and now != before) or (not both and now == level and (by_level or before != level))
+                before = now
+                if hit and is_found and call.present("Sup"):
+                    sentence = f"{call.name}: the signal {name} has changed more than once."
+                    raise RapidRuntimeError("ERR_SIGSUPSEARCH", sentence)
+                if hit and not is_found:
+                    is_found = True
+                    call["SearchPoint"] = motion.robtarget(arm.position, frames)
+                    if stops:
+                        moving.close()
+                        while not arm.is_stationary or arm.path.is_abandoned:
+                            yield None
+                        return
+                yield due
+        except GeneratorExit:
+            moving.close()
+            raise
+        if not is_found:
+            raise RapidRuntimeError("ERR_WHLSEARCH", f"{call.name}: the signal {name} has not changed on the way.")
+
+
+def add_triggers(library: Library, motion: MotionInstructions) -> None:
+    """Register the moves with triggers of one task."""
+    own = TriggerInstructions(motion)
+    library.object_type("triggdata", TriggData)
+    for number, relation in enumerate(("LT", "LTEQ", "EQ", "GT", "GTEQ", "NOTEQ"), start=1):
+        library.data(relation, "opnum", float(number))
+    data = "VAR triggdata TriggData, num Distance"
+    outputs = r"\VAR signaldo DOp | \VAR signalgo GOp | \VAR signalao AOp | \num ProcID, anynum SetValue"
+    where = r"\switch Start | \switch Time"
+    for name, signature, define in (
+        ("TriggIO", rf"{data}, {where}, {outputs}, \num DODelay", own.define_output),
+        ("TriggEquip", rf"{data}, \switch Start, num EquipLag, {outputs}, \bool Inhib", own.define_output),
+        ("TriggInt", rf"{data}, {where}, VAR intnum Interrupt", own.define_interrupt),
+        (
+            "TriggCheckIO",
+            rf"{data}, {where}, VAR signal Signal, opnum Relation, anynum CheckValue, \switch StopMove, "
+            "VAR intnum Interrupt",
+            own.define_check,
+        ),
+        (
+            "TriggSpeed",
+            rf"{data}, \switch Start, num ScaleLag, VAR signalao AOp, num ScaleValue, \num DipLag, "
+            r"\VAR signaldo ErrDO, \bool Inhib",
+            own.define_speed,
+        ),
+        (
+            "TriggRampAO",
+            rf"{data}, \switch Start, num EquipLag, VAR signalao AOutput, num SetValue, num RampLength, \switch Time",
+            own.define_ramp,
+        ),
+        ("TriggDataCopy", "VAR triggdata SourceTriggData, VAR triggdata DestinationTriggData", own.copy),
+        ("TriggDataReset", "VAR triggdata TriggData", own.reset),
+    ):
+        library.instruction(name, signature)(define)
+    library.function("TriggDataValid", "VAR triggdata TriggData", "bool")(own.is_defined)
+    triggers = ", ".join(rf"\triggdata T{number}" for number in range(2, _MOST_TRIGGERS + 1))
+    rest = (
+        rf"\identno ID, speeddata Speed, \num T, anytype Trigg_1, {triggers}, zonedata Zone, \stoppointdata Inpos, "
+        f"{FRAMES}"
+    )
+    to, through = "robtarget ToPoint", "robtarget CirPoint, robtarget ToPoint"
+    library.instruction("TriggL", rf"\switch Conc, {to}, {rest}")(own.trigger_line)
+    library.instruction("TriggJ", rf"\switch Conc, {to}, {rest}")(own.trigger_joint)
+    library.instruction("TriggC", rf"\switch Conc, {through}, {rest}")(own.trigger_circle)
+    move = r"\identno ID, speeddata Speed, \num T, zonedata Zone, tooldata Tool, \wobjdata WObj"
+    builds = {"L": motion.line_build, "J": motion.joint_build, "C": motion.circle_build}
+    for letter, build in builds.items():
+        target = through if letter == "C" else to
+        for kind, signal in (("DO", "VAR signaldo Signal, dionum Value"), ("AO", "VAR signalao Signal, num Value")):
+            library.instruction(f"Move{letter}{kind}", rf"{target}, {move}, {signal}, \loaddata TLoad")(
+                own.set_at_end(build)
+            )
+        library.instruction(
+            f"Move{letter}GO", rf"{target}, {move}, VAR signalgo Signal, \num Value | \dnum DValue, \loaddata TLoad"
+        )(own.set_at_end(build))
+        library.instruction(f"Move{letter}Sync", rf"{target}, {move}, string ProcName, \loaddata TLoad")(
+            own.call_at_end(build)
+        )
+    flanks = r"\switch Flanks | \switch PosFlank | \switch NegFlank | \switch HighLevel | \switch LowLevel"
+    stops = r"\switch Stop | \switch PStop | \switch SStop | \switch Sup"
+    search = rf"{stops}, VAR signaldi Signal, {flanks}, INOUT robtarget SearchPoint"
+    rest = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
+    library.instruction("SearchL", f"{search}, {to}, {rest}")(own.search_line)
+    library.instruction("SearchC", f"{search}, {through}, {rest}")(own.search_circle)

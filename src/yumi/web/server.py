@@ -1,0 +1,427 @@
+"""The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
+
+Who may do what: a page of this machine sees the robot; through another interface only with the token. A page of a
+foreign origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot,
+after it has taken control: a virtual one always, a real one where the server was started to operate it and the page is
+opened on the same machine.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from collections import deque
+from collections.abc import Awaitable, Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import msgspec
+from aiohttp import WSMsgType, web
+
+import yumi.robot
+from yumi.driver.endpoint import AnyRequest, StopEgm, failure_of
+from yumi.errors import CommandRefused, SettingsError, YumiError
+from yumi.virtual.controller.fault_names import Fault
+from yumi.web.live import JogJoints, JogTool, LiveRobot, Operator
+from yumi.web.model import robot_model
+
+MAX_PAGES = 8
+"""So many pages are served at once."""
+
+_STATIC = Path(__file__).parent / "static"
+_MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
+_COOKIE = "yumi_view_token"
+_MAX_MESSAGE = 1 << 14  # of a page [bytes]
+_PING = 30.0  # [s]
+_ANSWER = 3.0  # [s] a page that has control and shows no state for so long loses it
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
+    "form-action 'none'; base-uri 'none'; frame-ancestors 'none'"
+)
+_HEADERS = {
+    "Content-Security-Policy": _POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-cache",
+}
+
+
+# ---- what a page sends
+
+
+class _Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type"):
+    pass
+
+
+class TakeControl(_Message, frozen=True, tag="take_control"):
+    """A person has clicked on it; a page that has control loses it."""
+
+
+class GiveBack(_Message, frozen=True, tag="give_back"):
+    """Control is given back."""
+
+
+class Ask(_Message, frozen=True, tag="ask"):
+    """Something that the driver is asked for; answers have this ``id``."""
+
+    id: int
+    request: AnyRequest
+
+
+class Inject(_Message, frozen=True, tag="inject"):
+    """A fault for a virtual robot, with the options of ``yumi fault``."""
+
+    id: int
+    name: str
+    form: dict[str, str] = {}
+
+
+class Seen(_Message, frozen=True, tag="seen"):
+    """The state that was sent is shown; the next one may come."""
+
+
+_messages = msgspec.json.Decoder(TakeControl | GiveBack | Ask | Inject | Seen | JogJoints | JogTool)
+
+
+@dataclass(frozen=True, slots=True)
+class ViewSettings:
+    """How the page is served.
+
+    Attributes:
+        robot: address or namespace, where several drivers run.
+        host: address to listen on.
+        port: to listen on; 0 takes a free one.
+        may_operate: whether a real robot may be operated from this machine.
+        token: what pages must show; needed where another machine can reach the server.
+        recording: to be shown instead of a robot.
+    """
+
+    robot: str = ""
+    host: str = "127.0.0.1"
+    port: int = 8090
+    may_operate: bool = False
+    token: str = field(default="", repr=False)
+    recording: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        if not is_loopback(self.host) and not self.token:
+            raise SettingsError(f"On {self.host} other machines reach the page; it needs a token.")
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a host name or address means this machine."""
+    try:
+        return host == "localhost" or ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return False
+
+
+class _Page:
+    """One page; what it is sent waits here: messages in order, of states the newest, once the one before is shown.
+
+    A browser that is slow would else show states that are seconds old.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
+        self.socket, self.is_local = socket, is_local
+        self._messages: deque[bytes] = deque(maxlen=200)
+        self._state = b""
+        self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
+        self._has_news = asyncio.Event()
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        self._messages.append(msgspec.json.encode(message))
+        self._has_news.set()
+
+    def send_state(self, state: bytes) -> None:
+        self._state = state
+        self._has_news.set()
+
+    def seen(self) -> None:
+        """The last state is shown."""
+        self._sent_at = None
+        self._has_news.set()
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether a state has not been shown for too long."""
+        return self._sent_at is not None and asyncio.get_running_loop().time() - self._sent_at > _ANSWER
+
+    async def send_all(self) -> None:
+        """Until the socket is closed."""
+        while not self.socket.closed:
+            await self._has_news.wait()
+            self._has_news.clear()
+            while self._messages:
+                await self.socket.send_str(self._messages.popleft().decode())
+            if self._state and self._sent_at is None:
+                state, self._state = self._state, b""
+                self._sent_at = asyncio.get_running_loop().time()
+                await self.socket.send_str(state.decode())
+
+
+class ViewServer:
+    """Serves the page from :meth:`start` to :meth:`stop`, on the event loop of its caller.
+
+    Args:
+        settings: how.
+
+    Attributes:
+        port: it listens on, once it has started.
+    """
+
+    def __init__(self, settings: ViewSettings) -> None:
+        self.port = settings.port
+        self._settings = settings
+        self._live = LiveRobot(settings.robot, self._publish, self._introduce_all)
+        self._pages: set[_Page] = set()
+        self._operator: tuple[_Page, Operator] | None = None
+        self._switching = asyncio.Lock()  # one change of control at a time
+        self._model = msgspec.json.encode(robot_model())
+        self._following: asyncio.Task[None] | None = None
+        self._taking: asyncio.Task[None] | None = None
+        application = web.Application(middlewares=[self._guard])
+        application.router.add_get("/", self._index)
+        application.router.add_get("/model.json", self._send_model)
+        application.router.add_get("/recording.json", self._send_recording)
+        application.router.add_get("/ws", self._serve_page)
+        application.router.add_static("/static", _STATIC)
+        if _MESHES.is_dir():
+            application.router.add_static("/meshes", _MESHES)
+        self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.5)
+
+    @property
+    def url(self) -> str:
+        """Where a browser finds it."""
+        host = self._settings.host if ":" not in self._settings.host else f"[{self._settings.host}]"
+        token = f"?token={self._settings.token}" if self._settings.token else ""
+        return f"http://{host}:{self.port}/{token}"
+
+    async def start(self) -> None:
+        """Listen.
+
+        Raises:
+            SettingsError: the port is not free or not allowed.
+        """
+        await self._runner.setup()
+        try:
+            await web.TCPSite(self._runner, self._settings.host, self.port).start()
+        except (OSError, OverflowError) as error:
+            await self._runner.cleanup()
+            reason = (isinstance(error, OSError) and error.strerror) or error
+            raise SettingsError(f"Port {self.port} on {self._settings.host} cannot be opened ({reason}).") from error
+        self.port = self._runner.addresses[0][1]
+        if self._settings.recording is None:
+            self._following = asyncio.create_task(self._live.run())
+
+    async def stop(self) -> None:
+        """Give control back, close all pages and end."""
+        await self._release(None, "yumi view has ended.")
+        if self._following is not None:
+            self._following.cancel()
+        for page in tuple(self._pages):
+            await page.socket.close()
+        await self._runner.cleanup()
+
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        """Refuse who may not see anything: foreign origins and host names, and who lacks the token."""
+        host = _host_of(f"http://{request.host}")
+        origin = request.headers.get("Origin")
+        if is_loopback(self._settings.host) and not is_loopback(host):
+            raise web.HTTPForbidden(text="This page is served under the names of this machine only: use 127.0.0.1.")
+        if origin is not None and urlsplit(origin).netloc != request.host:
+            raise web.HTTPForbidden(text="Pages of other origins may not use this server.")
+        token = self._settings.token
+        if token:
+            given = request.query.get("token", "")
+            if given and secrets.compare_digest(given.encode(), token.encode()) and request.path == "/":
+                moved = web.HTTPSeeOther("/")  # so that the token is not left in the address bar
+                moved.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
+                raise moved
+            if not secrets.compare_digest(request.cookies.get(_COOKIE, "").encode(), token.encode()):
+                raise web.HTTPForbidden(text="Open the page by the address with the token that `yumi view` printed.")
+        response = await handler(request)
+        if not response.prepared:
+            response.headers.update(_HEADERS)
+        return response
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        return web.FileResponse(_STATIC / "index.html")
+
+    async def _send_model(self, request: web.Request) -> web.StreamResponse:
+        return web.Response(body=self._model, content_type="application/json")
+
+    async def _send_recording(self, request: web.Request) -> web.StreamResponse:
+        if self._settings.recording is None:
+            raise web.HTTPNotFound(text="There is no recording; the page shows a robot.")
+        return web.Response(body=msgspec.json.encode(self._settings.recording), content_type="application/json")
+
+    async def _serve_page(self, request: web.Request) -> web.StreamResponse:
+        if "Origin" not in request.headers:  # every browser sends one; other programs have the driver's endpoint
+            raise web.HTTPForbidden(text="Only the page may open this connection.")
+        if len(self._pages) >= MAX_PAGES:
+            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are open already; close one.")
+        socket = web.WebSocketResponse(heartbeat=_PING, max_msg_size=_MAX_MESSAGE, compress=False)
+        await socket.prepare(request)
+        page = _Page(socket, is_local=is_loopback(request.remote or ""))
+        self._pages.add(page)
+        self._live.watch(True)
+        self._introduce(page)
+        sending = asyncio.create_task(page.send_all())
+        try:
+            async for message in socket:
+                if message.type is WSMsgType.TEXT:
+                    await self._take(page, message.data)
+        finally:
+            self._pages.discard(page)
+            self._live.watch(bool(self._pages))
+            sending.cancel()
+            await self._release(page, "The page that had control was closed.")
+            with suppress(asyncio.CancelledError, ConnectionError):
+                await sending
+        return socket
+
+    async def _take(self, page: _Page, data: str) -> None:
+        """Carry out a message of a page."""
+        try:
+            message = _messages.decode(data)
+        except msgspec.DecodeError as error:
+            page.send({"type": "refused", "sentence": f"Message refused: {error}."})
+            return
+        if isinstance(message, Seen):
+            page.seen()
+            return
+        if isinstance(message, TakeControl):
+            await self._take_control(page)
+            return
+        if isinstance(message, GiveBack):
+            await self._release(page, "")
+            return
+        why_not = self._why_not_operated(page)
+        operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
+        if isinstance(message, Ask) and isinstance(message.request, StopEgm) and not why_not and operator is None:
+            await self._stop_egm(page, message)  # who may operate may stop at any time
+            return
+        if operator is None:
+            sentence = why_not or "Take control first."
+            failure = failure_of(CommandRefused(sentence))
+            if isinstance(message, Ask | Inject):
+                page.send({"type": "failed", "id": message.id, "error": failure})
+            else:
+                page.send({"type": "jog_refused", "hold": message.hold, "error": failure})
+        elif isinstance(message, Ask):
+            operator.ask(message.id, message.request)
+        elif isinstance(message, Inject):
+            operator.inject(message.id, message.name, message.form)
+        else:
+            operator.jog(message)
+
+    async def _take_control(self, page: _Page) -> None:
+        why_not = self._why_not_operated(page)
+        if why_not:
+            page.send({"type": "refused", "sentence": why_not})
+            return
+        await self._release(None, "Another page has taken control.", unless=page)
+        async with self._switching:
+            if self._operator is not None or page not in self._pages:
+                return  # it has it already, another one was faster, or it is gone
+            operator = Operator(self._live, page.send)
+            try:
+                await operator.open()
+            except YumiError as error:
+                page.send({"type": "refused", "sentence": str(error)})
+                return
+            self._operator = page, operator
+        self._introduce_all()
+
+    async def _release(self, page: _Page | None, reason: str, unless: _Page | None = None) -> None:
+        """Take control from a page, or from the one that has it; what moves for it is stopped."""
+        async with self._switching:
+            if self._operator is None or self._operator[0] is unless or page not in (None, self._operator[0]):
+                return
+            holder, operator = self._operator
+            self._operator = None
+            if reason and holder in self._pages:
+                holder.send({"type": "refused", "sentence": reason})
+            await operator.close()
+        self._introduce_all()
+
+    async def _stop_egm(self, page: _Page, message: Ask) -> None:
+        operator = Operator(self._live, page.send)
+        try:
+            await operator.open()
+        except YumiError as error:
+            page.send({"type": "failed", "id": message.id, "error": failure_of(error)})
+            return
+        await operator.carry_out(message.id, message.request)
+        await operator.close()
+
+    def _why_not_operated(self, page: _Page) -> str:
+        """Why a page may only look; empty when it may operate the robot."""
+        if self._settings.recording is not None:
+            return "This is a recording."
+        if self._live.why_not:
+            return self._live.why_not
+        if self._live.is_virtual:
+            return ""
+        if not self._settings.may_operate:
+            return "This page only shows the robot; to operate a real one, start `yumi view --operate`."
+        return "" if page.is_local else "A real robot is operated from the machine on which `yumi view` runs only."
+
+    def _publish(self, state: bytes) -> None:
+        for page in self._pages:
+            page.send_state(state)
+        if self._operator is not None and self._operator[0].is_silent and self._taking is None:
+            self._taking = asyncio.create_task(self._take_from_silent(self._operator[0]))
+
+    async def _take_from_silent(self, page: _Page) -> None:
+        try:
+            await self._release(page, "This page did not answer for a while, and has lost control.")
+        finally:
+            self._taking = None
+
+    def _introduce_all(self) -> None:
+        for page in self._pages:
+            self._introduce(page)
+
+    def _introduce(self, page: _Page) -> None:
+        """What a page must know beside the state: whether there is a robot, and who operates it."""
+        holder = self._operator[0] if self._operator is not None else None
+        page.send(
+            {
+                "type": "view",
+                "is_recording": self._settings.recording is not None,
+                "why_no_robot": "" if self._settings.recording is not None else self._live.why_not,
+                "is_virtual": self._live.is_virtual,
+                "why_not_operated": self._why_not_operated(page),
+                "control": "none" if holder is None else "here" if holder is page else "elsewhere",
+                "events": tuple(self._live.events),
+                "faults": [_fault(each) for each in Fault] if self._live.is_virtual else [],
+            }
+        )
+
+
+def _fault(fault: Fault) -> dict[str, Any]:
+    kind = fault.value
+    return {
+        "name": kind.name,
+        "meaning": kind.meaning,
+        "has_side": kind.has_side,
+        "unit": "" if kind.amount is None else kind.amount.unit,
+    }
+
+
+def _host_of(url: str) -> str:
+    try:
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""

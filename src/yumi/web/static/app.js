@@ -1,0 +1,667 @@
+// The page: shows what the driver says of the robot, and asks for what a person presses. Angles are shown in degrees.
+
+import { Scene } from "./scene.js";
+
+const DEGREES = 180 / Math.PI;
+const MAX_JOINT_SPEED = 1.0; // [rad/s] as the server allows
+const MAX_LINEAR = 0.2; // [m/s]
+const MAX_ANGULAR = 1.0; // [rad/s]
+const JOG_PERIOD = 33; // [ms] between two messages while a key is held; without them the arm stops after 0.1 s
+const STRIP = 300; // samples of a strip
+const ARMS = ["right", "left"];
+
+const at = (id) => document.getElementById(id);
+const make = (tag, properties = {}, ...children) => {
+  const element = Object.assign(document.createElement(tag), properties);
+  element.append(...children);
+  return element;
+};
+
+let model;
+let scene = null;
+let state = null; // the newest, as the driver's DriverState
+let view = { control: "none", why_no_robot: "The page is connecting.", why_not_operated: "", faults: [], events: [] };
+let socket = null;
+let word = "right"; // the arm that is shown in the panel
+let number = 0; // of requests
+const pending = new Map();
+let jog = null;
+let holds = Date.now() % 1e9; // a hold has a number of its own, in each page
+const rows = [];
+
+// ---- the connection
+
+function connect() {
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
+  socket.onmessage = ({ data }) => take(JSON.parse(data));
+  socket.onclose = () => {
+    endJog();
+    for (const { reject } of pending.values()) reject({ message: "The connection to yumi view is lost." });
+    pending.clear();
+    view = { ...view, control: "none", why_no_robot: "The connection to yumi view is lost; is it still running?" };
+    show();
+    setTimeout(connect, 1000);
+  };
+}
+
+function send(message) {
+  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+}
+
+function take(message) {
+  if (message.type === "state") {
+    state = message.state;
+    addEvents(message.events);
+    sample();
+    show();
+    setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
+  } else if (message.type === "view") {
+    if (view.control === "here" && message.control !== "here") endJog();
+    view = message;
+    at("events").replaceChildren();
+    addEvents(message.events);
+    if (message.why_no_robot) state = null;
+    fillFaults();
+    if (message.is_recording) openRecording();
+    show();
+  } else if (message.type === "refused") {
+    toast(message.sentence);
+  } else if (message.type === "jog_refused") {
+    if (jog && jog.hold === message.hold) endJog();
+    toast(message.error.message);
+  } else if (message.type === "step" || message.type === "motions") {
+    const waiting = pending.get(message.id);
+    if (waiting && message.step) toast(message.step, "info");
+  } else if (pending.has(message.id)) {
+    const { resolve, reject } = pending.get(message.id);
+    pending.delete(message.id);
+    if (message.type === "done") resolve(message.result);
+    else reject(message.error);
+  }
+}
+
+/** Ask for something, and show how it ends. */
+async function ask(message, button) {
+  number += 1;
+  const id = number;
+  const end = new Promise((resolve, reject) => pending.set(id, { resolve, reject }));
+  send({ ...message, id });
+  if (button) button.setAttribute("aria-busy", "true");
+  try {
+    const result = await end;
+    const sentence = typeof result === "string" ? result : describe(result);
+    if (sentence) toast(sentence, "info");
+    return result;
+  } catch (error) {
+    toast(error.message);
+    return null;
+  } finally {
+    if (button) button.removeAttribute("aria-busy");
+  }
+}
+
+const request = (method, values, button) => ask({ type: "ask", request: { method, ...values } }, button);
+
+function describe(result) {
+  if (!result || !result.outcome) return "";
+  const width = `${(result.width * 1000).toFixed(1)} mm`;
+  return result.outcome === "holding" ? `The gripper holds something ${width} wide.` : `The gripper is ${result.outcome}, ${width} wide.`;
+}
+
+let toastTimer = 0;
+function toast(sentence, level = "error") {
+  const box = at("toast");
+  box.textContent = sentence;
+  box.dataset.level = level;
+  box.hidden = false;
+  clearTimeout(toastTimer);
+  toastTimer = setTimeout(() => (box.hidden = true), level === "error" ? 9000 : 4000);
+}
+
+// ---- showing
+
+function remedies(reason) {
+  return model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason)).map(({ remedy }) => remedy);
+}
+
+/** In a sentence whether the robot moves, else why not, and what to do. */
+function verdict() {
+  if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
+  if (!state) return ["wait", "Waiting for the robot", ""];
+  const todo = remedies(state.reason).join("; ");
+  if (state.stop || state.cause) {
+    const cause = state.cause || state.reason;
+    const open = state.reason && state.cause ? `Now: ${sentence(state.reason, false)}.` : "";
+    return ["error", `Stopped: ${sentence(cause, false)}`, [open, todo && sentence(todo)].filter(Boolean).join(" ")];
+  }
+  if (state.reason) return ["warn", `Cannot move: ${sentence(state.reason, false)}`, todo ? sentence(todo) : ""];
+  for (const [name, arm] of Object.entries(state.arms)) {
+    if (arm.problem) return ["warn", `The ${name} arm holds: ${sentence(arm.problem, false)}`, ""];
+  }
+  const moving = ARMS.filter((name) => state.arms[name].mode === "moving");
+  if (moving.length) return ["good", `The ${moving.join(" and the ")} arm ${moving.length > 1 ? "move" : "moves"}`, ""];
+  const running = ARMS.filter((name) => state.egm[name] === "running");
+  if (running.length) return ["good", `Ready: EGM holds ${running.length > 1 ? "both arms" : `the ${running[0]} arm`}`, ""];
+  return ["warn", "Ready: EGM is off, the arms follow no commands", view.is_recording ? "" : "Start EGM to move them."];
+}
+
+function sentence(text, isWhole = true) {
+  const bare = text.trim().replace(/\.$/, "");
+  return isWhole ? `${bare.charAt(0).toUpperCase()}${bare.slice(1)}.` : bare;
+}
+
+function text(element, value) {
+  if (element.textContent !== value) element.textContent = value;
+}
+
+function show() {
+  if (!model) return;
+  const [level, head, remedy] = verdict();
+  at("banner").dataset.level = level;
+  text(at("verdict"), head);
+  text(at("remedy"), remedy);
+  showChips();
+  showControl();
+  if (state) {
+    showArm();
+    if (scene) {
+      for (const name of ARMS) {
+        const arm = state.arms[name];
+        const gripper = state.grippers[name];
+        scene.showArm(name, arm.position ?? (scene.arms[name].isPlaced ? null : model.arms[name].poses.home), gripper ? gripper.width / 2 : null);
+        scene.showGhost(name, ghostOf(name, arm));
+        if (arm.position && !view.is_recording) scene.addTrace(name);
+      }
+    }
+    if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
+    text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
+    const key = state.operating_mode === "AUTO" ? "Turn the key to MANUAL" : "Turn the key to AUTO";
+    text(at("key"), key);
+  }
+}
+
+/** The pose that is previewed, or the goal of the active controller where it is not where the arm is. */
+function ghostOf(name, arm) {
+  if (name === word && at("preview").getAttribute("aria-pressed") === "true") return model.arms[name].poses[at("pose").value];
+  if (!arm.goal || !arm.position) return null;
+  const away = Math.max(...arm.goal.map((value, index) => Math.abs(value - arm.position[index])));
+  return away > 0.03 ? arm.goal : null;
+}
+
+const chips = new Map();
+function chip(name, value, level = "") {
+  if (!chips.has(name)) {
+    const box = make("span", { className: "chip" }, make("em", { textContent: name }), make("b"));
+    at("chips").append(box);
+    chips.set(name, box);
+  }
+  const box = chips.get(name);
+  text(box.lastChild, value);
+  if (box.dataset.level !== level) box.dataset.level = level;
+}
+
+const MOTORS = {
+  motoron: "on", motoroff: "off", emergencystop: "emergency stop", emergencystopreset: "off after emergency stop",
+  guardstop: "guard stop", sysfail: "system failure", init: "starting",
+};
+
+function showChips() {
+  at("chips").hidden = !state;
+  if (!state) return;
+  chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
+  chip("mode", state.operating_mode ?? "unknown", state.operating_mode === "AUTO" ? "good" : "warn");
+  chip("motors", MOTORS[state.motors] ?? state.motors ?? "unknown", state.motors === "motoron" ? "good" : "warn");
+  chip("program", state.program ?? "unknown", state.program === "running" ? "good" : "warn");
+  for (const name of ARMS) {
+    const leading = state.controllers[name].filter((each) => each.commands).map((each) => each.name.replace("_controller", ""));
+    const egm = state.egm[name] === "running" && leading.length ? leading.join(", ").replaceAll("_", " ") : state.egm[name];
+    chip(`EGM ${name}`, egm, state.egm[name] === "running" ? "good" : "");
+  }
+  chip("speed", `${Math.round(state.speed_scale * 100)} %`, state.speed_scale < 1 ? "warn" : "");
+}
+
+function showControl() {
+  const has = view.control === "here";
+  document.body.classList.toggle("operates", has);
+  document.body.classList.toggle("records", Boolean(view.is_recording));
+  at("take").hidden = Boolean(view.is_recording) || Boolean(view.why_not_operated && !has);
+  text(at("take"), has ? "Give control back" : "Take control");
+  at("take").classList.toggle("primary", !has);
+  at("stop").hidden = at("take").hidden;
+  at("robot-panel").hidden = !has;
+  at("virtual-panel").hidden = !(has && view.is_virtual);
+  const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated;
+  text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note || "You are looking only.");
+}
+
+function buildJoints() {
+  const body = at("joints");
+  for (let index = 0; index < 7; index += 1) {
+    const marker = make("i", { className: "now" });
+    const goal = make("i", { className: "goal" });
+    const bar = make("div", { className: "bar" }, goal, marker);
+    const value = make("td", { className: "number" });
+    const error = make("td", { className: "number error" });
+    const axis = model.arms.right.axes[index];
+    const less = make("button", { textContent: "−", className: "hold", ariaLabel: `Jog axis ${axis} down` });
+    const more = make("button", { textContent: "+", className: "hold", ariaLabel: `Jog axis ${axis} up` });
+    less.dataset.jog = `joint ${index} -1`;
+    more.dataset.jog = `joint ${index} 1`;
+    const speeds = (sign) => () => ({
+      type: "jog_joints", arm: word,
+      speeds: Array.from({ length: 7 }, (_, each) => (each === index ? sign * MAX_JOINT_SPEED * jogSpeed() : 0)),
+    });
+    holdable(less, speeds(-1));
+    holdable(more, speeds(1));
+    const { lower, upper } = model.limits;
+    bar.title = `${(lower[index] * DEGREES).toFixed(1)}° to ${(upper[index] * DEGREES).toFixed(1)}°`;
+    body.append(
+      make("tr", {}, make("th", { scope: "row", textContent: axis }), value, make("td", { className: "bar-cell" }, bar), error,
+        make("td", { className: "jog-cell" }, less, more)),
+    );
+    rows.push({ marker, goal, value, error });
+  }
+}
+
+function showArm() {
+  const arm = state.arms[word];
+  const { lower, upper } = model.limits;
+  const share = (value, index) => `${Math.min(100, Math.max(0, (100 * (value - lower[index])) / (upper[index] - lower[index])))}%`;
+  rows.forEach(({ marker, goal, value, error }, index) => {
+    const position = arm.position?.[index];
+    text(value, position === undefined ? "–" : `${(position * DEGREES).toFixed(2)}°`);
+    marker.hidden = position === undefined;
+    goal.hidden = !arm.goal;
+    if (position !== undefined) {
+      marker.style.left = share(position, index);
+      const away = Math.min(position - lower[index], upper[index] - position);
+      marker.classList.toggle("near", away < 0.09);
+    }
+    if (arm.goal) goal.style.left = share(arm.goal[index], index);
+    const off = arm.position && arm.sent && state.egm[word] === "running" ? (arm.sent[index] - position) * DEGREES : null;
+    text(error, off === null ? "–" : `${off.toFixed(2)}°`);
+  });
+  const tip = scene && arm.position ? scene.tip(word) : null;
+  const at_ = tip ? `Fingertips at x ${(tip.x * 1000).toFixed(1)}, y ${(tip.y * 1000).toFixed(1)}, z ${(tip.z * 1000).toFixed(1)} mm` : "";
+  text(at("tool-pose"), at_ || (arm.position ? "" : "No positions: EGM does not run on this arm."));
+
+  const gripper = state.grippers[word];
+  const parts = gripper
+    ? [gripper.state, `${(gripper.width * 1000).toFixed(1)} mm`, ...(gripper.is_holding ? [`holding with ${gripper.force.toFixed(0)} N`] : []),
+      ...(gripper.is_calibrated ? [] : ["not calibrated"]), ...(gripper.error ? [`error ${gripper.error}`] : [])]
+    : ["unknown"];
+  text(at("gripper-text"), parts.join(", "));
+  const apart = gripper ? Math.min(1, gripper.width / (2 * model.gripper.travel)) : 0;
+  const [one, two] = at("gripper-bar").children;
+  one.style.left = `${50 - 42 * apart}%`;
+  two.style.left = `${50 + 42 * apart}%`;
+  at("gripper-bar").classList.toggle("holding", Boolean(gripper?.is_holding));
+
+  const names = state.controllers[word].map((each) => each.name).filter((name) => !name.includes("broadcaster"));
+  const choice = at("controller");
+  if ([...choice.options].map((each) => each.value).join() !== names.join()) {
+    choice.replaceChildren(...names.map((name) => new Option(name.replaceAll("_", " "), name)));
+  }
+}
+
+function addEvents(events) {
+  for (const event of events) {
+    const clock = new Date(event.time * 1000).toLocaleTimeString([], { hour12: false });
+    const item = make("li", {}, make("time", { textContent: clock }), ` ${event.sentence}`);
+    item.dataset.level = event.level;
+    at("events").prepend(item);
+  }
+  while (at("events").childElementCount > 100) at("events").lastChild.remove();
+}
+
+// ---- strips
+
+const strips = [
+  { name: "tracking error", unit: "°", digits: 2, of: (arm) => (arm.position && arm.sent ? Math.max(...arm.sent.map((value, index) => Math.abs(value - arm.position[index]))) * DEGREES : null) },
+  { name: "missed cycles", unit: "", digits: 0, of: (arm, before) => (arm.cycles && before?.cycles ? Math.max(0, arm.cycles.missed + arm.cycles.lost - before.cycles.missed - before.cycles.lost) : null), total: (arm) => (arm.cycles ? arm.cycles.missed + arm.cycles.lost : null) },
+  { name: "jitter", unit: " ms", digits: 2, of: (arm) => (arm.cycles && arm.session ? arm.cycles.jitter * 1000 : null) },
+  { name: "period", unit: " ms", digits: 3, of: (arm) => (arm.cycles && arm.session ? arm.cycles.period * 1000 : null) },
+];
+let before = null;
+let isStripDue = 0;
+
+function buildStrips() {
+  for (const strip of strips) {
+    strip.values = { right: [], left: [] };
+    strip.canvas = make("canvas", { width: 300, height: 40, className: "strip" });
+    strip.label = make("span", { className: "strip-value" });
+    strip.canvas.setAttribute("role", "img");
+    strip.canvas.setAttribute("aria-label", strip.name);
+    at("strips").append(make("div", { className: "strip-row" }, make("span", { className: "strip-name", textContent: strip.name }), strip.canvas, strip.label));
+  }
+}
+
+function sample() {
+  for (const strip of strips) {
+    for (const name of ARMS) {
+      const values = strip.values[name];
+      values.push(strip.of(state.arms[name], before?.arms[name]));
+      if (values.length > STRIP) values.shift();
+    }
+  }
+  before = state;
+  isStripDue += 1;
+  if (isStripDue % 6 === 0) drawStrips();
+}
+
+function drawStrips() {
+  const style = getComputedStyle(document.documentElement);
+  for (const strip of strips) {
+    const context = strip.canvas.getContext("2d");
+    const { width, height } = strip.canvas;
+    context.clearRect(0, 0, width, height);
+    const all = ARMS.flatMap((name) => strip.values[name]).filter((value) => value !== null);
+    const top = Math.max(1e-3, ...all) * 1.15;
+    for (const name of ARMS) {
+      context.strokeStyle = style.getPropertyValue(`--${name}`);
+      context.lineWidth = 1.5;
+      context.beginPath();
+      strip.values[name].forEach((value, index) => {
+        if (value === null) return;
+        const x = width - (strip.values[name].length - index) * (width / STRIP);
+        const y = height - 2 - ((height - 4) * value) / top;
+        context.lineTo(x, y);
+      });
+      context.stroke();
+    }
+    const newest = (name) => (strip.total && state ? strip.total(state.arms[name]) : strip.values[name].at(-1));
+    const shown = (value) => (value === null || value === undefined ? "–" : value.toFixed(strip.digits));
+    text(strip.label, `${shown(newest("right"))} | ${shown(newest("left"))}${strip.unit}`);
+  }
+}
+
+// ---- jogging: it moves while a key is held
+
+const jogSpeed = () => Number(at("jog-speed").value) / 100;
+
+function holdable(button, message) {
+  const begin = () => beginJog(button, message);
+  button.addEventListener("pointerdown", (event) => {
+    if (event.button !== 0) return;
+    button.setPointerCapture(event.pointerId);
+    begin();
+  });
+  const end = () => jog?.button === button && endJog(); // a button loses the focus after the next one was pressed
+  for (const event of ["pointerup", "pointercancel", "lostpointercapture", "blur", "keyup"]) button.addEventListener(event, end);
+  button.addEventListener("keydown", (event) => {
+    if (event.key !== " " && event.key !== "Enter") return;
+    event.preventDefault();
+    if (!event.repeat) begin();
+  });
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+}
+
+function beginJog(button, message) {
+  endJog();
+  if (view.control !== "here") return;
+  holds += 1;
+  jog = { hold: holds, message: message(), button };
+  button.classList.add("held");
+  const beat = () => send({ ...jog.message, hold: jog.hold });
+  beat();
+  jog.timer = setInterval(beat, JOG_PERIOD);
+}
+
+function endJog() {
+  if (!jog) return;
+  clearInterval(jog.timer);
+  jog.button.classList.remove("held");
+  send({ type: "jog_joints", arm: jog.message.arm, hold: jog.hold, speeds: [0, 0, 0, 0, 0, 0, 0] });
+  jog = null;
+}
+
+function buildPad() {
+  const axes = ["X", "Y", "Z"];
+  const cells = [];
+  axes.forEach((name, index) => {
+    for (const sign of [-1, 1]) {
+      cells.push([`${name}${sign < 0 ? "−" : "+"}`, `linear ${name.toLowerCase()} ${sign}`, { linear: unit(index, sign * MAX_LINEAR) }]);
+    }
+    for (const sign of [-1, 1]) {
+      cells.push([`R${name.toLowerCase()}${sign < 0 ? "−" : "+"}`, `angular ${name.toLowerCase()} ${sign}`, { angular: unit(index, sign * MAX_ANGULAR) }]);
+    }
+  });
+  cells.push(["elbow −", "elbow -1", { elbow: -0.7 }], ["elbow +", "elbow 1", { elbow: 0.7 }]);
+  for (const [label, name, speeds] of cells) {
+    const button = make("button", { textContent: label, className: "hold" });
+    button.dataset.jog = name;
+    if (label.startsWith("elbow")) button.classList.add("wide");
+    holdable(button, () => {
+      const scaled = Object.fromEntries(
+        Object.entries(speeds).map(([key, value]) => [key, Array.isArray(value) ? value.map((each) => each * jogSpeed()) : value * jogSpeed()]),
+      );
+      return { type: "jog_tool", arm: word, frame: at("jog-frame").value, ...scaled };
+    });
+    at("pad").append(button);
+  }
+}
+
+const unit = (axis, value) => [0, 1, 2].map((each) => (each === axis ? value : 0));
+
+// ---- buttons
+
+function choose(name) {
+  endJog();
+  word = name;
+  for (const each of ARMS) at(`tab-${each}`).setAttribute("aria-selected", String(each === name));
+  at("arm-panel").setAttribute("aria-labelledby", `tab-${name}`);
+  show();
+}
+
+function fillFaults() {
+  const choice = at("fault");
+  if (choice.options.length === view.faults.length) return;
+  choice.replaceChildren(...view.faults.map((each) => new Option(each.name, each.name)));
+  explainFault();
+}
+
+function explainFault() {
+  const fault = view.faults.find((each) => each.name === at("fault").value);
+  text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${word} arm` : ""}`) : "");
+}
+
+function inject(name, form, button) {
+  return ask({ type: "inject", name, form }, button);
+}
+
+function confirmStop() {
+  text(at("confirm-cause"), sentence(state.cause || state.reason));
+  const dialog = at("confirm");
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true });
+    dialog.returnValue = "no";
+    dialog.showModal();
+  });
+}
+
+function bind() {
+  const press = (id, action) => at(id).addEventListener("click", () => action(at(id)));
+  press("take", () => send({ type: view.control === "here" ? "give_back" : "take_control" }));
+  press("stop", (button) => request("stop_egm", {}, button));
+  press("start", (button) => request("start_egm", {}, button));
+  press("recover", async (button) => {
+    const { stop } = state;
+    if (stop && !(await confirmStop())) return;
+    await request("recover", { confirm: stop }, button);
+  });
+  press("calibrate", (button) => request("calibrate", {}, button));
+  at("speed").addEventListener("change", () => request("set_speed_scale", { speed_scale: Number(at("speed").value) / 100 }));
+  const shown = () => text(at("jog-speed-value"), `${at("jog-speed").value} %`);
+  at("jog-speed").addEventListener("input", shown);
+  shown();
+  for (const name of ARMS) press(`tab-${name}`, () => choose(name));
+  at("pose").replaceChildren(...Object.keys(model.arms.right.poses).map((name) => new Option(name, name)));
+  press("preview", (button) => {
+    button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
+    show();
+  });
+  at("pose").addEventListener("change", show);
+  press("move", (button) => request("move", { [word]: at("pose").value }, button));
+  press("activate", (button) => {
+    const leading = state.controllers[word].filter((each) => each.commands).map((each) => each.name);
+    const activate = at("controller").value;
+    request("switch_controllers", { arm: word, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
+  });
+  press("open", (button) => request("grip", { arm: word, action: "open", width: Number(at("open-width").value) / 1000 }, button));
+  press("close", (button) => request("grip", { arm: word, action: "close", force: Number(at("grip-force").value) }, button));
+  press("press-stop", (button) => inject("emergency-stop", {}, button));
+  press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
+  press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
+  press("put-part", (button) => inject("object-placed", { side: word, by: at("part-width").value }, button));
+  press("put-cup", (button) => inject("object-under-cups", { side: word }, button));
+  press("take-part", (button) => inject("object-lost", { side: word }, button));
+  at("fault").addEventListener("change", explainFault);
+  press("inject", (button) => {
+    const fault = view.faults.find((each) => each.name === at("fault").value);
+    inject(fault.name, fault.has_side ? { side: word } : {}, button);
+  });
+  at("show-trace").addEventListener("change", ({ target }) => scene?.setShown("trace", target.checked));
+  at("show-frame").addEventListener("change", ({ target }) => scene?.setShown("frame", target.checked));
+  press("reset-view", () => scene?.resetCamera());
+  press("clear-trace", () => scene?.clearTraces());
+  for (const end of ["blur", "pagehide"]) window.addEventListener(end, endJog);
+  document.addEventListener("visibilitychange", () => document.hidden && endJog());
+}
+
+// ---- recordings
+
+let recording = null;
+
+async function openRecording() {
+  if (recording) return;
+  recording = await (await fetch("/recording.json")).json();
+  document.title = recording.name;
+  const slider = at("time");
+  slider.max = recording.duration;
+  at("player").hidden = false;
+  at("control-note").textContent = "";
+  recording.events.forEach((event) => {
+    const mark = make("i", { title: event.sentence });
+    mark.style.left = `${(100 * event.time) / (recording.duration || 1)}%`;
+    mark.dataset.level = event.is_fault ? "error" : "info";
+    at("marks").append(mark);
+    const seek = make("button", { className: "link", textContent: `${event.time.toFixed(2)} s` });
+    seek.addEventListener("click", () => showTime(event.time));
+    const item = make("li", {}, seek, ` ${event.sentence}`);
+    item.dataset.level = event.is_fault ? "error" : "info";
+    item.dataset.time = event.time;
+    at("events").append(item);
+  });
+  slider.addEventListener("input", () => showTime(Number(slider.value)));
+  let last = 0;
+  const play = (now) => {
+    if (at("play").getAttribute("aria-pressed") !== "true") return;
+    const time = Number(slider.value) + Math.min(0.2, (now - last) / 1000);
+    last = now;
+    showTime(Math.min(time, recording.duration));
+    if (time >= recording.duration) pressed(false);
+    else requestAnimationFrame(play);
+  };
+  const pressed = (isPlaying) => {
+    at("play").setAttribute("aria-pressed", String(isPlaying));
+    text(at("play"), isPlaying ? "Pause" : "Play");
+  };
+  at("play").addEventListener("click", () => {
+    const begins = at("play").getAttribute("aria-pressed") !== "true";
+    if (begins && Number(slider.value) >= recording.duration) showTime(0);
+    pressed(begins);
+    if (begins) requestAnimationFrame((now) => { last = now; play(now); });
+  });
+  fillStrips();
+  showTime(0);
+}
+
+/** The last index of sorted times that is not after a time, or -1. */
+function indexAt(times, time) {
+  let [low, high] = [0, times.length];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (times[middle] <= time + 1e-6) low = middle + 1;
+    else high = middle;
+  }
+  return low - 1;
+}
+
+function showTime(time) {
+  at("time").value = time;
+  text(at("clock"), `${time.toFixed(2)} s`);
+  state = recordedState(time);
+  const events = [...at("events").children];
+  events.forEach((item) => item.classList.toggle("past", Number(item.dataset.time) <= time + 1e-6));
+  const current = events.filter((item) => Number(item.dataset.time) <= time + 1e-6).at(-1);
+  events.forEach((item) => item.classList.toggle("current", item === current));
+  show();
+}
+
+/** What the driver would have said at a time of the recording. */
+function recordedState(time) {
+  const newest = (items) => items[indexAt(items.map((each) => each.time), time)] ?? null;
+  const robot = newest(recording.states) ?? {};
+  const arms = {};
+  const grippers = {};
+  const egm = {};
+  for (const name of ARMS) {
+    const cycles = recording.arms[name];
+    const index = indexAt(cycles.time, time);
+    const running = index >= 0 && cycles.is_running[index] && time - cycles.time[index] < 1;
+    arms[name] = {
+      mode: running ? "holding" : "no_egm", problem: "", cycles: null, session: 0,
+      position: cycles.position[Math.max(index, 0)] ?? null,
+      velocity: cycles.velocity[Math.max(index, 0)] ?? null,
+      sent: index < 0 ? null : cycles.sent[index],
+      goal: index < 0 ? null : cycles.reference[index],
+    };
+    if (running && Math.max(...arms[name].velocity.map(Math.abs)) > 0.01) arms[name].mode = "moving";
+    egm[name] = running ? "running" : robot.egm?.[name[0]] === "running" ? "running" : "off";
+    const gripper = newest(recording.grippers[name]);
+    grippers[name] = gripper && {
+      state: String(gripper.state).toLowerCase().replaceAll("_", " "), width: 2 * gripper.position, force: gripper.force,
+      is_holding: gripper.state === "KEEP_OBJECT", is_calibrated: gripper.is_calibrated, error: gripper.error,
+    };
+  }
+  const event = recording.events[indexAt(recording.events.map((each) => each.time), time)];
+  const fault = event && event.is_fault && time - event.time < 2 ? event.sentence : "";
+  return {
+    robot: recording.name, operating_mode: robot.operating_mode, motors: robot.controller_state, program: robot.execution,
+    speed_scale: robot.speed_scale ?? 1, reason: robot.reason ?? "", cause: robot.cause || fault, stop: robot.stop ?? "",
+    arms, grippers, egm, controllers: { right: [], left: [] },
+  };
+}
+
+function fillStrips() {
+  for (const strip of strips.slice(1)) strip.canvas.parentElement.hidden = true;
+  for (const name of ARMS) {
+    const { time, position, sent } = recording.arms[name];
+    strips[0].values[name] = Array.from({ length: STRIP }, (_, index) => {
+      const found = indexAt(time, (recording.duration * index) / (STRIP - 1));
+      return found < 0 ? null : strips[0].of({ position: position[found], sent: sent[found] });
+    });
+  }
+  drawStrips();
+}
+
+// ---- begin
+
+async function begin() {
+  model = await (await fetch("/model.json")).json();
+  buildJoints();
+  buildPad();
+  buildStrips();
+  bind();
+  try {
+    scene = new Scene(at("scene"), model);
+    await scene.load();
+  } catch (error) {
+    console.error(error);
+    scene = null;
+    at("no-webgl").hidden = false;
+  }
+  connect();
+}
+
+begin();

@@ -1,0 +1,201 @@
+"""Lines and streams of the tool under the limiter, with the virtual robot, in virtual time."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import hypot, radians, sin
+
+import numpy as np
+import pytest
+
+from cartesian_bench import CartesianBench, deviation, shares
+from soak import long, short
+from unit.robot.test_robot_kinematics import rad
+from yumi.control.controller import MemoryBuffer
+from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome
+from yumi.control.limiter import SpeedScale
+from yumi.control.shared_state import Factor
+from yumi.control.tool_path import Waypoint, plan_path
+from yumi.control.trajectory import ArmPlan
+from yumi.robot.inverse_kinematics import Unreachable, arm_angle
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, joints
+from yumi.robot.kinematics import multiply, quaternion_of, tool0_to_body
+
+POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
+LIMITS = YUMI_LIMITS.slowed_to(radians(180.0))  # as EGM's MaxSpeedDeviation leaves them
+LIMIT = 1.0 + 1e-5  # the last digits of differences
+
+
+def lines(count: int, seed: int) -> Iterator[tuple[Side, ArmPlan, Pose, Pose]]:
+    """Lines of 0.2 to 0.4 m at 0.25 m/s; every second one through the neighbourhood of axes in line."""
+    generator = np.random.default_rng(seed)
+    lower, upper = 0.85 * np.array(YUMI_LIMITS.lower), 0.85 * np.array(YUMI_LIMITS.upper)
+    found = 0
+    while found < count:
+        side = tuple(Side)[found % 2]
+        middle = generator.uniform(lower, upper)
+        if found % 4 < 2:
+            # The wrist's axes (a5 = 0), or the shoulder's (a2 = 0), are nearly in line halfway.
+            middle[[5, 1][found // 4 % 2]] = generator.choice([-0.03, -0.01, 1e-3, 1e-4])
+        position = joints(middle.tolist())
+        pose = tool0_to_body(side, position)
+        way = generator.normal(size=3)
+        way *= generator.uniform(0.1, 0.2) / np.linalg.norm(way)
+        turn = quaternion_of(tuple((generator.normal(size=3) * 0.1).tolist()))  # type: ignore[arg-type]
+        x, y, z = (np.array(pose.position) - way).tolist()
+        begin = Pose((x, y, z), pose.orientation)
+        x, y, z = (np.array(pose.position) + way).tolist()
+        end = Pose((x, y, z), multiply(pose.orientation, turn))
+        try:
+            back = plan_path(side, position, [Waypoint(begin, arm_angle(side, position))], LIMITS)
+            start = back.spline.last.position
+            here = tool0_to_body(side, start)
+            plan = plan_path(side, start, [Waypoint(end, arm_angle(side, start))], LIMITS)
+        except Unreachable:
+            continue
+        found += 1
+        yield side, plan, here, end
+
+
+@pytest.mark.parametrize("count", [short(6), long(200, 1800.0)])
+def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> None:
+    for side, plan, begin, end in lines(count, 15000):
+        bench = CartesianBench(side, plan.first.position)
+        before = len(bench.rig.cycles)
+        assert bench.follow(plan).outcome is Outcome.SUCCEEDED
+        bench.rig.run(0.1)
+        commanded = deviation(side, bench.sent[before:], begin, end)
+        executed = deviation(side, bench.measured[before:], begin, end)
+        where = (side, plan.first.position, end)
+        assert commanded.position < 0.2e-3, where
+        assert executed.position < 0.5e-3, where
+        assert max(commanded.orientation, executed.orientation) < radians(0.1), where
+        assert max(commanded.elbow, executed.elbow) < radians(1.0), where
+        assert max(shares(bench.sent[before - 3 :])) < LIMIT, where
+        assert bench.rig.snapshot.slowed == 0, where
+
+
+def test_a_line_slows_down_with_the_speed_scale() -> None:
+    factor = MemoryBuffer[Factor]()
+    factor.write(Factor(0.5))
+    bench = CartesianBench(Side.RIGHT, POSTURE, SpeedScale(factor))
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+    x, y, z = begin.position
+    end = Pose((x, y - 0.1, z), begin.orientation)
+    plan = plan_path(Side.RIGHT, bench.start, [Waypoint(end)], LIMITS)
+    before = bench.rig.clock.now()
+    assert bench.follow(plan).outcome is Outcome.SUCCEEDED
+    assert bench.rig.clock.now() - before == pytest.approx(2.0 * plan.spline.end, abs=0.3)
+    assert deviation(Side.RIGHT, bench.measured, begin, end).position < 0.2e-3
+
+
+def jittered(period: float, seed: int) -> list[float]:
+    """Times of a stream for 2 s whose messages come up to a third of a period early or late; some are lost."""
+    generator = np.random.default_rng(seed)
+    times = np.arange(0.0, 2.0, period)
+    times = times + generator.uniform(-0.3, 0.3, len(times)) * period
+    return sorted(times[generator.uniform(size=len(times)) > 0.05].tolist())
+
+
+@pytest.mark.parametrize("rate", [10.0, 50.0, 250.0])
+def test_a_stream_of_velocities_is_smooth_and_stops_in_time(rate: float) -> None:
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+    bench.rig.manager.set_parameters("cartesian_controller", {"twist.timeout": 0.3 if rate < 20.0 else 0.1})
+    times, begin = jittered(1.0 / rate, 7), len(bench.rig.cycles)
+
+    def next_goal(now: float) -> ToolGoal | None:
+        due = [times.pop(0) for _ in range(len(times)) if times and times[0] <= now]
+        twist = (0.05 * sin(2.0 * now), -0.08, 0.04, 0.0, 0.1, 0.2, 0.0)
+        return twist_goal(0, twist) if due else None
+
+    bench.stream(2.0, next_goal)
+    bench.stream(1.0, lambda now: None)
+    sent = bench.sent[begin - 3 :]
+    assert max(shares(sent)) < LIMIT
+    assert bench.rig.snapshot.slowed == 0
+    moves = np.max(np.abs(np.diff(sent, axis=0)) / CYCLE, axis=1)
+    stopped = (np.nonzero(moves > 0.01)[0][-1] - 3) * CYCLE
+    assert stopped < 2.0 + (0.3 if rate < 20.0 else 0.1) + 0.35  # the timeout, and braking within the limits
+
+
+@pytest.mark.parametrize("frame", ["base", "tool"])
+def test_a_velocity_is_seen_from_its_frame(frame: str) -> None:
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+    is_in_tool = frame == "tool"
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+    bench.stream(1.0, lambda now: twist_goal(0, (0.0, 0.0, -0.05, 0.0, 0.0, 0.0, 0.0), is_in_tool=is_in_tool))
+    end = tool0_to_body(Side.RIGHT, joints(bench.sent[-1].tolist()))
+    way = np.subtract(end.position, begin.position)
+    axis = np.array(begin.orientation)
+    w, x, y, z = axis
+    tool_z = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    expected = -tool_z if is_in_tool else np.array([0.0, 0.0, -1.0])
+    assert way / np.linalg.norm(way) == pytest.approx(expected, abs=0.01)
+    assert hypot(*way) == pytest.approx(0.05, rel=0.1)
+    assert end.orientation == pytest.approx(begin.orientation, abs=1e-3)
+
+
+@pytest.mark.parametrize(("rate", "lag"), [(10.0, 0.06), (50.0, 0.02), (250.0, 0.012)])
+def test_a_stream_of_poses_is_followed_with_little_lag(rate: float, lag: float) -> None:
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+    x, y, z = begin.position
+    times, first = jittered(1.0 / rate, 8), len(bench.rig.cycles)
+
+    def pose(time: float) -> Pose:
+        turn = quaternion_of((0.0, 0.0, 0.1 * (1.0 - np.cos(2.0 * time))))
+        return Pose((x, y - 0.05 * (1.0 - np.cos(2.0 * time)), z), multiply(begin.orientation, turn))
+
+    def next_goal(now: float) -> ToolGoal | None:
+        due = [times.pop(0) for _ in range(len(times)) if times and times[0] <= now]
+        return pose_goal(0, pose(now)) if due else None
+
+    bench.stream(2.0, next_goal)
+    bench.stream(0.5, lambda now: None)
+    assert max(shares(bench.sent[first - 3 :])) < LIMIT
+    assert bench.rig.snapshot.slowed == 0
+    places = np.array([tool0_to_body(Side.RIGHT, joints(row.tolist())).position[1] for row in bench.measured[first:]])
+    middle = places[round(0.8 / CYCLE) : round(1.9 / CYCLE)]
+    now = np.arange(len(places))[round(0.8 / CYCLE) : round(1.9 / CYCLE)] * CYCLE
+
+    def error(delay: float) -> float:
+        return float(np.mean((middle - [pose(time - delay).position[1] for time in now]) ** 2))
+
+    found = min(np.arange(-0.1, 0.2, 0.002).tolist(), key=error)
+    assert abs(found) < lag
+    assert error(found) ** 0.5 < 2e-3
+
+
+def test_a_stream_beyond_reach_slides_along_its_end() -> None:
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+    first = len(bench.rig.cycles)
+    bench.stream(4.0, lambda now: twist_goal(0, (0.15, -0.15, 0.1, 0.0, 0.0, 0.0, 0.0)))
+    bench.stream(2.0, lambda now: twist_goal(0, (-0.15, 0.15, -0.1, 0.0, 0.0, 0.0, 0.0)))
+    assert max(shares(bench.sent[first - 3 :])) < LIMIT
+    assert all(YUMI_LIMITS.outside(cycle.sent.position) is None for cycle in bench.rig.cycles)
+    places = np.array([tool0_to_body(Side.RIGHT, joints(row.tolist())).position for row in bench.sent[first:]])
+    assert float(np.max(np.linalg.norm(np.diff(places, axis=0), axis=1))) / CYCLE < 0.5  # the tool's limit
+    out, back = places[round(4.0 / CYCLE) - 1], places[-1]
+    assert (out - places[0]) @ (1.0, -1.0, 0.6) > 0.05
+    assert (back - out) @ (-1.0, 1.0, -0.6) > 0.05  # it does not stay there
+
+
+def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+    x, y, z = begin.position
+    plan = plan_path(Side.RIGHT, bench.start, [Waypoint(Pose((x, y - 0.15, z), begin.orientation))], LIMITS)
+    first = len(bench.rig.cycles)
+    bench.rig.manager.receive("cartesian_controller", FollowTrajectory(plan, 5), bench.rig.line.state)
+    bench.rig.run(0.5)
+    bench.stream(0.5, lambda now: twist_goal(0, (0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0)))
+    assert bench.ended[0].outcome is Outcome.ABORTED
+    assert "stream" in bench.ended[0].sentence
+    bench.rig.run(1.5)
+    assert bench.rig.snapshot.velocity == pytest.approx(ZERO, abs=0.01)
+    again = plan_path(Side.RIGHT, bench.start, [Waypoint(begin)], LIMITS)
+    bench.rig.manager.receive("cartesian_controller", FollowTrajectory(again, 6), bench.rig.line.state)
+    bench.rig.run_until(lambda: len(bench.ended) > 1, again.spline.end + 2.0)
+    assert bench.ended[1].outcome is Outcome.SUCCEEDED
+    assert max(shares(bench.sent[first - 3 :])) < LIMIT

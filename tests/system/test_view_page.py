@@ -1,0 +1,245 @@
+"""The page of ``yumi view`` in a browser: a virtual robot is watched and operated through the page alone."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import pytest
+
+import yumi
+from browser import browser
+from flight import LOST, flown
+from yumi.process.supervision import Command
+from yumi.recording.mcap import recorded_event, write_flight_record
+from yumi.robot.joints import Joints, Side
+
+pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
+SOON = 20_000  # [ms]
+
+
+@pytest.fixture
+def chromium() -> Iterator[Any]:
+    with browser() as chromium:
+        yield chromium
+
+
+@pytest.fixture
+def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    arguments = ("view", "--virtual", "--port", "0", "--logs", str(tmp_path))
+    with Command("yumi view", arguments, tmp_path / "view.log") as command:
+        yield command.wait_until_ready(60.0)
+
+
+class Page:
+    """What a person does on the page, and reads there."""
+
+    def __init__(self, chromium: Any, url: str) -> None:
+        self.errors: list[str] = []
+        self.tab = chromium.new_page(viewport={"width": 1280, "height": 900})
+        self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.tab.on("console", lambda line: self.errors.append(line.text) if line.type == "error" else None)
+        self.tab.goto(url)
+
+    def text(self, selector: str) -> str:
+        return str(self.tab.inner_text(selector))
+
+    def wait(self, selector: str, pattern: str) -> str:
+        """Until the text of an element has the pattern; the text."""
+        self.tab.wait_for_function(
+            "([selector, pattern]) => new RegExp(pattern).test(document.querySelector(selector).innerText)",
+            arg=[selector, pattern],
+            timeout=SOON,
+            polling=50,  # a tab in the background draws nothing
+        )
+        return self.text(selector)
+
+    def press(self, selector: str) -> None:
+        self.tab.click(selector)
+
+    def hold(self, jog: str, seconds: float) -> None:
+        """Keep a jog button pressed, with the mouse."""
+        self.begin(jog)
+        self.tab.wait_for_timeout(1000 * seconds)
+        self.tab.mouse.up()
+        self.wait("#verdict", "Ready")
+
+    def begin(self, jog: str) -> None:
+        button = self.tab.locator(f'[data-jog="{jog}"]')
+        button.scroll_into_view_if_needed()
+        button.hover()
+        self.tab.mouse.down()
+
+    def angle(self, row: int) -> float:
+        """Of a joint in chain order, as the page shows it [°]."""
+        return float(self.tab.locator("#joints tr").nth(row).locator("td").nth(0).inner_text().rstrip("°"))
+
+    def tip(self) -> tuple[float, ...]:
+        """Where the fingertips are, as the page shows it [mm]."""
+        return tuple(float(value) for value in re.findall(r"-?\d+\.\d", self.text("#tool-pose")))
+
+    def take_control(self) -> None:
+        self.wait("#take", "Take control")
+        self.press("#take")
+        self.wait("#take", "Give control back")
+
+
+def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: str) -> None:
+    page = Page(chromium, url)
+    page.wait("#verdict", "EGM is off")
+    page.take_control()
+
+    # Why does it not move? An emergency stop, which a person must confirm.
+    page.press("#press-stop")
+    assert "release the button" in page.wait("#verdict", "Stopped: .*Emergency stop")
+    page.press("#release-stop")
+    page.wait("#remedy", "motors are off after an emergency stop")
+    page.press("#recover")
+    assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
+    page.press("#confirm-yes")
+    page.wait("#toast", "The robot was stopped by .*Emergency stop")
+    page.wait("#verdict", "Ready")
+    page.press("#start")
+    page.wait("#verdict", "EGM holds both arms")
+
+    # Jog a joint with the mouse, and with the keyboard.
+    assert page.angle(0) == pytest.approx(0.0, abs=0.1)
+    page.hold("joint 0 1", 0.8)
+    moved = page.angle(0)
+    assert 5.0 < moved < 40.0
+    page.tab.locator('[data-jog="joint 0 -1"]').focus()
+    page.tab.keyboard.down(" ")
+    page.wait("#verdict", "moves")
+    page.tab.keyboard.up(" ")
+    page.wait("#verdict", "Ready")
+    assert page.angle(0) < moved
+
+    # Jog the tool along a line, upwards.
+    before = page.tip()
+    page.hold("linear z 1", 1.0)
+    x, y, z = (after - start for after, start in zip(page.tip(), before, strict=True))
+    assert z > 20.0
+    assert (x, y) == pytest.approx((0.0, 0.0), abs=3.0)
+
+    # Grip a part and see its width.
+    page.press("#open")
+    page.wait("#gripper-text", "50.0 mm")
+    page.tab.fill("#part-width", "22")
+    page.press("#put-part")
+    page.wait("#toast", "object-placed: done")
+    page.press("#close")
+    page.wait("#toast", "holds something 22.0 mm wide")
+    page.wait("#gripper-text", "22.0 mm, holding with 10 N")
+
+    # Scale the speed, preview a pose, go there.
+    page.tab.fill("#speed", "50")
+    page.wait("#chips", "speed\\s*50 %")
+    page.tab.select_option("#pose", "home")
+    page.press("#preview")
+    page.press("#move")
+    page.wait("#toast", "The right arm stands at the goal")
+    assert page.angle(0) == pytest.approx(0.0, abs=0.2)
+
+    # Cause a fault, and read cause and remedy.
+    page.tab.select_option("#fault", "program-stop")
+    page.press("#inject")
+    page.wait("#verdict", "Stopped: .*program")
+    page.wait("#remedy", "Start it first|start the")
+    assert page.errors == []
+
+
+def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: Any, url: str) -> None:
+    page = Page(chromium, url)
+    page.wait("#verdict", "EGM is off")
+    page.take_control()
+    page.press("#start")
+    page.wait("#verdict", "EGM holds both arms")
+    page.begin("joint 0 1")
+    page.wait("#verdict", "The right arm moves")
+    with Watch() as watch:
+        watch.wait(lambda: len(watch.seen) > 5)
+        closed = time.time()
+        page.tab.close()
+        watch.wait(lambda: watch.seen[-1][0] > closed + 0.6)
+    assert watch.travel(until=closed) > 0.01
+    assert watch.travel(since=closed + 0.2) < 0.001
+
+    # A second page that takes control ends the jog of the first, too.
+    first, second = Page(chromium, url), Page(chromium, url)
+    first.take_control()
+    second.wait("#control-note", "Another page has control")
+    first.tab.bring_to_front()
+    first.begin("joint 0 -1")
+    first.wait("#verdict", "The right arm moves")
+    with Watch() as watch:
+        second.press("#take")
+        taken = time.time()
+        second.wait("#take", "Give control back")
+        watch.wait(lambda: watch.seen[-1][0] > taken + 0.6)
+    assert watch.travel(since=taken + 0.2) < 0.001
+    first.wait("#toast", "Another page has taken control")
+
+
+class Watch:
+    """Where the right arm is, sixty times a second, seen by another program."""
+
+    def __init__(self) -> None:
+        self.seen: list[tuple[float, Joints]] = []
+        self._is_over = Event()
+        self._thread = Thread(target=self._run)
+
+    def __enter__(self) -> Watch:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._is_over.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        with yumi.attach() as driver:
+            for state in driver.watch(60.0):
+                arm = state.arms["right"]
+                if arm.time is not None and arm.position is not None:
+                    self.seen.append((arm.time, arm.position))
+                if self._is_over.is_set():
+                    return
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        for _ in range(1000):
+            if self.seen and condition():
+                return
+            Event().wait(0.01)
+        raise AssertionError("the arm was not seen for so long")
+
+    def travel(self, since: float = 0.0, until: float = float("inf")) -> float:
+        """By how much the joint that moved most did so [rad]."""
+        positions = [position for time, position in self.seen if since <= time <= until]
+        return max(abs(one - other) for one, other in zip(positions[0], positions[-1], strict=True))
+
+
+def test_recording_is_opened_and_scrubbed_to_its_event(
+    chromium: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    file, frames = tmp_path / "stopped.mcap", flown(1000).frames()
+    write_flight_record(file, 1.8e9, recorded_event(LOST, frames[-1].time), {Side.RIGHT: tuple(frames)})
+    with Command("yumi view", ("view", str(file), "--port", "0"), tmp_path / "view.log") as command:
+        page = Page(chromium, command.wait_until_ready(60.0))
+        page.wait("#clock", "0.00 s")
+        start = page.angle(1)
+        page.press("#events button")
+        assert float(page.text("#clock").split()[0]) > 0.0
+        assert "feedback lost" in page.wait("#events li.current", "silent for 52 ms")
+        assert page.angle(1) != start
+        page.wait("#verdict", "Stopped: .*feedback lost")
+        page.tab.focus("#time")
+        page.tab.keyboard.press("Home")
+        page.wait("#clock", "^0.00 s")
+        assert page.angle(1) == start
+        assert page.errors == []

@@ -1,0 +1,57 @@
+"""What the page shows of a recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from flight import LOST, SENTENCE, flown
+from yumi.errors import ProtocolError
+from yumi.recording.mcap import RecordingWriter, recorded_event, write_flight_record
+from yumi.robot.gripper import GripperState, ServoState
+from yumi.robot.joints import Side
+from yumi.web import records
+from yumi.web.records import page_recording
+
+
+def test_motion_and_event_of_a_flight_record_are_there(tmp_path: Path) -> None:
+    file, frames = tmp_path / "stopped.mcap", flown(500).frames()
+    write_flight_record(file, 1.8e9, recorded_event(LOST, frames[-1].time), {Side.RIGHT: tuple(frames)})
+    shown = page_recording(file)
+    right, (event,) = shown["arms"]["right"], shown["events"]
+    assert shown["duration"] == pytest.approx(frames[-1].time - frames[0].time)
+    assert shown["start"] == pytest.approx(1.8e9 + frames[0].time)
+    assert shown["is_complete"]
+    assert len(right["time"]) == len(right["position"]) == 100
+    assert right["position"][0] == pytest.approx(frames[0].position, abs=1e-5)
+    assert event["sentence"].startswith(SENTENCE)
+    assert (event["side"], event["is_fault"]) == ("right", True)
+    assert event["time"] == pytest.approx(shown["duration"])
+    assert shown["arms"]["left"]["time"] == []
+
+
+def test_long_recording_is_thinned_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(records, "MAX_SAMPLES", 50)
+    file, frames = tmp_path / "long.mcap", flown(2000).frames()
+    write_flight_record(file, 0.0, recorded_event(LOST, frames[-1].time), {Side.LEFT: tuple(frames)})
+    times = page_recording(file)["arms"]["left"]["time"]
+    assert 25 <= len(times) <= 50
+    assert times[-1] > 0.9 * (frames[-1].time - frames[0].time)
+
+
+def test_grippers_have_times_from_the_beginning(tmp_path: Path) -> None:
+    file = tmp_path / "grip.mcap"
+    with RecordingWriter(file, 0.0) as writer:
+        for time, position in ((10.0, 0.0), (12.5, 0.011)):
+            state = GripperState(ServoState.KEEP_OBJECT, 0, True, position, 0.0, 10.0)
+            writer.add_value("l/gripper", time, state)
+    first, second = page_recording(file)["grippers"]["left"]
+    assert (first["time"], second["time"]) == (0.0, 2.5)
+    assert (second["position"], second["state"]) == (0.011, "KEEP_OBJECT")
+
+
+def test_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_text("no")
+    with pytest.raises(ProtocolError, match="is not a recording"):
+        page_recording(tmp_path / "x.mcap")

@@ -1,0 +1,359 @@
+"""The server of ``yumi view`` as a page sees it: over real sockets, with a driver that notes what it is asked."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import pytest
+
+from fake_driver import FakeDriver
+from yumi.api.motion import GOAL_CONTROLLER, JOG_CONTROLLER
+from yumi.control.controllers.joint_goal import StopMotion
+from yumi.errors import SettingsError
+from yumi.robot.joints import ZERO, Side
+from yumi.web import live, server
+from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
+
+SOON = 10.0
+SPEEDS = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2]
+
+
+@pytest.fixture(autouse=True)
+def _a_folder_of_its_own(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+
+
+@pytest.fixture
+def driver() -> Iterator[FakeDriver]:
+    driver = FakeDriver()
+    driver.server.start()
+    yield driver
+    driver.server.stop()
+
+
+class Page:
+    """A page by hand."""
+
+    def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
+        self.socket = socket
+
+    async def send(self, **message: Any) -> None:
+        await self.socket.send_str(json.dumps(message))
+
+    async def until(self, kind: str, is_meant: Callable[[dict[str, Any]], bool] = lambda message: True) -> Any:
+        """The next message of a kind that is meant."""
+        while True:
+            message = await self.receive()
+            if message["type"] == kind and is_meant(message):
+                return message
+
+    async def receive(self) -> Any:
+        message = json.loads(await asyncio.wait_for(self.socket.receive_str(), SOON))
+        if message["type"] == "state":
+            await self.send(type="seen")
+        return message
+
+    async def take_control(self) -> None:
+        await self.until("state")
+        await self.send(type="take_control")
+        await self.until("view", lambda view: view["control"] == "here")
+
+    async def ask(self, method: str, **values: Any) -> Any:
+        await self.send(type="ask", id=7, request={"method": method, **values})
+        while True:
+            message = await self.receive()
+            if message["type"] in {"done", "failed"}:
+                assert message["id"] == 7
+                return message
+
+
+class Site:
+    """The server and a client of it."""
+
+    def __init__(self, server: ViewServer, session: aiohttp.ClientSession) -> None:
+        self.server, self.session = server, session
+        self.base = f"http://127.0.0.1:{server.port}"
+
+    @asynccontextmanager
+    async def page(self) -> AsyncIterator[Page]:
+        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base}) as socket:
+            yield Page(socket)
+
+    async def status(self, path: str, **headers: str) -> int:
+        async with self.session.get(f"{self.base}{path}", headers=headers, allow_redirects=False) as reply:
+            return reply.status
+
+
+def run(story: Callable[[Site], Coroutine[Any, Any, None]], **settings: Any) -> None:
+    async def main() -> None:
+        site = ViewServer(ViewSettings(port=0, **settings))
+        await site.start()
+        try:
+            async with aiohttp.ClientSession() as session:
+                await story(Site(site, session))
+        finally:
+            await site.stop()
+
+    asyncio.run(asyncio.wait_for(main(), 4 * SOON))
+
+
+async def eventually(condition: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        await asyncio.sleep(0.01)
+    raise AssertionError("the condition did not come true")
+
+
+def test_page_gets_its_files_the_robot_and_thirty_states_a_second(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        for path in ("/", "/static/app.js", "/static/vendor/three.module.min.js", "/model.json", "/meshes/torso.stl"):
+            assert await site.status(path) == 200
+        async with site.page() as page:
+            first = await page.until("state")
+            assert first["state"]["robot"] == "192.168.125.1:80"
+            last = first
+            for _ in range(30):
+                last = await page.until("state")
+            assert 0.7 < last["state"]["time"] - first["state"]["time"] < 2.0
+
+    run(story)
+
+
+def test_page_says_why_there_is_no_robot_and_finds_it_when_it_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_SEARCH", 0.05)
+    driver = FakeDriver()
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("view", lambda view: "No driver runs" in view["why_no_robot"])
+            await asyncio.to_thread(driver.server.start)
+            await page.until("view", lambda view: not view["why_no_robot"])
+            await page.until("state")
+            await asyncio.to_thread(driver.server.stop)
+            await page.until("view", lambda view: view["why_no_robot"])
+
+    run(story)
+
+
+def test_foreign_pages_and_names_are_refused(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        assert await site.status("/", Host="evil.example") == 403
+        assert await site.status("/", Origin="http://evil.example") == 403
+        assert await site.status("/model.json", Origin="null") == 403
+        assert await site.status("/", Host=f"localhost:{site.server.port}") == 200
+        for headers in ({}, {"Origin": "http://evil.example"}, {"Origin": "http://127.0.0.1:1"}):
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
+                await site.session.ws_connect(f"{site.base}/ws", headers=headers)
+            assert refusal.value.status == 403
+
+    run(story)
+
+
+def test_other_machines_need_the_token(driver: FakeDriver) -> None:
+    with pytest.raises(SettingsError, match="needs a token"):
+        ViewSettings(host="0.0.0.0")
+
+    async def story(site: Site) -> None:
+        assert await site.status("/") == 403
+        assert await site.status("/?token=wrong") == 403
+        assert await site.status("/model.json?token=secret") == 403
+        with pytest.raises(aiohttp.WSServerHandshakeError):
+            await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base})
+        assert await site.status("/?token=secret") == 303
+        # aiohttp keeps no cookies of bare addresses; a browser does.
+        cookie = {"Cookie": "yumi_view_token=secret"}
+        assert await site.status("/", **cookie) == 200
+        async with site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base, **cookie}) as socket:
+            await Page(socket).until("state")
+        assert site.server.url.endswith("/?token=secret")
+
+    run(story, host="0.0.0.0", token="secret")
+
+
+def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("state")
+            await page.send(type="take_control")
+            assert "yumi view --operate" in (await page.until("refused"))["sentence"]
+            for request in ("stop_egm", "start_egm"):
+                assert "yumi view --operate" in (await page.ask(request))["error"]["message"]
+            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
+            assert "yumi view --operate" in (await page.until("jog_refused"))["error"]["message"]
+        assert driver.manager.asked == []
+        assert driver.robot.speeds[Side.RIGHT].read() is None
+
+    run(story)
+
+
+def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page, site.page() as other:
+            await other.until("state")
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"] == "Take control first."
+            await page.take_control()
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
+            assert driver.manager.speed.value == 0.5
+            assert (await page.ask("grip", arm="left", action="close", force=8.0))["result"]["outcome"] == "holding"
+            refused = await page.ask("grip", arm="left", action="open", force=8.0)
+            assert "A gripper opens without a force" in refused["error"]["message"]
+            await other.until("view", lambda view: view["control"] == "elsewhere")
+            assert (await other.ask("start_egm"))["error"]["message"] == "Take control first."
+            assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page that may operate
+            await page.send(type="inject", id=3, name="emergency-stop")
+            failed = await page.until("failed")
+            assert failed["error"]["message"] == "Only a virtual robot takes faults."
+            await page.send(type="give_back")
+            await page.until("view", lambda view: view["control"] == "none")
+
+    run(story, may_operate=True)
+
+
+@pytest.mark.parametrize("way", ["closes", "is replaced", "gives back"])
+def test_motion_of_a_page_ends_when_it_loses_control(driver: FakeDriver, way: str) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as other:
+            async with site.page() as page:
+                await page.take_control()
+                await page.send(type="ask", id=1, request={"method": "move", "right": "home"})
+                await eventually(lambda: driver.robot.control.commands)
+                driver.robot.control.on_command = driver.robot.rest
+                if way == "is replaced":
+                    await other.take_control()
+                    assert "Another page" in (await page.until("refused"))["sentence"]
+                elif way == "gives back":
+                    await page.send(type="give_back")
+                if way != "closes":
+                    await eventually(lambda: isinstance(driver.robot.control.commands[-1].message, StopMotion))
+            await eventually(lambda: isinstance(driver.robot.control.commands[-1].message, StopMotion))
+
+    run(story, may_operate=True)
+
+
+def speeds_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
+    newest = driver.robot.speeds[side].read()
+    return None if newest is None else newest[1].velocity
+
+
+def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest  # it is taken over from standstill
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
+            await eventually(lambda: speeds_of(driver) == tuple(SPEEDS))
+            assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
+            await page.send(type="jog_joints", arm="right", hold=1, speeds=[0.0] * 7)
+            await eventually(lambda: speeds_of(driver) == ZERO)
+            await page.send(type="jog_tool", arm="right", hold=2, linear=[0.0, 0.0, 0.1])
+            await eventually(lambda: speeds_of(driver) != ZERO)
+        # The page is closed: the arm stops, and follows again what it followed before.
+        await eventually(lambda: speeds_of(driver) == ZERO)
+        await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+
+    run(story, may_operate=True)
+
+
+@pytest.mark.parametrize(
+    ("message", "words"),
+    [
+        ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [5.0, 0, 0, 0, 0, 0, 0]}, "<= 1.0"),
+        ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [0.1]}, "length 7"),
+        ({"type": "jog_tool", "arm": "head", "hold": 1}, "Invalid enum value 'head'"),
+        ({"type": "ask", "id": 1, "request": {"method": "shutdown"}}, "Invalid value 'shutdown'"),
+        ({"type": "open_door"}, "Invalid value 'open_door'"),
+    ],
+)
+def test_message_that_means_nothing_is_refused_and_changes_nothing(
+    driver: FakeDriver, message: dict[str, Any], words: str
+) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(**message)
+            assert words in (await page.until("refused"))["sentence"]
+        assert speeds_of(driver) is None
+
+    run(story, may_operate=True)
+
+
+def test_page_that_shows_nothing_gets_no_more_states_and_loses_control(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(server, "_ANSWER", 0.3)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page, site.page() as other:
+            await page.take_control()
+            states = 0
+            while True:
+                message = json.loads(await asyncio.wait_for(page.socket.receive_str(), SOON))  # is not answered
+                states += message["type"] == "state"
+                if message["type"] == "refused":
+                    break
+            assert "did not answer" in message["sentence"]
+            assert states <= 1
+            await other.until("view", lambda view: view["control"] == "none")
+
+    run(story, may_operate=True)
+
+
+def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDriver) -> None:
+    for side in Side:
+        driver.robot.control.snapshots[side] = driver.robot.control.snapshots[side].__class__()
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
+            refused = await page.until("jog_refused")
+            assert "EGM is not running on the right arm" in refused["error"]["message"]
+            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
+            await page.until("state")
+            await page.send(type="jog_joints", arm="right", hold=2, speeds=SPEEDS)
+            assert (await page.until("jog_refused"))["hold"] == 2
+
+    run(story, may_operate=True)
+
+
+def test_too_many_pages_are_refused(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        sockets = [
+            await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base}) for _ in range(MAX_PAGES)
+        ]
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refusal:
+            await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base})
+        assert refusal.value.status == 503
+        for socket in sockets:
+            await socket.close()
+
+    run(story)
+
+
+def test_recording_is_served_and_nothing_is_operated() -> None:
+    async def story(site: Site) -> None:
+        async with site.session.get(f"{site.base}/recording.json") as reply:
+            assert await reply.json() == {"name": "x.mcap"}
+        async with site.page() as page:
+            assert (await page.until("view"))["is_recording"]
+            await page.send(type="take_control")
+            assert (await page.until("refused"))["sentence"] == "This is a recording."
+
+    run(story, recording={"name": "x.mcap"}, may_operate=True)
+
+
+def test_port_that_is_taken_is_refused(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        second = ViewServer(ViewSettings(port=site.server.port))
+        with pytest.raises(SettingsError, match=r"Port \d+ on 127\.0\.0\.1 cannot be opened"):
+            await second.start()
+
+    run(story)
