@@ -24,7 +24,7 @@ PAGE = ROOT / "docs" / "reference" / "rapid-coverage.md"
 EFFECTS = ROOT / "tests" / "unit" / "rapid" / "effects.txt"
 OF_CONTROLLER = ROOT / "tests" / "unit" / "virtual" / "instructions" / "effects.txt"
 VALUES = EFFECTS.with_name("constants.txt")
-TESTS = ("tests/unit/rapid", "tests/unit/virtual", "tests/contract", "tests/system", "tests/corpus")
+TESTS = ("tests/unit/rapid", "tests/unit/virtual", "tests/contract", "tests/system", "tests/rapid_corpus")
 UNTESTED, MISSING = "provided, without a test", "missing"
 STATES = ("done", Support.ACCEPTED.value, Support.REFUSED.value, UNTESTED, MISSING)
 

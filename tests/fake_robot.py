@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, NamedTuple
 
 from yumi.api.motion import (
+    CARTESIAN_CONTROLLER,
     GOAL_CONTROLLER,
     JOG_CONTROLLER,
     STREAM_CONTROLLER,
@@ -25,7 +26,7 @@ from yumi.control.shared_state import Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home
 
-NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, JOG_CONTROLLER)
+NAMES = (GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, JOG_CONTROLLER, CARTESIAN_CONTROLLER)
 
 
 class Switch(NamedTuple):
@@ -87,6 +88,7 @@ class FakeRobot:
         self.control = FakeControl()
         self.goals = {side: MemoryBuffer() for side in Side}
         self.speeds = {side: MemoryBuffer() for side in Side}
+        self.tool_goals = {side: MemoryBuffer() for side in Side}
         self.motions = MotionRegistry()
         self.feedback = {side: MemoryBuffer() for side in Side}
         self.dual_feedback = {side: MemoryBuffer() for side in Side}
@@ -100,7 +102,8 @@ class FakeRobot:
             ManualClock(100.0),
             {side: (buffer, self.dual_feedback[side]) for side, buffer in self.feedback.items()},
             lambda: self.speed_scale,
-            self.speeds,
+            speeds=self.speeds,
+            tool_goals=self.tool_goals,
         )
 
     def rest(self, command: ControllerCommand) -> None:

@@ -43,6 +43,8 @@ LEFT_OUT = {
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
     r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
     r"yumi shell": "a prompt; has tests of its own",
+    r"yumi install": "restarts the controller that the other examples use; docs/how-to/real-robot.md has it",
+    r"yumi rws (get|set|ls|put|watch|call) [^-]": "tests/unit/cli/test_cli_rws.py has each",
     r"yumi completion fish": "needs fish",
 }
 """Examples of ``--help`` that are not run, by their beginning."""

@@ -58,6 +58,7 @@ class Clone:
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "ROS_LOG_DIR": str(folder / "ros"),
             "MPLCONFIGDIR": str(folder / "matplotlib"),
+            "XDG_STATE_HOME": str(folder / "state"),
             "COLUMNS": "200",
         }
 

@@ -10,22 +10,26 @@ from contextlib import suppress
 from math import nan
 from pathlib import Path
 from threading import Event, RLock
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
 from system.virtual_time_bench import System
 from yumi.api.attach import attach
-from yumi.api.motion import GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
+from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.errors import CommandRefused, YumiError
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
+from yumi.robot.kinematics import compose, matrix, tool0_to_body
 from yumi.virtual.controller.fault_names import Fault
 
 
@@ -37,11 +41,17 @@ class Driver(System):
         self._motions = MotionRegistry(is_script=False)
         super().__init__(are_calibrated=are_calibrated)
         self.speeds = {side: MemoryBuffer() for side in Side}
+        self.tool_goals = {side: MemoryBuffer() for side in Side}
         for side, arm in self.arms.items():
             arm.line.manager.load(GOAL_CONTROLLER, JointGoalController(MemoryBuffer()))
             arm.line.manager.configure(GOAL_CONTROLLER)
-            arm.line.manager.load(JOG_CONTROLLER, JointVelocityController(self.speeds[side]))
-            arm.line.manager.configure(JOG_CONTROLLER)
+            jogging = {
+                JOG_CONTROLLER: JointVelocityController(self.speeds[side]),
+                CARTESIAN_CONTROLLER: CartesianController(side, self.tool_goals[side], MemoryBuffer()),
+            }
+            for name, controller in jogging.items():
+                arm.line.manager.load(name, controller)
+                arm.line.manager.configure(name)
         mover = MotionExecutor(
             self,
             {side: arm.goals for side, arm in self.arms.items()},
@@ -50,6 +60,7 @@ class Driver(System):
             YUMI_LIMITS,
             self,
             speeds=self.speeds,
+            tool_goals=self.tool_goals,
         )
         access = DriverAccess(
             robot="memory",
@@ -134,30 +145,55 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert driver.done("mode", "motors_off") == "The motors are off\n"
 
 
+def keep_asking(driver: Driver, ask: Callable[[], object], seconds: float) -> None:
+    """Ask thirty times a second, as a page does while a key is held."""
+    with ThreadPoolExecutor(1) as other:
+        for _ in range(round(seconds / 0.033)):
+            asked = other.submit(ask)
+            while not asked.done():
+                driver.wait(0.004)
+            asked.result()
+            driver.wait(0.033)
+
+
 def test_arm_is_jogged_while_speeds_come_and_stops_within_a_fifth_of_a_second(driver: Driver) -> None:
     driver.done("start")
-    with attach() as attached, ThreadPoolExecutor(1) as other:
-
-        def jog(seconds: float) -> None:
-            for _ in range(round(seconds / 0.033)):
-                asked = other.submit(attached.jog, "left", [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-                while not asked.done():
-                    driver.wait(0.004)
-                asked.result()
-                driver.wait(0.033)
-
+    with attach() as attached:
         start, begun = driver.snapshot(Side.LEFT).position, driver.now()
-        jog(1.0)
+        keep_asking(driver, lambda: attached.jog("left", [0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), 1.0)
         moved = driver.snapshot(Side.LEFT).position
         assert 0.3 < moved[0] - start[0] < 0.5 * (driver.now() - begun)
-        driver.wait(0.2)  # none comes any more
-        stood = driver.snapshot(Side.LEFT)
-        assert max(map(abs, stood.velocity)) < 0.02
-        driver.wait(0.5)
-        assert driver.snapshot(Side.LEFT).position == pytest.approx(stood.position, abs=0.002)
+        check_stands_soon(driver, Side.LEFT)
         for speeds, words in (([0.1] * 6, "expected 7 speeds"), ([nan, *[0.0] * 6], "finite number")):
             with pytest.raises(CommandRefused, match=words):
                 attached.jog("left", speeds)
+
+
+def check_stands_soon(driver: Driver, side: Side) -> None:
+    """No request comes any more: 0.2 s later the arm stands, but for what the robot's own filter still settles."""
+    driver.wait(0.2)
+    stood = driver.snapshot(side)
+    assert max(map(abs, stood.velocity)) < 0.03
+    driver.wait(0.5)
+    assert driver.snapshot(side).position == pytest.approx(stood.position, abs=0.003)
+
+
+@pytest.mark.parametrize("frame", ["base", "tool"])
+def test_fingertips_are_jogged_along_a_line_and_stop_within_a_fifth_of_a_second(
+    driver: Driver, frame: Literal["base", "tool"]
+) -> None:
+    driver.done("start")
+    driver.done("move", "right", "ready", "--speed-scale", "1")
+    with attach() as attached:
+        before = compose(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
+        keep_asking(driver, lambda: attached.jog_tool("right", linear=(0.0, 0.0, 0.08), frame=frame), 0.8)
+        check_stands_soon(driver, Side.RIGHT)
+        after = compose(tool0_to_body(Side.RIGHT, driver.snapshot(Side.RIGHT).position), FINGERTIPS)
+    axis = np.array((0.0, 0.0, 1.0)) if frame == "base" else matrix(before.orientation)[:, 2]
+    moved = np.array(after.position) - np.array(before.position)
+    assert 0.04 < float(moved @ axis) < 0.4
+    assert float(np.linalg.norm(moved - (moved @ axis) * axis)) < 0.001
+    assert after.orientation == pytest.approx(before.orientation, abs=0.003)
 
 
 def test_jog_of_an_arm_that_another_motion_moves_is_refused(driver: Driver) -> None:

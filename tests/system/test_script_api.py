@@ -301,6 +301,7 @@ def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual:
     [
         ("script_move_and_grip.py", "left gripper: holding at 20 mm"),
         ("script_both_arms.py", "right arm: holding, left arm: holding"),
+        ("plan_around.py", "back at home"),
     ],
 )
 def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str) -> None:

@@ -162,11 +162,10 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     page.begin("joint 0 1")
     page.wait("#verdict", "The right arm moves")
     with Watch() as watch:
-        watch.wait(lambda: len(watch.seen) > 5)
-        closed = time.time()
+        watch.wait(lambda: watch.travel() > 0.02)
         page.tab.close()
+        closed = time.time()
         watch.wait(lambda: watch.seen[-1][0] > closed + 0.6)
-    assert watch.travel(until=closed) > 0.01
     assert watch.travel(since=closed + 0.2) < 0.001
 
     # A second page that takes control ends the jog of the first, too.
@@ -177,8 +176,9 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     first.begin("joint 0 -1")
     first.wait("#verdict", "The right arm moves")
     with Watch() as watch:
-        second.press("#take")
-        taken = time.time()
+        watch.wait(lambda: watch.travel() > 0.02)
+        clicked = second.tab.evaluate("document.querySelector('#take').click(); Date.now()")
+        taken = clicked / 1000.0
         second.wait("#take", "Give control back")
         watch.wait(lambda: watch.seen[-1][0] > taken + 0.6)
     assert watch.travel(since=taken + 0.2) < 0.001

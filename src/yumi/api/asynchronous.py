@@ -16,6 +16,7 @@ from yumi.api.robot import Arm, Robot
 from yumi.driver.endpoint import ArmMode, ArmReport
 from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Joints, Pose
+from yumi.rws.client import RwsClient
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -247,6 +248,11 @@ class AsyncRobot:
     def state(self) -> RobotState:
         """Mode, motors, RAPID program and EGM of the robot, why it does not move and what stopped it."""
         return self.sync.state
+
+    @property
+    def controller(self) -> RwsClient:
+        """As :attr:`yumi.api.robot.Robot.controller`; its calls wait for the controller, so await them in a thread."""
+        return self.sync.controller
 
     @property
     def speed_scale(self) -> float:

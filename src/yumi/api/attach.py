@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import isfinite
 from types import TracebackType
-from typing import TypeVar
+from typing import Literal, TypeVar
 
 from yumi.api.motion import Position
 from yumi.driver import endpoint as wire
@@ -185,6 +185,31 @@ class RunningDriver:
         if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} speeds in chain order.")
         self._ask(wire.Jog(arm=arm, speeds=joints(values)), str)
+
+    def jog_tool(
+        self,
+        arm: wire.Arm,
+        *,
+        linear: Sequence[float] = (0.0, 0.0, 0.0),
+        angular: Sequence[float] = (0.0, 0.0, 0.0),
+        elbow: float = 0.0,
+        frame: Literal["base", "tool"] = "base",
+    ) -> None:
+        """Move the fingertips of an arm with a velocity for 0.1 s; as :meth:`jog`, which raises the same.
+
+        Args:
+            arm: which.
+            linear: velocity x, y, z [m/s].
+            angular: angular velocity about x, y, z [rad/s].
+            elbow: speed of the arm angle [rad/s].
+            frame: from where they are seen: the robot's base, or the tool.
+        """
+        values = _position([*linear, *angular, elbow])
+        if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
+            raise CommandRefused("Jog refused: expected three numbers each for linear and angular.")
+        x, y, z, about_x, about_y, about_z, turn = values
+        request = wire.JogTool(arm=arm, linear=(x, y, z), angular=(about_x, about_y, about_z), elbow=turn, frame=frame)
+        self._ask(request, str)
 
     def _ask(self, request: Request, result: type[T]) -> T:
         return self._client.ask(request, result, self._on_step, timeout=None)

@@ -164,6 +164,7 @@ class Connection:
         self._speed = manager.speed
         if self._speed.value < FULL:
             log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
+        self.client = parts.client
         stack.callback(parts.client.close)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)

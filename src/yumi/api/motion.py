@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
-from yumi.control.controllers.cartesian import ToolGoal
+from yumi.control.controllers.cartesian import ToolGoal, twist_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
@@ -48,6 +48,7 @@ from yumi.robot.joints import (
     YUMI_LIMITS,
     JointLimits,
     Joints,
+    Pose,
     Side,
     chain_from_abb,
     joint_names,
@@ -574,11 +575,26 @@ class MotionExecutor:
             raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
-        session, is_new = self._begin_stream(side, JOG_CONTROLLER)
+        session, is_new = self._begin_stream(side, JOG_CONTROLLER, is_jog=True)
         write_speeds(self._speeds[side], session, joints(speeds))
         return is_new
 
-    def _begin_stream(self, side: Side, controller: str) -> tuple[int, bool]:
+    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool:
+        """Have a tool move with a velocity until 0.1 s after the last call; returns and raises as :meth:`jog`.
+
+        Args:
+            side: the arm.
+            twist: velocity [m/s], angular velocity and that of the arm angle [rad/s], (7,).
+            tool: its frame in tool0.
+            is_in_tool: whether it is seen from the tool, else from the body.
+        """
+        if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
+            raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
+        session, is_new = self._begin_stream(side, CARTESIAN_CONTROLLER, is_jog=True)
+        self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
+        return is_new
+
+    def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
         known = (controller, snapshot.session, snapshot.activation)
@@ -587,7 +603,8 @@ class MotionExecutor:
         if controller == CARTESIAN_CONTROLLER:
             self._check_has(side, controller)
         self._check_follows(side)
-        if controller == JOG_CONTROLLER and self.commanding(side) != (controller,) and self.is_moving(side):
+        is_jogged = self.commanding(side) in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+        if is_jog and (self._motions.is_open(side) or (not is_jogged and self.is_moving(side))):
             raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
         self._take_over(side, controller)
         snapshot = self._control.snapshot(side)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import isfinite, nan
 from types import TracebackType
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from yumi.api.cartesian import (
 )
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
-from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, in_degrees, wait_for
+from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
 from yumi.control.controllers.cartesian import pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE
@@ -39,6 +39,10 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
 from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.rws.client import RwsClient
+
+if TYPE_CHECKING:
+    from yumi.planning.planner import Plan, Planner
 
 log = logging.getLogger(__name__)
 
@@ -522,6 +526,8 @@ class Robot:
         self._connection = Connection(settings, controllers, arms, on_step)
         self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
         self._is_connected = False
+        self._modules = {side: settings.gripper.modules(side) for side in Side}
+        self._planner: Planner | None = None  # made when the first motion is planned
         self._frames = Frames()
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
         self.right, self.left = (
@@ -634,6 +640,55 @@ class Robot:
         if wait:
             wait_for(motions, timeout, executor)
         return motions
+
+    def plan_to(
+        self,
+        *,
+        right: Position | Pose | None = None,
+        left: Position | Pose | None = None,
+        timeout: float = 30.0,
+        speed: float = 1.0,
+        seed: int = 0,
+    ) -> Plan:
+        """Plan a motion around the robot itself and the declared boxes; nothing moves before :meth:`execute`.
+
+        Args:
+            right: goal of the right arm: joint positions [rad] as for :meth:`move_to`, or the pose of tool0 in the body
+                frame, which is reached in a posture near the present one; None lets it stand.
+            left: the same for the left arm.
+            timeout: how long to look for a way [s].
+            speed: share of the joints' speeds, above 0 up to 1.
+            seed: of the random numbers; the same one finds the same way.
+
+        Raises:
+            MissingPrerequisite: RoboPlan is not installed.
+            CommandRefused: a goal, or where an arm is now, is impossible or too near to something.
+            PlanNotFound: no way was found in time.
+        """
+        from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
+
+        start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
+        goals: dict[Side, Position | Pose] = _named(right, left)
+        if self._planner is None:
+            self._planner = Planner(self._modules)
+        return self._planner.plan(
+            start,
+            {
+                side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
+                for side, goal in goals.items()
+            },
+            timeout=timeout,
+            speed=speed,
+            seed=seed,
+        )
+
+    def execute(self, plan: Plan, *, wait: bool = True, timeout: float | None = None) -> tuple[Motion, ...]:
+        """Have the arms follow a plan; they must be where it begins, see :meth:`plan_to`.
+
+        Arguments ``wait`` and ``timeout``, the errors and what is returned are those of :meth:`follow`.
+        """
+        points = plan.points
+        return self.follow(right=points.get(Side.RIGHT), left=points.get(Side.LEFT), wait=wait, timeout=timeout)
 
     def move_to_pose(
         self,
@@ -773,6 +828,17 @@ class Robot:
             YumiError: the controller does not answer.
         """
         return self._connected.manager.describe()
+
+    @property
+    def controller(self) -> RwsClient:
+        """The robot's controller over Robot Web Services: signals, RAPID data, files, configuration, event log.
+
+        It is the driver's own session. What it starts, stops or switches, the driver finds out by itself.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+        """
+        return self._connected.client
 
     @property
     def executor(self) -> MotionExecutor:

@@ -40,6 +40,13 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="Address of this machine that RAPID's sockets may use, 0.0.0.0 for all; --listen's without it. Sockets that "
     "may use a loopback address only reach nothing but this machine, whatever address a program names.",
 )
+@click.option(
+    "--robot",
+    type=click.Choice(["yumi", "irb14050", "irb120"]),
+    default="yumi",
+    show_default=True,
+    help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1; without EGM).",
+)
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
 @click.option(
@@ -82,6 +89,7 @@ def controller(
     rws_port: int,
     listen: str,
     rapid_sockets: str | None,
+    robot: str,
     robot_name: str,
     egm_host: str,
     left_egm_port: int,
@@ -115,11 +123,15 @@ def controller(
       yumi controller --rws-port 8080 --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
+    from yumi.virtual.controller.robots import ROBOTS  # noqa: PLC0415
     from yumi.virtual.controller.system import delivered_system, factory_system, read_backup, with_programs  # noqa: PLC0415
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     if show:
         logging.getLogger("yumi.virtual.controller.tasks").setLevel(logging.DEBUG)
+    model = ROBOTS[robot]
+    delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
+    begin = read_backup(system, model) if system else delivered
     settings = world_settings(
         robot_name=robot_name,
         egm_host=egm_host,
@@ -128,11 +140,7 @@ def controller(
         grippers={Side.LEFT: GripperModules(left_gripper), Side.RIGHT: GripperModules(right_gripper)},
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
-        system=with_programs(
-            read_backup(system) if system else factory_system() if factory else delivered_system(),
-            _programs(programs),
-            cfg,
-        ),
+        system=with_programs(begin, _programs(programs), cfg),
     )
     chosen = password or RobotSettings().password
     virtual = VirtualController(

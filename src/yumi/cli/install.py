@@ -33,6 +33,7 @@ class _Session:
     Attributes:
         client: connected.
         system: its controller's.
+        remote: the controller's IP address.
         addresses: where each arm's datagrams are awaited.
         installation: on it.
         is_json: whether the result is printed as JSON, and nothing else.
@@ -42,12 +43,14 @@ class _Session:
         self,
         client: RwsClient,
         system: SystemInfo,
+        remote: str,
         addresses: dict[Side, EgmAddress],
         installation: Installation,
         is_json: bool,
     ) -> None:
         self.client = client
         self.system = system
+        self.remote = remote
         self.addresses = addresses
         self.installation = installation
         self.is_json = is_json
@@ -69,6 +72,16 @@ class _Session:
             click.echo(json.dumps(value | more, indent=2))
         else:
             click.echo(outcome)
+
+    def show_route(self) -> None:
+        """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
+        from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415 - a quick --help
+        from yumi.driver.commissioning.machine import examine_route  # noqa: PLC0415
+        from yumi.egm.udp import network_cards  # noqa: PLC0415
+
+        for finding in examine_route(self.remote, self.addresses, network_cards()):
+            if finding.verdict is not Verdict.OK:
+                self.say(f"Note: {finding.found}; {finding.remedy}.")
 
     def show(self, plan: Plan) -> None:
         """The plan, like a diff."""
@@ -99,8 +112,8 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
     try:
         system = client.connect()
         identity = client.identity()
-        record = Record.of(f"{identity.serial or identity.name}_{system.name}")
-        session = _Session(client, system, addresses, Installation(client, record, _Progress(is_json)), is_json)
+        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
+        session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
         session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare " + _version(system))
         yield session
     finally:
@@ -171,6 +184,7 @@ def install(
             session.installation.roll_back()
             session.finish("Everything is as it was before.")
             return
+        session.show_route()
         plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
         session.show(plan)
         if plan.obstacles:

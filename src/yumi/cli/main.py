@@ -22,6 +22,7 @@ from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
 from yumi.cli.options import ROS_ARGUMENTS
+from yumi.cli.plan import moveit_config
 from yumi.cli.rapid import rapid
 from yumi.cli.record import record
 from yumi.cli.up import up
@@ -151,6 +152,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (answer, controller, demo, doctor, fault, rapid, record, rws.rws, up, view)
+_COMMANDS = (answer, controller, demo, doctor, fault, moveit_config, rapid, record, rws.rws, up, view)
 for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
     main.add_command(_command)

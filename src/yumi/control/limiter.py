@@ -15,10 +15,12 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
 
+from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
@@ -75,6 +77,7 @@ class PositionLimiter:
         # Of joints whose last step was planned: velocity and acceleration at its end, which the plan goes on from.
         self._planned: dict[int, tuple[float, float]] = {}
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
+        self._step_time = 0.0  # [s] of the last step
 
     def next(self, desired: Joints, dt: float, elapsed: float) -> Joints:
         """``desired`` itself if a step there is smooth enough, else the next position towards it, within the limits.
@@ -86,7 +89,7 @@ class PositionLimiter:
             dt: how long the joints may move [s].
             elapsed: since the position that was desired before [s]; longer than ``dt`` after a gap.
         """
-        step = self._step_to(desired, dt)
+        step, self._step_time = self._step_to(desired, dt), dt
         is_late = () if self._is_gentle(step, dt) else [not self._is_smooth(i, step, dt) for i in range(JOINT_COUNT)]
         if not any(is_late):
             self._sent = self._goal = step
@@ -132,6 +135,28 @@ class PositionLimiter:
         rows = zip(*self._sent, limits.acceleration, limits.jerk, strict=True)
         ends = joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
         return inside(ends, limits, self.position)
+
+    @property
+    def motion(self) -> Setpoint:
+        """The position sent last, and how it moves at the end of its step."""
+        position, velocity, acceleration = self._sent
+        if not self._planned and not any(velocity) and not any(acceleration):
+            return Setpoint(position)
+        half = 0.5 * self._step_time
+        now = [
+            self._planned.get(index) or (velocity[index] + half * acceleration[index], acceleration[index])
+            for index in range(JOINT_COUNT)
+        ]
+        return Setpoint(position, *(joints(values) for values in zip(*now, strict=True)))
+
+    def brake(self, dt: float) -> Joints:
+        """The next position of joints that all brake as hard as they may, for ``dt`` [s]."""
+        rest = step_to_rest(self.motion, self._limits, dt, [True] * JOINT_COUNT)
+        self._sent = self._goal = self._step_to(inside(rest.position, self._limits, self.position), dt)
+        self._planned = dict(enumerate(zip(rest.velocity, rest.acceleration, strict=True)))
+        self._chasing = frozenset()
+        self._step_time = dt
+        return self.position
 
     def stands(self, dt: float) -> bool:
         """Whether no joint has moved with the last step of ``dt`` [s], nor with the one before it.
@@ -250,9 +275,17 @@ class FeedForwardLimiter:
         self._is_feeding = False
         self._speeds = [0.0] * JOINT_COUNT
         self._rates = [0.0] * JOINT_COUNT
+        self._places: list[float] = []
         self._planned: Joints | None = None
         self._position: Joints = ZERO
         self._position_before: Joints = ZERO
+
+    @property
+    def motion(self) -> Setpoint | None:
+        """How the robot will move when it takes the last command; None where no speed is fed forward."""
+        if not self._is_feeding or not self._places:
+            return None
+        return Setpoint(joints(self._places), joints(self._speeds), joints(self._rates))
 
     def limit(self, limits: JointLimits) -> None:
         """Apply other limits from the next command on."""
@@ -305,8 +338,11 @@ class FeedForwardLimiter:
                 predicted = 0.0
                 self.resume(planned, self._position)
         limits, fed = self._limits, []
+        # New lists: what a copy of this has, for a command that is not sent, does not change.
+        self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
         for index, (now, ahead, speed, last) in enumerate(zip(planned, position, desired, self._speeds, strict=True)):
             place = now + last * predicted  # where the joint will be when the robot takes the command
+            self._places.append(place)
             most, top, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
             lead = self._gain * (ahead - place)
             goal = lead + max(-most, min(most, speed))
@@ -365,12 +401,14 @@ class LimiterCounters:
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a joint's speed, acceleration or jerk.
         implausible: measured or planned positions that no arm can have reached.
+        kept_apart: commands that would have led an arm too near to something.
     """
 
     refused: int = 0
     position_limited: int = 0
     slowed: int = 0
     implausible: int = 0
+    kept_apart: int = 0
 
 
 class Limiter:
@@ -389,6 +427,7 @@ class Limiter:
         period: time between two states of the arm [s].
         gain: of the robot's position loop [1/s].
         other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
+        collisions: what keeps the arm apart from the other one and from all else; None where nothing does.
     """
 
     def __init__(
@@ -397,6 +436,7 @@ class Limiter:
         period: float = CYCLE,
         gain: float = EGM_GAIN,
         other_arm: Callable[[], Joints | None] = lambda: None,
+        collisions: ArmCollisionLimiter | None = None,
     ) -> None:
         self.counters = LimiterCounters()
         self.longest_step = LATE_CYCLE * period
@@ -410,6 +450,8 @@ class Limiter:
         self._speeds = FeedForwardLimiter(limits, gain)
         self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain)
+        self._collisions = collisions
+        self._was_refused = False  # whether nothing but braking was accepted in the last cycle
         self._session = 0
         self._sent_at = -inf
         self._state: ArmState | None = None  # what was made of the newest state
@@ -451,6 +493,8 @@ class Limiter:
         Returns:
             None where no reply is safe: it is open whether the robot still follows, or where it is.
         """
+        was_silent = self._sent_at > -inf and state.time - self._sent_at > self.longest_step
+        is_back = was_silent and state.session == self._session and state.dt <= 0.0
         if state.session != self._session:
             self._state = self._enter(state)
         elif self._feedback.is_plausible(state, self._positions.position):
@@ -461,10 +505,12 @@ class Limiter:
                 self.is_at_rest = False  # the command is not where the robot is
                 self._go_on_after_doubts(state)
         self.counters.implausible = self._feedback.implausible
-        is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
-        if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
-            # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
+        leads = self._speeds.velocity is not ZERO or dist(self._positions.position, state.planned) >= _SLIGHT_LEAD
+        if self._state is not None and is_back and leads:
+            # After a silence, one datagram alone proves nothing: it may be a late one of a session that has ended, and
+            # a robot that has begun a new one by now, or does not follow, would take the lead at once.
             self._positions.rest_at(self._positions.position)
+            self._speeds.resume(state.planned, self._positions.position)
             self._state = None
         return self._state
 
@@ -479,6 +525,13 @@ class Limiter:
             if checked is None:  # repeat the last command; before the first one, where the robot is
                 return self._begin(state) if self._sent_at == -inf else self._last
             state = checked
+        command = self._limit(state, desired)
+        if self._collisions is not None:
+            self._collisions.take(state.planned, self._positions.motion, self._speeds.motion)
+        return command
+
+    def _limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
+        """The command for a state that was checked."""
         self._sent_at = state.time
         if self._is_new:
             return self._begin(state)
@@ -491,7 +544,33 @@ class Limiter:
             return self._last
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             return self._come_to(state, dt)
-        return self._next(state, desired, dt)
+        if self._collisions is None:
+            return self._next(state, desired, dt)
+        return self._next_apart(self._collisions, state, desired, dt)
+
+    def _next_apart(
+        self, collisions: ArmCollisionLimiter, state: ArmState, desired: ArmCommand | None, dt: float
+    ) -> ArmCommand:
+        """The same without coming too near to anything: what is not accepted is forgotten."""
+        kept = copy(self._positions), copy(self._speeds), copy(self.counters), self._settling_for
+        steered = desired and collisions.steered(desired)
+        command = self._next(state, steered, dt)
+        if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
+            self.counters.kept_apart += steered is not desired
+            self._was_refused = False
+            return command
+        if desired is not None and not self._was_refused:  # the boundary is known by now: along it
+            self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
+            self._settling_for = kept[3]
+            command = self._next(state, collisions.steered(desired), dt)
+            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
+                self.counters.kept_apart += 1
+                return command
+        self._positions, self._speeds, self.counters, self._settling_for = kept
+        self.counters.kept_apart += 1
+        self.is_at_rest, self._was_refused = False, True
+        position = self._positions.brake(dt)
+        return ArmCommand(position, self._speeds.next(state.planned, position, ZERO, dt))
 
     def _next(self, state: ArmState, desired: ArmCommand | None, dt: float) -> ArmCommand:
         """The command of a cycle in which the robot follows."""

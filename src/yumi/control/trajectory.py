@@ -18,17 +18,19 @@ from __future__ import annotations
 from array import array
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
 from math import comb, degrees, inf, isfinite, nan
+from operator import sub
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
 from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
 from yumi.errors import TrajectoryRefused
-from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names
+from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names, joints
 
 # ---- polynomials: the sequence of their coefficients, the constant one first
 #
@@ -504,18 +506,84 @@ def plan_trajectory(
         is_smoothed = smoothed_from is not None and not any(each.velocity for each in points)
         spline = spline_through(points)
         if smoothed_from is not None and is_smoothed:
-            now = smoothed_from[side]
-            if points[0].time > 0.0:  # the arm comes there in motion
-                whole = smooth_spline_through([TrajectoryPoint(0.0, now.position), *points], now.velocity)
-                spline = Spline(Segments(whole.segments[1:]), whole.last)
-                end = SplineSampler(Spline(Segments(whole.segments[:1]), points[0]))
-                points[0] = TrajectoryPoint(points[0].time, *end.setpoint(points[0].time * (1.0 - 1e-12)))
-            else:
-                spline = smooth_spline_through(points, now.velocity)
+            points[0], spline = _smoothed(points, smoothed_from[side], names, limits)
         check_motion(spline.segments, names, limits)
         left_out = tuple(name for name in names if name not in column_of)
         plans[side] = ArmPlan(side, points[0], spline, trajectory.start, left_out, is_smoothed)
     return plans
+
+
+_STOPS = (0.0, 0.05, 0.1, 0.2, 0.4, 0.8)  # [s] before its end a smoothed way slows down, tried in this order
+_KNOTS = 10  # of the way on which it slows down
+_MOST_SMOOTHED = 0.05  # [rad] points may be moved by
+_PASSES = 40
+
+
+def _smoothed(
+    points: Sequence[TrajectoryPoint], now: Setpoint, names: Sequence[str], limits: JointLimits
+) -> tuple[TrajectoryPoint, Spline]:
+    """The first point and the way from there on, through positions alone, within the limits.
+
+    It begins as the arm moves ``now``, and comes to rest at the last point along the way, not within one interval.
+    Points that ask for too much are averaged with their neighbours, which takes the noise of a policy away.
+
+    Raises:
+        TrajectoryRefused: it takes more than that; the reason is that of the points as they are.
+    """
+    refusal: TrajectoryRefused | None = None
+    moved = list(points)
+    for _ in range(_PASSES):
+        for knots, velocity in _starts(moved, now):
+            for slowing in (each for each in _STOPS if each <= knots[-1].time - knots[0].time):
+                spline = smooth_spline_through(_slowed(knots, velocity, slowing), velocity)
+                if len(knots) > len(points):  # the way to the first point is planned from what is commanded then
+                    spline = Spline(Segments(spline.segments[1:]), spline.last)
+                try:
+                    for segment in spline.segments:
+                        check_lead(segment, names, limits)
+                except TrajectoryRefused as error:
+                    refusal = refusal or error
+                    continue
+                first = SplineSampler(spline).setpoint(spline.begin)
+                return (points[0] if points[0].time == 0.0 else TrajectoryPoint(spline.begin, *first)), spline
+        for index, three in enumerate(zip(*(tuple(moved)[shift:] for shift in range(3)), strict=False), 1):
+            rows = zip(*(each.position for each in three), strict=True)
+            moved[index] = moved[index]._replace(position=tuple([0.25 * a + 0.5 * b + 0.25 * c for a, b, c in rows]))
+        pairs = zip(points, moved, strict=True)
+        if any(max(map(abs, map(sub, each.position, own.position))) > _MOST_SMOOTHED for each, own in pairs):
+            break
+    assert refusal is not None
+    raise refusal
+
+
+def _starts(points: Sequence[TrajectoryPoint], now: Setpoint) -> Iterator[tuple[Sequence[TrajectoryPoint], Joints]]:
+    """Knots and their first velocity: from where the arm is; or, where the points lie elsewhere, as their first two."""
+    if points[0].time == 0.0 or len(points) < 2:
+        yield points, now.velocity if points[0].time == 0.0 else ZERO
+        return
+    yield [TrajectoryPoint(0.0, now.position), *points], now.velocity
+    gap = points[1].time - points[0].time
+    yield points, joints([(b - a) / gap for a, b in zip(points[0].position, points[1].position, strict=True)])
+
+
+def _slowed(points: Sequence[TrajectoryPoint], velocity: Joints, slowing: float) -> Sequence[TrajectoryPoint]:
+    """The same points, where the way slows down for the last ``slowing`` [s], which take twice as long."""
+    if slowing == 0.0:
+        return points
+    # Beyond the end it would go on as it came: the end has no say in the way before it.
+    last, before = points[-1], points[-2]
+    beyond = [2.0 * a - b for a, b in zip(last.position, before.position, strict=True)]
+    further = TrajectoryPoint(2.0 * last.time - before.time, tuple(beyond))
+    way = SplineSampler(smooth_spline_through([*points, further], velocity))
+    begin = last.time - slowing
+    kept = [each for each in points if each.time < begin - 0.25 * slowing / _KNOTS]
+    slow = []
+    for number in range(_KNOTS + 1):
+        share = number / _KNOTS
+        # From speed 1 to 0 without a jump of the rate: its integral over twice the time is the way that is left.
+        gone = 2.0 * slowing * (share - share**3 + 0.5 * share**4)
+        slow.append(TrajectoryPoint(begin + 2.0 * slowing * share, way.position(begin + gone)))
+    return [*kept, *slow[:-1], TrajectoryPoint(slow[-1].time, last.position)]
 
 
 def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
@@ -635,6 +703,13 @@ def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: Join
                 _check_rate("acceleration", "rad/s²", derivative(velocity), strength, names[index], segment)
 
 
+def check_lead(lead: Segment, names: Sequence[str], limits: JointLimits) -> None:
+    """As :func:`check_motion`; a way that is chosen here must not jerk a joint too much, one that is given may."""
+    check_motion((lead,), names, limits)
+    for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
+        _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
+
+
 def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
     out = excess(rate, segment.end - segment.begin, -limit * _ROUNDING, limit * _ROUNDING)
     if out is not None:
@@ -690,12 +765,12 @@ def blend(
                 velocity=end.velocity or after.velocity, acceleration=end.acceleration or after.acceleration
             )
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
-        try:
+        if not plan.is_smoothed:
             check_motion((lead,), names, limits)
             return Spline(spline.segments.after(lead), spline.last)
-        except TrajectoryRefused:
-            if not plan.is_smoothed:
-                raise
+        with suppress(TrajectoryRefused):
+            check_lead(lead, names, limits)
+            return Spline(spline.segments.after(lead), spline.last)
     begin = max(begin, 0.0)
     by_now = sampler.setpoint(begin)
     if is_at_rest or not plan.is_smoothed:
@@ -718,10 +793,7 @@ def _joined(spline: Spline, setpoint: Setpoint, begin: float, names: Sequence[st
         end = TrajectoryPoint(begin + duration, *sampler.setpoint(begin + duration))
         lead = segment_between(TrajectoryPoint(begin, *setpoint), end)
         try:
-            check_motion((lead,), names, limits)
-            # A way that is chosen here must not jerk a joint too much; one that is given may.
-            for name, row, limit in zip(names, lead.rows, limits.jerk, strict=True):
-                _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
+            check_lead(lead, names, limits)
         except TrajectoryRefused as error:
             refusal = error
             continue

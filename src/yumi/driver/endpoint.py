@@ -136,6 +136,20 @@ class Jog(Request, frozen=True):
     speeds: tuple[float, float, float, float, float, float, float]
 
 
+class JogTool(Request, frozen=True):
+    """Move the fingertips of an arm with a velocity for 0.1 s, as :class:`Jog` moves the joints.
+
+    ``linear`` [m/s] and ``angular`` [rad/s] are seen from the robot's base or from the tool; ``elbow`` [rad/s] turns
+    the arm angle.
+    """
+
+    arm: Arm
+    linear: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    angular: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    elbow: float = 0.0
+    frame: Literal["base", "tool"] = "base"
+
+
 class SwitchControllers(Request, frozen=True):
     """Activate and deactivate controllers of one arm in one step."""
 
@@ -162,6 +176,7 @@ AnyRequest = (
     | Grip
     | Move
     | Jog
+    | JogTool
     | SwitchControllers
     | SetSpeedScale
 )

@@ -43,6 +43,7 @@ from yumi.driver.endpoint import (
     GripperReport,
     GripReport,
     Jog,
+    JogTool,
     MotionReport,
     Move,
     Position,
@@ -65,8 +66,9 @@ from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side
 
 MAX_CLIENTS = 16
 """So many clients are served at once."""
@@ -115,6 +117,8 @@ class Mover(Protocol):
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
     def jog(self, side: Side, speeds: Sequence[float]) -> bool: ...
+
+    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool: ...
 
     def is_moving(self, side: Side) -> bool: ...
 
@@ -225,7 +229,7 @@ class Handlers:
         try:
             return HANDLERS[type(request)](self, request, caller)
         finally:
-            if not isinstance(request, GetState | GetControllers | Jog):
+            if not isinstance(request, GetState | GetControllers | Jog | JogTool):
                 self._access.on_change()
 
     # What only looks
@@ -375,7 +379,7 @@ class Handlers:
             f"The {' and the '.join(side.word for side in goals)} arm stand{'' if len(goals) > 1 else 's'} at the goal"
         )
 
-    def jog(self, request: Jog, caller: Caller) -> str:
+    def jog(self, request: Jog | JogTool, caller: Caller) -> str:
         """Move an arm for a moment; a move that is being carried out goes first."""
         (side,) = sides_of((request.arm,))
         self._access.check_arms((side,))
@@ -383,7 +387,12 @@ class Handlers:
             raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
         try:
             caller.check()
-            if self._access.mover.jog(side, request.speeds):
+            if isinstance(request, Jog):
+                is_switched = self._access.mover.jog(side, request.speeds)
+            else:
+                twist, is_in_tool = (*request.linear, *request.angular, request.elbow), request.frame == "tool"
+                is_switched = self._access.mover.jog_tool(side, twist, FINGERTIPS, is_in_tool=is_in_tool)
+            if is_switched:
                 self._access.on_change()
         finally:
             self._moving.release()
@@ -434,11 +443,19 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
     Grip: Handlers.grip,
     Move: Handlers.move,
     Jog: Handlers.jog,
+    JogTool: Handlers.jog,
     SwitchControllers: Handlers.switch,
 }
 """What may be asked for; nothing else is called for a client."""
 
-_AT_ONCE = (GetState, GetControllers, StopEgm, SetSpeedScale, Jog)  # these wait for nothing that others have asked for
+_AT_ONCE = (
+    GetState,
+    GetControllers,
+    StopEgm,
+    SetSpeedScale,
+    Jog,
+    JogTool,
+)  # these wait for nothing that others have asked for
 
 _requests = msgspec.json.Decoder(AnyRequest)
 _log = logging.getLogger(__name__)

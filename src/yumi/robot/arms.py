@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
-from math import pi, sqrt, tau
+from itertools import product
+from math import acos, atan2, cos, floor, hypot, pi, radians, sin, sqrt, tau
 from typing import cast
 
 import numpy as np
@@ -23,10 +24,12 @@ from yumi.robot.kinematics import (
     ELBOW_OFFSET,
     FLANGE,
     FOREARM,
+    IDENTITY,
     SHOULDER_HEIGHT,
     SHOULDER_OFFSET,
     UPPER_ARM,
     WRIST_OFFSET,
+    compose,
     foot_to_body,
     matrix,
     quaternion_from_matrix,
@@ -78,6 +81,8 @@ class Arm:
         tool_speed: the highest of the tool [m/s].
         tool_acceleration: the highest of the tool [m/s²].
         find_postures: all postures within the limits of a pose of tool0 in the world and an arm angle [rad].
+        is_of_yumi: whether it is one of an IRB 14000.
+        wrist: index of the joint that puts the two beside it in line at zero: a spherical wrist's axis 5.
     """
 
     name: str
@@ -92,6 +97,8 @@ class Arm:
     tool_speed: float
     tool_acceleration: float
     find_postures: Postures
+    is_of_yumi: bool = False
+    wrist: int | None = None
 
     @property
     def joint_count(self) -> int:
@@ -221,11 +228,24 @@ class Arm:
         rows = [np.swapaxes(np.cross(axes, tip[:, None] - origins), 1, 2), np.swapaxes(axes, 1, 2)]
         if self.reference is None:
             return missing, np.concatenate(rows, 1)
-        size, count = 1e-6, self.joint_count
-        beside = np.concatenate([at[:, None], at[:, None] + size * np.eye(count)], 1).reshape(-1, count)
-        all_angles = self.angles(beside).reshape(len(at), count + 1)
-        slope = _wrapped(all_angles[:, 1:] - all_angles[:, :1]) / size
-        missing = np.concatenate([missing, _wrapped(angles - all_angles[:, 0])[:, None]], 1)
+        # The arm angle and its derivative: x and y of the elbow's axis, seen along the line from shoulder to wrist.
+        reference, elbow, wrist = np.array(self.reference), axes[:, _ELBOW_AXIS], origins[:, _WRIST_AXIS]
+        from_shoulder = wrist - origins[:, 0]
+        length = np.linalg.norm(from_shoulder, axis=1)[:, None]
+        line = from_shoulder / length
+        normal = np.cross(line, reference)
+        along, along_reference = np.sum(line * elbow, 1)[:, None], (line @ reference)[:, None]
+        y, x = np.sum(normal * elbow, 1)[:, None], (elbow @ reference)[:, None] - along * along_reference
+        d_wrist = np.cross(axes, wrist[:, None] - origins)
+        d_line = (d_wrist - line[:, None] * np.sum(d_wrist * line[:, None], 2, keepdims=True)) / length[:, None]
+        d_elbow = np.zeros_like(axes)
+        d_elbow[:, :_ELBOW_AXIS] = np.cross(axes[:, :_ELBOW_AXIS], elbow[:, None])
+        d_y = np.sum(np.cross(d_line, reference) * elbow[:, None], 2) + np.sum(d_elbow * normal[:, None], 2)
+        d_along = np.sum(d_elbow * line[:, None], 2) + np.sum(d_line * elbow[:, None], 2)
+        d_x = d_elbow @ reference - d_along * along_reference - along * (d_line @ reference)
+        slope = (x * d_y - y * d_x) / np.maximum(x * x + y * y, 1e-30)
+        angle = np.arctan2(y, x)[:, 0] + pi / 2.0
+        missing = np.concatenate([missing, _wrapped(angles - angle)[:, None]], 1)
         return missing, np.concatenate([*rows, slope[:, None]], 1)
 
     # Configurations -----------------------------------------------------------------------------------------------
@@ -323,4 +343,149 @@ def yumi_arm(side: Side, limits: JointLimits = YUMI_LIMITS) -> Arm:
         1.5,
         11.0,
         lambda tool0, angle: postures(side, tool0, angle, limits),
+        is_of_yumi=True,
+    )
+
+
+@cache
+def irb14050() -> Arm:
+    """The single-arm YuMi: the arm of an IRB 14000 on its foot, its arm angle counted from the foot's z axis."""
+    to_body, body_reference = foot_to_body(Side.LEFT), np.array(yumi_arm(Side.LEFT).reference)
+    z = np.array([0.0, 0.0, 1.0])
+
+    def find(tool0: Pose, angle: float) -> tuple[Joints, ...]:
+        # The same half-plane of the elbow, counted from the direction that an IRB 14000's arm counts from.
+        turned = matrix(tool0.orientation)
+        wrist = np.array(tool0.position) - turned[:, _Z] * FLANGE
+        line = (wrist - _YUMI_OFFSETS[0]) / np.linalg.norm(wrist - _YUMI_OFFSETS[0])
+        across = np.cross(line, z)
+        across = across / np.linalg.norm(across)
+        inside = np.cross(across, line) * cos(angle - pi / 2.0) + across * sin(angle - pi / 2.0)
+        other = np.cross(line, body_reference)
+        other = other / np.linalg.norm(other)
+        counted = atan2(float(inside @ other), float(inside @ np.cross(other, line))) + pi / 2.0
+        return postures(Side.LEFT, compose(to_body, tool0), float((counted + pi) % tau - pi))
+
+    return Arm(
+        "robot",
+        CHAIN_AXES,
+        _YUMI_TURNS,
+        _YUMI_OFFSETS,
+        Pose((0.0, 0.0, 0.0), IDENTITY),
+        YUMI_LIMITS,
+        home(Side.LEFT),
+        (0.0, 0.0, 1.0),
+        configuration,
+        1.5,
+        11.0,
+        find,
+    )
+
+
+# A robot of six axes with a spherical wrist (IRB 120) -----------------------------------------------------------------
+
+# Lengths of an IRB 120-3/0.6 [m] (reference/robots.md).
+_BASE, _LOWER_ARM, _ELBOW_RISE, _FOREARM, _FLANGE = 0.290, 0.270, 0.070, 0.302, 0.072
+_REACH = hypot(_FOREARM, _ELBOW_RISE)
+_ELBOW_ANGLE = atan2(_FOREARM, _ELBOW_RISE)  # from the lower arm's direction to the wrist, all joints at zero
+
+# Ranges and speeds: ABB's; accelerations and jerks: ours, as ABB publishes none.
+IRB120_LIMITS = JointLimits(
+    lower=cast("Joints", tuple(map(radians, (-165.0, -110.0, -110.0, -160.0, -120.0, -400.0)))),
+    upper=cast("Joints", tuple(map(radians, (165.0, 110.0, 70.0, 160.0, 120.0, 400.0)))),
+    velocity=cast("Joints", tuple(map(radians, (250.0, 250.0, 250.0, 320.0, 320.0, 420.0)))),
+    acceleration=cast("Joints", (25.0, 25.0, 25.0, 50.0, 50.0, 50.0)),
+    jerk=cast("Joints", (400.0, 400.0, 400.0, 800.0, 800.0, 800.0)),
+)
+
+
+def six_axis_configuration(position: Joints) -> Configuration:
+    """RAPID's confdata of an IRB 120: quarter turns of axes 1, 4 and 6, and one of eight branches.
+
+    The branch adds 4 where the wrist is behind axis 1, 2 where it is behind the lower arm, 1 where axis 5 is negative.
+    """
+    a1, a2, a3, a4, a5, a6 = position  # type: ignore[misc]  # an arm of six joints
+    wrist_ahead = _LOWER_ARM * sin(a2) + _REACH * sin(a2 + a3 + _ELBOW_ANGLE)
+    cf1, cf4, cf6 = (floor(angle / (pi / 2.0) + _ROUNDING) for angle in (a1, a4, a6))
+    cfx = 4 * (wrist_ahead < 0.0) + 2 * (sin(a3 + _ELBOW_ANGLE) < 0.0) + (a5 < 0.0)
+    return Configuration(cf1, cf4, cf6, cfx)
+
+
+def _six_axis_postures(tool0: Pose, limits: JointLimits) -> tuple[Joints, ...]:
+    """In closed form: two ways to face the wrist, two elbows, two wrists, and full turns within the limits."""
+    rotation = matrix(tool0.orientation)
+    wrist = np.array(tool0.position) - rotation[:, _Z] * _FLANGE
+    ahead, up = hypot(float(wrist[0]), float(wrist[1])), float(wrist[2]) - _BASE
+    facing = atan2(float(wrist[1]), float(wrist[0]))
+    distance = ahead * ahead + up * up
+    cosine = (distance - _LOWER_ARM**2 - _REACH**2) / (2.0 * _LOWER_ARM * _REACH)
+    if abs(cosine) > 1.0:
+        return ()
+    found = []
+    for a1, forward in ((facing, ahead), (facing + pi, -ahead)):
+        for inner in (acos(cosine), -acos(cosine)):
+            a3 = inner - _ELBOW_ANGLE
+            a2 = atan2(forward, up) - atan2(_REACH * sin(inner), _LOWER_ARM + _REACH * cos(inner))
+            # What is left for the wrist: Rx(a4) Ry(a5) Rx(a6).
+            left = _turn(_Y, -(a2 + a3)) @ _turn(_Z, -a1) @ rotation @ _TOOL0_AT_ZERO.T
+            tilt = atan2(hypot(left[0, 1], left[0, 2]), left[0, 0])
+            for a5 in (tilt, -tilt):
+                sign = 1.0 if a5 >= 0.0 else -1.0
+                if tilt < _ALIGNED:  # axes 4 and 6 are in line: axis 4 stays at zero
+                    a4, a6 = 0.0, atan2(left[2, 1], left[1, 1])
+                else:
+                    a4 = atan2(sign * left[1, 0], -sign * left[2, 0])
+                    a6 = atan2(sign * left[0, 1], sign * left[0, 2])
+                found += _full_turns((a1, a2, a3, a4, a5, a6), limits)
+    return tuple(dict.fromkeys(sorted(found, key=lambda each: max(map(abs, each)))))
+
+
+_ALIGNED = 1e-9  # [rad] of axis 5
+_TOOL0_AT_ZERO = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)])
+
+
+def _turn(axis: int, angle: float) -> Array:
+    vector = np.zeros((1, 3))
+    vector[0, axis] = angle
+    return np.asarray(rotations_about(vector)[0])
+
+
+def _full_turns(position: tuple[float, ...], limits: JointLimits) -> list[Joints]:
+    choices = [
+        [
+            turned
+            for turns in (-2, -1, 0, 1, 2)
+            if low - _ROUNDING <= (turned := value + turns * tau) <= high + _ROUNDING
+        ]
+        for value, low, high in zip(position, limits.lower, limits.upper, strict=True)
+    ]
+    return [cast("Joints", each) for each in product(*choices)]
+
+
+@cache
+def irb120() -> Arm:
+    """An IRB 120-3/0.6."""
+    offsets = (
+        (0.0, 0.0, _BASE),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, _LOWER_ARM),
+        (0.0, 0.0, _ELBOW_RISE),
+        (_FOREARM, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (_FLANGE, 0.0, 0.0),
+    )
+    return Arm(
+        "robot",
+        (1, 2, 3, 4, 5, 6),
+        (_Z, _Y, _Y, _X, _Y, _X),
+        np.array(offsets),
+        Pose((0.0, 0.0, 0.0), IDENTITY),
+        IRB120_LIMITS,
+        cast("Joints", (0.0, 0.0, 0.0, 0.0, radians(30.0), 0.0)),
+        None,
+        six_axis_configuration,
+        6.2,
+        28.0,
+        lambda tool0, _: _six_axis_postures(tool0, IRB120_LIMITS),
+        wrist=4,
     )

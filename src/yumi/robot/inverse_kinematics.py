@@ -32,6 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import CommandRefused
+from yumi.robot.differential_kinematics import posture_near, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
@@ -202,15 +203,16 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
         Unreachable: no posture of the pose is reached from the seed, or it is out of range; the message says by
             how much.
     """
-    target = _target(side, tool0, angle)
-    position, error = _polish(np.array([seed]), target)
-    miss = float(error[0])
+    # Quickly where the arm is free; near singularities, and where there is no posture, with more care.
+    result, miss = posture_near(side, wrist_target(side, tool0, angle), seed)
+    if miss > _CONVERGED:
+        position, error = _polish(np.array([seed]), _target(side, tool0, angle))
+        result, miss = joints(position[0]), float(error[0])
     if miss > _CONVERGED:
         raise Unreachable(
             f"The {side.word} arm does not reach the pose from where it is: the nearest posture misses it by "
             f"{miss:.4f} (metres and radians). Choose a pose within reach, or another arm angle."
         )
-    result = joints(position[0])
     outside = limits.outside(result)
     if outside is not None:
         raise Unreachable(

@@ -35,11 +35,12 @@ _VERSION = re.compile(r"\d+(\.\d+)+")
 
 @dataclass(frozen=True, slots=True)
 class SystemInfo:
-    """The controller's system, e.g. version (6, 13, 0, 0)."""
+    """The controller's system, e.g. version (6, 13, 0, 0); a new installation of RobotWare has another ``id``."""
 
     name: str
     robotware: tuple[int, ...]
     options: tuple[str, ...]
+    id: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +160,8 @@ def system(page: Page) -> SystemInfo:
     if not _VERSION.fullmatch(version):
         raise ProtocolError(f"The controller's RobotWare version {version!r} is not numbers and dots.")
     options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
-    return SystemInfo(state.text("name"), tuple(int(part) for part in version.split(".")), options)
+    robotware = tuple(int(part) for part in version.split("."))
+    return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
 
 
 def identity(page: Page) -> ControllerIdentity:

@@ -100,7 +100,7 @@ class FaultInjection:
         _check_choice(fault.value, side, duration, amount, way)
         self._check_effect(fault)
         network, kind = self._world.network, fault.value
-        sides = tuple(Side) if side is None else (side,)
+        sides = tuple(self._world.arms) if side is None else (side,)
         length = kind.default_duration if duration is None else duration
         strength = amount
         if strength is None:  # 0 is chance, or nothing to choose

@@ -206,7 +206,7 @@ class VirtualController:
         self._destinations: dict[Side, tuple[str, int]] = {}
         self._links: dict[Side, UdpClient] = {}
         self._foreign_links: dict[Side, UdpClient] = {}
-        for side in Side:
+        for side in self.world.arms:
             self._follow_device(side)
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
+from yumi.robot.arms import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
+from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import System, delivered_system
-from yumi.virtual.controller.units import YUMI_OPTIONS, ArmUnit, Identity
+from yumi.virtual.controller.units import ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 
@@ -74,8 +76,9 @@ class World:
         self.cycle_time = settings.egm.cycle_time
         system = settings.system or delivered_system()
         self._units: dict[Side, ArmUnit] = {}
-        for side in Side:
-            arm = VirtualArm(side, settings.positions.get(side), settings.arm_model)
+        robot = system.robot
+        for side, kinematics_of in robot.arms.items():
+            arm = _arm(robot, side, kinematics_of(), settings)
             gripper = VirtualGripper(
                 settings.workpieces.get(side),
                 settings.gripper_modules.get(side, GripperModules.SERVO),
@@ -88,11 +91,11 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
-        options = tuple(each for each in YUMI_OPTIONS if each != _ADD_IN) if system.is_factory else YUMI_OPTIONS
+        options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
         self.controller = Irc5(
             tuple(self._units.values()),
             system,
-            _with_addresses(system.configuration(), settings),
+            _with_addresses(system.configuration(), settings, robot),
             Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
             settings.start_time,
         )
@@ -138,13 +141,22 @@ class World:
         return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
 
 
-def _with_addresses(configuration: Configuration, settings: WorldSettings) -> Configuration:
+def _arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
+    """An arm of the robot: a YuMi's has the dynamics of the settings, others have limits of their own."""
+    if robot.is_yumi:
+        return VirtualArm(side, settings.positions.get(side), settings.arm_model)
+    model = replace(settings.arm_model, limits=kinematics.limits, supervises_load=False)
+    return VirtualArm(side, settings.positions.get(side), model, kinematics, robot.unit_of(side))
+
+
+def _with_addresses(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
     """The addresses of this machine instead of the robot cell's."""
-    for side in Side if not (settings.system and settings.system.is_factory) else ():
+    for side in () if settings.system and settings.system.is_factory else robot.arms:
+        unit = robot.unit_of(side)
         address = {"RemoteAdress": settings.egm_host}
         if side in settings.egm_ports:
             address["RemotePortNumber"] = str(settings.egm_ports[side])
-        if configuration.find("SIO", "COM_TRP", side.unit) is None:
-            configuration.put("SIO", "COM_TRP", {"Name": side.unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
-        configuration.change("SIO", "COM_TRP", side.unit, address)
+        if configuration.find("SIO", "COM_TRP", unit) is None:
+            configuration.put("SIO", "COM_TRP", {"Name": unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
+        configuration.change("SIO", "COM_TRP", unit, address)
     return configuration

@@ -9,12 +9,13 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from ipaddress import ip_address
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import aiohttp
 import msgspec
 
-from yumi.api.motion import JOG_CONTROLLER
+from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER
+from yumi.driver import endpoint as wire
 from yumi.driver.endpoint import (
     Arm,
     DriverState,
@@ -26,16 +27,20 @@ from yumi.driver.endpoint import (
     Request,
     SwitchControllers,
     failure_of,
-    sides_of,
 )
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.joints import ZERO, Joints
+from yumi.robot.joints import ZERO
 from yumi.virtual.process import inject_fault
-from yumi.web.jog import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR, Frame, ToolJog
 from yumi.web.link import DriverLink
 
 RATE = 30.0
 """A page gets the state so often [1/s]."""
+
+MAX_JOINT_SPEED = 1.0
+"""No joint is jogged faster than this [rad/s], before speed_scale."""
+
+MAX_LINEAR, MAX_ANGULAR = 0.2, 1.0
+"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale."""
 
 STALE = 0.15
 """A jog that a page has sent longer ago is not carried out [s]."""
@@ -62,16 +67,36 @@ class JogJoints(
     hold: int
     speeds: tuple[_Speed, _Speed, _Speed, _Speed, _Speed, _Speed, _Speed]
 
+    @property
+    def request(self) -> Request:
+        """What the driver is asked for."""
+        return Jog(arm=self.arm, speeds=self.speeds)
+
+    @property
+    def at_rest(self) -> Request:
+        """The same without motion."""
+        return Jog(arm=self.arm, speeds=ZERO)
+
 
 class JogTool(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type", tag="jog_tool"):
     """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
 
     arm: Arm
     hold: int
-    frame: Frame = "base"
+    frame: Literal["base", "tool"] = "base"
     linear: tuple[_Linear, _Linear, _Linear] = (0.0, 0.0, 0.0)
     angular: tuple[_Angular, _Angular, _Angular] = (0.0, 0.0, 0.0)
     elbow: _Speed = 0.0
+
+    @property
+    def request(self) -> Request:
+        """What the driver is asked for."""
+        return wire.JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
+
+    @property
+    def at_rest(self) -> Request:
+        """The same without motion."""
+        return wire.JogTool(arm=self.arm, frame=self.frame)
 
 
 AnyJog = JogJoints | JogTool
@@ -201,7 +226,6 @@ class Operator:
         self._is_held = asyncio.Event()
         self._jogging: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
-        self._tool: tuple[JogTool, ToolJog] | None = None
         self._before: dict[Arm, tuple[str, ...]] = {}  # controllers that commanded the arms before they were jogged
 
     async def open(self) -> None:
@@ -220,7 +244,7 @@ class Operator:
             return
         if self._held is not None and time.monotonic() - self._held.time < _JUST_NOW:
             with suppress(YumiError):  # at once; without it the arm stops 0.1 s later by itself
-                await link.ask(Jog(arm=self._held.jog.arm, speeds=ZERO))
+                await link.ask(self._held.jog.at_rest)
         await link.close()
         if self._before:
             with suppress(YumiError):  # the driver has ended, or EGM has: no controller commands there
@@ -285,29 +309,10 @@ class Operator:
                 state = self._live.state()
                 if arm not in self._before:
                     self._before[arm] = tuple(each.name for each in state.controllers[arm] if each.commands)
-                speeds = self._speeds(held.jog, state)
-                await self._link.ask(Jog(arm=arm, speeds=speeds))
+                await self._link.ask(held.jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 refused = held.jog.hold
-                with suppress(YumiError):  # the arm stops by itself where this is refused
-                    await self._link.ask(Jog(arm=arm, speeds=ZERO))
                 self._send({"type": "jog_refused", "hold": refused, "error": _failure(error)})
-
-    def _speeds(self, jog: AnyJog, state: DriverState) -> Joints:
-        if isinstance(jog, JogJoints):
-            self._tool = None
-            return jog.speeds
-        if not any((*jog.linear, *jog.angular, jog.elbow)):
-            self._tool = None
-            return ZERO
-        position = state.arms[jog.arm].position
-        (side,) = sides_of((jog.arm,))
-        if position is None:
-            raise RobotNotReady(f"The {side.word} arm sends no positions; start EGM first.")
-        if self._tool is None or self._tool[0] != jog:
-            tool = ToolJog(side, position, jog.frame, jog.linear, jog.angular, jog.elbow)
-            self._tool = jog, tool
-        return self._tool[1].speeds(position)
 
 
 def _failure(error: Exception) -> Failure:
@@ -330,7 +335,8 @@ async def _give_back(live: LiveRobot, before: dict[Arm, tuple[str, ...]]) -> Non
                     break
                 await asyncio.sleep(_POLL)
             now = tuple(each.name for each in state.controllers[arm] if each.commands)
-            if names and now == (JOG_CONTROLLER,) != names and state.arms[arm].mode.value == "holding":
+            is_jogged = now in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+            if names and is_jogged and now != names and state.arms[arm].mode.value == "holding":
                 await link.ask(SwitchControllers(arm=arm, activate=names, deactivate=now))
     finally:
         await link.close()

@@ -1,5 +1,4 @@
 ! @run 2
-! @line MONITOR left step 0
 ! @line MONITOR left step 1
 ! @line MONITOR left step 2
 ! @line MONITOR left step 3

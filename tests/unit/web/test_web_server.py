@@ -13,7 +13,7 @@ import aiohttp
 import pytest
 
 from fake_driver import FakeDriver
-from yumi.api.motion import GOAL_CONTROLLER, JOG_CONTROLLER
+from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.errors import SettingsError
 from yumi.robot.joints import ZERO, Side
@@ -242,6 +242,11 @@ def speeds_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
     return None if newest is None else newest[1].velocity
 
 
+def twist_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
+    newest = driver.robot.tool_goals[side].read()
+    return None if newest is None else newest[1].twist
+
+
 def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver) -> None:
     driver.robot.control.on_command = driver.robot.rest  # it is taken over from standstill
 
@@ -254,9 +259,10 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             await page.send(type="jog_joints", arm="right", hold=1, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
             await page.send(type="jog_tool", arm="right", hold=2, linear=[0.0, 0.0, 0.1])
-            await eventually(lambda: speeds_of(driver) != ZERO)
+            await eventually(lambda: twist_of(driver) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0))
+            assert driver.robot.control.switches[-1].activate == (CARTESIAN_CONTROLLER,)
         # The page is closed: the arm stops, and follows again what it followed before.
-        await eventually(lambda: speeds_of(driver) == ZERO)
+        await eventually(lambda: twist_of(driver) == ZERO)
         await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
 
     run(story, may_operate=True)

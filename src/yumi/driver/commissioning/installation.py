@@ -35,7 +35,7 @@ ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
 """Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
 
 _KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
-"""What tells instances of a type apart that have no names."""
+"""What distinguishes instances of a type without names."""
 
 _HEADERS = {
     "EIO": "EIO:CFG_1.0:6:1::",
@@ -45,13 +45,14 @@ _HEADERS = {
 }
 _NEWEST_ROBOTWARE = 6
 _SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
+_SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
 _TEMPORARY = "TEMP:/yumi_install"
-_NOT_FOUND = 404
+_NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
 _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
 
 
 class CfgKey(NamedTuple):
-    """One instance of the configuration; the name, or what tells it apart in a type without names."""
+    """One instance of the configuration; the name, or what distinguishes it in a type without names."""
 
     domain: str
     type: str
@@ -164,7 +165,8 @@ def _is_same_value(one: str, other: str) -> bool:
     try:
         return isclose(float(one), float(other), rel_tol=_SAME)
     except ValueError:
-        return one.strip().lower() == other.strip().lower()
+        words = {one.strip().lower(), other.strip().lower()}
+        return len(words) == 1 or words <= _SET
 
 
 def _is_same_module(one: str | None, other: str | None) -> bool:
@@ -442,7 +444,7 @@ class Installation:
         return Contents(texts, cfg, modules)
 
     def _instances(self, domain: str, type_name: str) -> dict[str, tuple[str, Mapping[str, str] | None]]:
-        """Titles and attributes of the instances by what tells them apart."""
+        """Titles and attributes of the instances by name, or by what distinguishes those without."""
         try:
             found = self._client.cfg(domain, type_name)
         except ControllerRefused as error:
@@ -455,7 +457,7 @@ class Installation:
         try:
             return {f"{folder}{entry.name}".lower() for entry in self._client.files(folder)}
         except ControllerRefused as error:
-            if error.status != _NOT_FOUND:
+            if error.status not in _NOT_FOUND:
                 raise
             return set()
 
@@ -468,8 +470,8 @@ class Installation:
             RobotNotReady: there are obstacles, or what was read back is not what is wanted.
             YumiError: the controller refused a step, or it is gone; ``roll_back`` is possible then.
         """
-        if plan.obstacles:
-            raise RobotNotReady(f"Nothing was changed: {plan.obstacles[0]}.")
+        for obstacle in (*plan.obstacles, *self._busy()):  # it may have been started since the plan was made
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
         if not plan.changes and not self._record.is_restart_due:
             return
         known = self._record.before
@@ -511,8 +513,8 @@ class Installation:
         if self._record.before is not None:
             self.roll_back()
             return
-        if plan.obstacles:
-            raise RobotNotReady(f"Nothing was changed: {plan.obstacles[0]}.")
+        for obstacle in (*plan.obstacles, *self._busy()):
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
         self._record.before = plan.present
         self._record.save()
         self._apply(plan.wanted)
@@ -582,7 +584,7 @@ class Installation:
     def _apply_cfg(self, present: Contents, wanted: Contents) -> None:
         client = self._client
         added: dict[str, list[tuple[str, Mapping[str, str]]]] = {}
-        for key, attributes in wanted.cfg.items():
+        for key, attributes in reversed(list(wanted.cfg.items())):  # what names a signal goes before the signal
             now = present.cfg[key]
             if attributes is not None and now is None:
                 self._note_restart()
@@ -595,9 +597,9 @@ class Installation:
                 self._note_restart()
                 self._report(f"change {key.domain} {key.type} {key.name}")
                 client.set_cfg(key.domain, key.type, self._title(key), changed)
-        for domain, instances in added.items():
+        for domain, instances in reversed(added.items()):
             self._report(f"load {len(instances)} instances of {domain}")
-            with self._temporary(f"{domain}.cfg", write_cfg(_HEADERS[domain], instances)) as path:
+            with self._temporary(f"{domain}.cfg", write_cfg(_HEADERS[domain], reversed(instances))) as path:
                 client.load_cfg(path)
 
     @contextmanager

@@ -52,7 +52,7 @@ def examine_machine(
         cards: this machine's network cards.
         environment: variables.
     """
-    yield from _way(robot, addresses, cards())
+    yield from examine_route(robot, addresses, cards())
     ports = [address.port for address in addresses.values()]
     if len({*ports}) < len(ports):
         found = f"both arms' datagrams are awaited at port {ports[0]}"
@@ -89,7 +89,9 @@ def problem(requirement: str, error: Exception) -> Finding:
     return Finding(requirement, Verdict.PROBLEM, found, remedy)
 
 
-def _way(robot: str, addresses: Mapping[Side, EgmAddress], cards: tuple[NetworkCard, ...]) -> Iterator[Finding]:
+def examine_route(
+    robot: str, addresses: Mapping[Side, EgmAddress], cards: tuple[NetworkCard, ...]
+) -> Iterator[Finding]:
     """The card that faces the robot, and others that could be taken for it."""
     if ip_address(robot).is_loopback:
         yield Finding("route", Verdict.OK, "the robot is on this machine")

@@ -93,7 +93,7 @@ def _tried(call: Call, device: SocketDevice, action: Callable[[], T]) -> T:
         return action()
     except OSError as error:
         name = _ERRORS.get(error.errno or 0, "ERR_SOCK_UNSPEC")
-        if name == "ERR_SOCK_CLOSED":
+        if name == "ERR_SOCK_CLOSED" and device.status is SocketStatus.CONNECTED:
             device.close()
         raise RapidRuntimeError(name, f"{call.name}: {error.strerror or error}.") from error
 
@@ -204,7 +204,7 @@ def connect(call: Call) -> Wait:
         raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketConnect: the socket is connected or listens.")
     end = _end(call)
     _tried(call, device, lambda: socket.connect(address, port))
-    yield from _waited(call, end, lambda: _tried(call, device, socket.is_connected) or None)
+    yield from _waited(call, end, lambda: _tried(call, device, socket.is_connected) or None)  # refused, it stays open
     device.status = SocketStatus.CONNECTED
 
 

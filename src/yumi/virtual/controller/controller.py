@@ -20,7 +20,7 @@ from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.controller.units import YUMI_UNITS, ArmUnit, Identity, MechanicalUnit, SyncPoints
+from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
@@ -122,7 +122,7 @@ class Irc5:
         self._program_names: dict[str, str] = {}
         self._restart_left = 0.0
         self._restart_time = RESTART_TIME
-        self.units: tuple[MechanicalUnit, ...] = YUMI_UNITS
+        self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
         self._system = system
@@ -357,8 +357,11 @@ class Irc5:
     def collide(self, side: Side) -> None:
         """An arm collides: motion supervision stops RAPID and both arms; the motors stay on."""
         self.collision_state = CollisionState.TRIGGERED
-        sentence = f"Motion supervision triggered for {side.unit}: the {side.word} arm has met something."
-        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(side.unit,))
+        unit = self._arms[side].mechanical_unit
+        sentence = (
+            f"Motion supervision triggered for {unit}: the {self._arms[side].arm.kinematics.name} has met something."
+        )
+        self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(unit,))
         self.execution.stop(sentence)
 
     def advance(self, dt: float) -> None:
@@ -443,7 +446,7 @@ class Irc5:
 
     def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
         """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
-        units = {unit.side.unit: unit for unit in self._arms.values()}
+        units = {unit.mechanical_unit: unit for unit in self._arms.values()}
         outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
         return tuple(
             (output["Signal"], units[output["Arg1"]])
@@ -486,7 +489,7 @@ class Irc5:
         tasks = []
         settings = task_settings(self.effective)
         free = list(self._arms.values())
-        named = {unit.side.unit: unit for unit in free}
+        named = {unit.mechanical_unit: unit for unit in free}
         for each in settings:
             if each.robot.upper() in named and each.is_motion_task:
                 free.remove(named[each.robot.upper()])
@@ -530,14 +533,14 @@ def robot_library(
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
-    add_data(library, unit.side.unit)
+    add_data(library, unit.mechanical_unit, units)
     motion = add_motion(library, unit, speed_ratio, events)
     add_motion_settings(library, motion)
     add_triggers(library, motion)
-    if is_motion_task:
+    if not is_motion_task:
+        forbid_motion(library)
+    elif unit.arm.kinematics.is_of_yumi:
         add_egm(library, unit, configuration, events)
         add_gripper(library, unit.gripper, events)
-    else:
-        forbid_motion(library)
     add_system(library, unit, units, configuration, sync_points)
     return library

@@ -17,7 +17,7 @@ from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, PartialJoints, RapidState, RobotMessage
 from yumi.errors import ProtocolError, RobotNotReady
 from yumi.robot.joints import CYCLE, ZERO, Joints, Pose, joint_names
-from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
 
@@ -489,7 +489,7 @@ class EgmClient:
         return self._codec.encode(message)
 
     def _tool_pose(self, position: Joints) -> Pose:
-        pose = tool0_to_body(self._arm.side, position, self._activation.tool)
+        pose = self._arm.tool_pose(position, self._activation.tool)
         wobj = self._activation.wobj
         return pose if wobj is None else compose(inverse(wobj), pose)
 

@@ -14,9 +14,9 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import yumi.controller_files
-import yumi.virtual.controller
 from yumi.errors import SettingsError
 from yumi.virtual.controller.files import DEVICES, decoded
+from yumi.virtual.controller.robots import YUMI, Robot
 from yumi.virtual.controller.signals import Configuration, Instance
 
 _HOME = "HOME:/"
@@ -34,6 +34,7 @@ class System:
         parameters: texts of cfg files; an instance of a later one takes the place of one of the same name.
         restored: of a backup, loaded before; its tasks take the place of a stock controller's.
         files: contents of files by their path on the controller, such as ``HOME:/yumi/TRobMain.mod``.
+        robot: what the controller moves.
         modules: by task, in capitals, the paths of its modules; tasks that are left out have those of CAB_TASK_MODULES.
         is_factory: whether nothing but a stock YuMi's parameters are there, as when a robot is delivered.
     """
@@ -43,11 +44,13 @@ class System:
     restored: tuple[str, ...] = ()
     modules: Mapping[str, tuple[str, ...]] | None = None
     is_factory: bool = False
+    robot: Robot = YUMI
 
     def configuration(self) -> Configuration:
-        """A stock YuMi's parameters, then these; raises SettingsError."""
-        stock = Path(next(iter(yumi.virtual.controller.__path__))) / "stock"
-        configuration = Configuration(path.read_text(encoding="ascii") for path in sorted(stock.glob("*.cfg")))
+        """A stock robot's parameters, then these; raises SettingsError."""
+        configuration = Configuration(
+            path.read_text(encoding="ascii") for path in sorted(self.robot.stock.glob("*.cfg"))
+        )
         for text in self.restored:
             configuration.load(text, _REPLACED)
         for text in self.parameters:
@@ -63,9 +66,9 @@ def delivered_system() -> System:
     return System(tuple(cfg), {f"{_HOME}yumi/{path.name}": path.read_bytes() for path in modules})
 
 
-def factory_system() -> System:
-    """A stock YuMi: no program, signals or devices of this package."""
-    return System((), {}, is_factory=True)
+def factory_system(robot: Robot = YUMI) -> System:
+    """A robot as it is delivered: no program, signals or devices of this package."""
+    return System((), {}, is_factory=True, robot=robot)
 
 
 def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: Sequence[Path] = ()) -> System:
@@ -100,8 +103,8 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
     return replace(system, files=files, modules=modules)
 
 
-def read_backup(folder: Path) -> System:
-    """What a backup has.
+def read_backup(folder: Path, robot: Robot = YUMI) -> System:
+    """What a backup of a robot's controller has.
 
     Raises:
         SettingsError: it is not a backup, or a file of it cannot be read.
@@ -118,7 +121,7 @@ def read_backup(folder: Path) -> System:
     home = _inside(folder, "HOME")
     inside = [path for path in sorted(home.rglob("*")) if path.is_file()] if home else []
     files = {f"{_HOME}{path.relative_to(home).as_posix()}": _read(path) for path in inside if home}
-    system = System((), files, tuple(decoded(_read(path)) for path in cfg))
+    system = System((), files, tuple(decoded(_read(path)) for path in cfg), robot=robot)
     # Which task TASK1 is stands in BACKINFO; without it the tasks are in the order of their declarations.
     information = _inside(folder, "BACKINFO")
     texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []

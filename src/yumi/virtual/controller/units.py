@@ -83,6 +83,7 @@ class MechanicalUnit:
         has_integrated_unit: the unit that is integrated in this one, or :data:`NO_UNIT`.
         drive_module: number of its drive module.
         status, mode, tool, wobj, payload, total_payload, jog_mode, coord_system: what jogging would use.
+        motion_task: the RAPID task that moves it, where it is not that of the arm's side.
     """
 
     name: str
@@ -101,11 +102,12 @@ class MechanicalUnit:
     total_payload: str = "load0"
     jog_mode: str = "AxisGroup1"
     coord_system: str = "World"
+    motion_task: str = ""
 
     @property
     def task(self) -> str:
         """The RAPID task that moves it."""
-        return self.side.task
+        return self.motion_task or self.side.task
 
 
 def _arm(side: Side) -> MechanicalUnit:
@@ -207,7 +209,7 @@ class ArmUnit:
     synchronized_tasks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        self.egm_device = self.egm_device or self.arm.side.unit
+        self.egm_device = self.egm_device or self.arm.unit
 
     def begin_program(self) -> None:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
@@ -224,7 +226,7 @@ class ArmUnit:
     @property
     def mechanical_unit(self) -> str:
         """Name of the mechanical unit that the task moves."""
-        return self.arm.side.unit
+        return self.arm.unit
 
     def override_speed(self, ratio: float) -> None:
         """Follow the controller's speed override [%]; 0 is very slow."""

@@ -15,7 +15,7 @@ from yumi.robot.inverse_kinematics import arm_angle, configuration
 from yumi.robot.joints import JOINT_COUNT, JointLimits, Joints, Pose, Side, abb_from_chain, chain_from_abb, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.virtual.controller.egm import EgmState
-from yumi.virtual.controller.units import YUMI_UNITS
+from yumi.virtual.controller.units import MechanicalUnit
 from yumi.virtual.mechanics.motion import StopMode
 
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
@@ -31,11 +31,11 @@ class SyncPoint:
     """What a syncident stands for: tasks meet at its name, so it holds nothing."""
 
 
-def add_data(library: Library, own_unit: str) -> None:
-    """Register types and data; ``ROB_ID`` is the arm of the task."""
+def add_data(library: Library, own_unit: str, units: Sequence[MechanicalUnit]) -> None:
+    """Register types and data; ``ROB_ID`` is the robot of the task."""
     library.object_type("egmident", EgmIdentity)
     library.object_type("syncident", SyncPoint)
-    library.object_type("mecunit", lambda: YUMI_UNITS[0])
+    library.object_type("mecunit", lambda: units[0])
     for name in ("egmstate", "egmstopmode", "egmframetype"):
         library.alias(name, "num")
     library.record("egm_minmax", {"min": "num", "max": "num"})
@@ -46,7 +46,7 @@ def add_data(library: Library, own_unit: str) -> None:
         library.data(f"EGM_STOP_{mode.name}", "egmstopmode", float(mode.value))
     for number, name in enumerate(_FRAME_TYPES):
         library.data(f"EGM_FRAME_{name}", "egmframetype", float(number))
-    for unit in YUMI_UNITS:
+    for unit in units:
         library.data(unit.name, "mecunit", unit)
         if unit.name == own_unit:
             library.data("ROB_ID", "mecunit", unit)

@@ -201,12 +201,12 @@ class MotionInstructions:
         """How MoveL and its like are planned."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames, target = self.frames(call["Tool"], call.get("WObj")), target or self.target(call["ToPoint"])
-        is_checked = self.unit.settings.checks_lines
+        is_checked, passes = self.unit.settings.checks_lines, self.unit.settings.wrist_may_turn
 
         def build(start: Joints, entry: Zone) -> Leg:
             here = place_of(kinematics, start, frames)
             there = (target.point, target.rotation, _angle(target, here[2]))
-            leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry)
+            leg = tool_leg(kinematics, start, line(here, there), frames, speed, zone, entry, passes_wrist=passes)
             return _with_configuration(kinematics, leg, target) if is_checked else leg
 
         return build
@@ -216,13 +216,14 @@ class MotionInstructions:
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"))
         via, target = self.target(call["CirPoint"]), self.target(call["ToPoint"])
-        is_checked, mode = self.unit.settings.checks_lines, self.unit.settings.circles
+        settings = self.unit.settings
+        is_checked, mode, passes = settings.checks_lines, settings.circles, settings.wrist_may_turn
 
         def build(start: Joints, entry: Zone) -> Leg:
             here = place_of(kinematics, start, frames)
             there = (target.point, target.rotation, _angle(target, here[2]))
             place = circle(here, (via.point, via.rotation), there, mode)
-            leg = tool_leg(kinematics, start, place, frames, speed, zone, entry)
+            leg = tool_leg(kinematics, start, place, frames, speed, zone, entry, passes_wrist=passes)
             return _with_configuration(kinematics, leg, target) if is_checked else leg
 
         return build

@@ -11,8 +11,8 @@ from typing import cast
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arms import Arm, yumi_arm
 from yumi.robot.dynamics import ArmDynamics
-from yumi.robot.joints import ZERO, Joints, Pose, Side, home, joint_names
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.joints import ZERO, Joints, Pose, Side, joint_names
+from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
     EgmMotion,
@@ -129,18 +129,33 @@ _WAYPOINTS = 32  # into which the path of the tool is divided to measure its len
 class VirtualArm:
     """One arm, motors off at first.
 
+    Args:
+        side: which of the robot's arms it is; a robot with one arm has the right one's place.
+        position: where it stands at first [rad], (7,); home without one.
+        model: its dynamics.
+        kinematics: of the arm; those of a YuMi's arm without them.
+        unit: name of its mechanical unit, ``ROB_R`` or ``ROB_L`` without one.
+
     Attributes:
         kinematics: where its tool is, and which joint positions bring it somewhere.
         path: the motions that RAPID has planned.
         overload: the joint that EGM has overloaded since it began; None as long as there is none.
     """
 
-    def __init__(self, side: Side, position: Joints | None = None, model: ArmModel | None = None) -> None:
+    def __init__(
+        self,
+        side: Side,
+        position: Joints | None = None,
+        model: ArmModel | None = None,
+        kinematics: Arm | None = None,
+        unit: str = "",
+    ) -> None:
         self.side = side
+        self.unit = unit or side.unit
         self.model = model or ArmModel()
+        self.kinematics = kinematics or yumi_arm(side, self.model.limits)
         self._motors_on = False
-        self._motion: Motion = Standstill(position or home(side))
-        self.kinematics: Arm = yumi_arm(side, self.model.limits)
+        self._motion: Motion = Standstill(position or self.kinematics.home)
         self.path = PathMotion(self.planned, self.model.limits)
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
@@ -156,6 +171,13 @@ class VirtualArm:
     def planned(self) -> Joints:
         """Joint positions the controller plans, chain order [rad], (7,); EGM's reference while EGM runs."""
         return self._motion.state.position
+
+    def tool_pose(self, position: Joints, tool: Pose | None) -> Pose:
+        """Where a tool (seen from tool0) is in the world at joint positions [rad]."""
+        if self.kinematics.is_of_yumi:
+            return tool0_to_body(self.side, position, tool)
+        tool0 = self.kinematics.tool0(position)
+        return tool0 if tool is None else compose(tool0, tool)
 
     @property
     def velocity(self) -> Joints:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from math import atan2, ceil, degrees, inf, pi
+from math import atan2, ceil, degrees, inf, pi, radians
 from typing import cast
 
 import numpy as np
@@ -31,6 +31,7 @@ _TURN = 0.05  # of the tool and of joints between two samples [rad]
 _MOST_SAMPLES = 500
 _CORNER_SAMPLES = 16
 _NO_LENGTH = 1e-6  # [m], [rad]
+_WRIST_MARGIN = radians(0.1)
 _SHORTEST_CHORD = 1e-4  # [m] between the points of a circle
 
 
@@ -296,9 +297,19 @@ class CircleMode(Enum):
 
 
 def tool_leg(
-    arm: Arm, start: Joints, place: Place, frames: Frames, speed: Speed, zone: Zone, entry: Zone = STOP
+    arm: Arm,
+    start: Joints,
+    place: Place,
+    frames: Frames,
+    speed: Speed,
+    zone: Zone,
+    entry: Zone = STOP,
+    *,
+    passes_wrist: bool = False,
 ) -> Leg:
     """The tool along a line or circle: MoveL and MoveC; arguments as of `joint_leg`.
+
+    It may pass an aligned wrist with ``passes_wrist`` (SingArea Wrist).
 
     Raises:
         MotionRefused: the path leaves the reach or the range of a joint, or goes through a singularity.
@@ -312,6 +323,9 @@ def tool_leg(
     shares = np.unique(np.concatenate([shares, [begin, leave]]))
     points, rotations, angles = place(shares)
     joints = followed(arm, points, rotations, angles, frames, start)
+    if arm.wrist is not None and not passes_wrist and _is_aligned(joints[:, arm.wrist]):
+        sentence = f"The path of the {arm.name} passes axis {arm.axes[arm.wrist]} at 0°. Use MoveJ, or SingArea\\Wrist."
+        raise MotionRefused(Fault.SINGULAR, sentence)
     way, turned = _cumulated(np.linalg.norm(np.diff(points, axis=0), axis=1)), _cumulated(_turns(rotations))
     into, out = int(np.searchsorted(shares, begin)), int(np.searchsorted(shares, leave))
     return Leg(frames, zone, shares, Piece(joints, way, turned, speed), place, into, out)
@@ -366,6 +380,11 @@ def followed(arm: Arm, points: Array, rotations: Array, angles: Array, frames: F
         raise MotionRefused(Fault.OUT_OF_REACH, sentence) from lost
     check_limits(arm, joints)
     return joints
+
+
+def _is_aligned(wrist: Array) -> bool:
+    """Whether a wrist's middle axis [rad] comes to zero or changes its sign."""
+    return bool(np.min(np.abs(wrist)) < _WRIST_MARGIN or np.any(wrist[:-1] * wrist[1:] < 0.0))
 
 
 def check_limits(arm: Arm, joints: Array) -> None:

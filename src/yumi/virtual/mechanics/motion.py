@@ -9,7 +9,7 @@ configuration and RAPID's EGM instructions, in SI units and chain order (referen
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from math import exp, expm1, pi, radians
 from typing import Protocol, cast
@@ -19,7 +19,7 @@ from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchroniza
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
-from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +63,12 @@ class MotionState:
     velocity: Joints = ZERO
     acceleration: Joints = ZERO
 
+    @classmethod
+    def standing(cls, position: Joints) -> MotionState:
+        """At standstill."""
+        still = cast("Joints", (0.0,) * len(position))
+        return cls(position, still, still)
+
 
 class Motion(Protocol):
     """A motion that the arm plans."""
@@ -84,7 +90,7 @@ class Standstill:
     is_finished = True
 
     def __init__(self, position: Joints) -> None:
-        self.state = MotionState(position)
+        self.state = MotionState.standing(position)
 
     def advance(self, dt: float) -> None: ...
 
@@ -109,7 +115,7 @@ class JerkLimitedMotion:
     def _state_now(self) -> MotionState:
         position, velocity, acceleration = self._trajectory.at_time(self._time)
         if self.is_finished:
-            return MotionState(self._target or _fixed(position))
+            return MotionState.standing(self._target or _fixed(position))
         return MotionState(_fixed(position), _fixed(velocity), _fixed(acceleration))
 
 
@@ -140,15 +146,16 @@ def stopping(start: MotionState, model: ArmModel, duration: float = 0.0) -> Jerk
 
 def braking(start: MotionState, model: ArmModel) -> JerkLimitedMotion:
     """From the present speed to standstill by the brakes alone."""
-    plan = _plan(MotionState(start.position, start.velocity), model)
+    plan = _plan(replace(start, acceleration=MotionState.standing(start.position).acceleration), model)
     plan.control_interface = ControlInterface.Velocity
-    plan.max_acceleration = [model.brake_deceleration] * JOINT_COUNT
-    plan.max_jerk = [model.brake_deceleration / 1e-3] * JOINT_COUNT  # brakes bite within a millisecond
+    count = len(start.position)
+    plan.max_acceleration = [model.brake_deceleration] * count
+    plan.max_jerk = [model.brake_deceleration / 1e-3] * count  # brakes bite within a millisecond
     return JerkLimitedMotion(_trajectory(plan))
 
 
 def _plan(start: MotionState, model: ArmModel) -> InputParameter:
-    plan = InputParameter(JOINT_COUNT)
+    plan = InputParameter(len(start.position))
     plan.current_position, plan.current_velocity = start.position, start.velocity
     plan.current_acceleration = [
         max(-most, min(most, value)) for value, most in zip(start.acceleration, model.limits.acceleration, strict=True)
@@ -159,8 +166,8 @@ def _plan(start: MotionState, model: ArmModel) -> InputParameter:
 def _trajectory(plan: InputParameter, duration: float = 0.0) -> Trajectory:
     if duration > 0.0:
         plan.minimum_duration = duration
-    trajectory = Trajectory(JOINT_COUNT)
-    result = Ruckig(JOINT_COUNT).calculate(plan, trajectory)
+    trajectory = Trajectory(plan.degrees_of_freedom)
+    result = Ruckig(plan.degrees_of_freedom).calculate(plan, trajectory)
     if result not in (Result.Working, Result.Finished):
         raise CommandRefused(f"No motion leads from {plan.current_position} to standstill within the limits: {result}.")
     return trajectory

@@ -28,7 +28,6 @@ _JOINT_WEIGHT = 0.01  # [m/rad]
 _SHARE = 0.6  # of the acceleration for going along, and as much for going round
 _SLOWEST = 1e-3  # [m/s] of distance along the path, so that the end is reached
 _SAME = 1e-9  # [m] of distance
-TOOL_ACCELERATION = 11.0  # [m/s²] of a YuMi (reference/yumi.md §3)
 
 
 @dataclass(eq=False, slots=True)
@@ -81,7 +80,7 @@ class Acceleration:
     """
 
     factor: float = 1.0
-    along: float = TOOL_ACCELERATION
+    along: float = 11.0
 
 
 @dataclass(eq=False)
@@ -184,7 +183,7 @@ class PathMotion:
     """
 
     def __init__(self, position: Joints, limits: JointLimits) -> None:
-        self.state = MotionState(position)
+        self.state = MotionState.standing(position)
         self.override = 1.0
         self.acceleration = Acceleration()
         self.holds: set[str] = set()
@@ -216,7 +215,7 @@ class PathMotion:
         self._runs.clear()
         self._passages.clear()
         self.is_abandoned = False
-        self.state = MotionState(position)
+        self.state = MotionState.standing(position)
         self._rewind()
 
     def _rewind(self) -> None:
@@ -363,11 +362,11 @@ class PathMotion:
         self._at, self._speed = self._shown, 0.0
         self._past = deque([self._shown] * SMOOTHING, SMOOTHING)
         self._index = self._shown_index = 0
-        self.state = MotionState(self.state.position)
+        self.state = MotionState.standing(self.state.position)
 
     def advance(self, dt: float) -> None:
         if not self._runs:
-            self.state = MotionState(self.state.position)
+            self.state = MotionState.standing(self.state.position)
             return
         run = self._runs[0]
         ahead = self._go(run, dt)
@@ -386,7 +385,7 @@ class PathMotion:
         while len(self._passages) > 1 and self.has_ended(self._passages[0]):
             self._passages.popleft()
         if shown == run.length and past[0] == ahead:
-            self.state = MotionState(cast("Joints", run.rows[-1]))
+            self.state = MotionState.standing(cast("Joints", run.rows[-1]))
             self._runs.popleft()
             self._rewind()
             self.is_abandoned = self.is_abandoned and bool(self._runs)

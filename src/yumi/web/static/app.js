@@ -411,7 +411,9 @@ function endJog() {
   if (!jog) return;
   clearInterval(jog.timer);
   jog.button.classList.remove("held");
-  send({ type: "jog_joints", arm: jog.message.arm, hold: jog.hold, speeds: [0, 0, 0, 0, 0, 0, 0] });
+  const { type, arm, frame } = jog.message;
+  if (type === "jog_tool") send({ type, arm, frame, hold: jog.hold });
+  else send({ type, arm, hold: jog.hold, speeds: [0, 0, 0, 0, 0, 0, 0] });
   jog = null;
 }
 

@@ -30,7 +30,7 @@ def test_effect(effect: Effect) -> None:
         task.load(module, "program.mod")
     controller.execution.move_pp_to_main()
     controller.set_motors(True)
-    controller.start_rapid()
+    controller.start_rapid("once")
     for _ in range(75):
         world.cycle({})
     if effect.lines == ["(restarts)"]:

@@ -1,0 +1,143 @@
+"""The pictures of docs/how-to/move-the-tool.md: what the examples do, in virtual time.
+
+Run it in the clone: `python docs/images/make_tool_motions.py` writes docs/images/tool_*.png.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from math import pi
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yumi.api.cartesian import FINGERTIPS, posture_for
+from yumi.control.controller import MemoryBuffer
+from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
+from yumi.control.events import ControllerReport
+from yumi.control.tool_path import Waypoint, plan_path
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, joints, named_pose
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi_evaluation.virtual_rig import VirtualArmRig
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+SIDE = Side.RIGHT
+LIMITS = YUMI_LIMITS.slowed_to(pi)
+Array = NDArray[np.float64]
+
+sys.path.append(str(ROOT / "examples"))
+
+
+class Arm:
+    """The right arm of a virtual robot, with the Cartesian controller."""
+
+    def __init__(self, start: Joints) -> None:
+        self.goals = MemoryBuffer[ToolGoal]()
+        self.rig = VirtualArmRig(
+            {"arm": CartesianController(SIDE, self.goals, MemoryBuffer())}, side=SIDE, position=start
+        )
+        self.rig.start()
+        self.rig.switch_to("arm")
+        self.rig.run(0.1)
+        self.rig.cycles.clear()
+
+    def follow(self, waypoints: Sequence[Pose], tool: Pose, speed: float, angle: float | None = None) -> None:
+        points = [Waypoint(each) for each in waypoints[:-1]] + [Waypoint(waypoints[-1], angle)]
+        start = self.rig.manager.reference
+        assert start is not None
+        plan = plan_path(SIDE, start, points, LIMITS, tool, speed)
+        before = len(self.rig.events)
+        self.rig.manager.receive("arm", FollowTrajectory(plan, 1), self.rig.line.state)
+
+        def is_over() -> bool:
+            reports = (each.report for each in self.rig.events[before:] if isinstance(each, ControllerReport))
+            return any(isinstance(report, TrajectoryEnded) for report in reports)
+
+        self.rig.run_until(is_over, plan.spline.end + 3.0)
+
+    def places(self, tool: Pose) -> Array:
+        """Where the tool was measured in each cycle [m], (n, 3)."""
+        return np.array([tool0_to_body(SIDE, each.state.position, tool).position for each in self.rig.cycles])
+
+
+def standing_at(target: Pose, tool: Pose) -> Joints:
+    """The posture that the examples reach from ``ready``."""
+    return posture_for(SIDE, compose(target, inverse(tool)), None, None, named_pose(SIDE, "ready"), LIMITS)
+
+
+def line() -> Array:
+    """Down on the line of reach_a_pose.py."""
+    from reach_a_pose import ABOVE, ON_TABLE  # noqa: PLC0415 - examples are no package
+
+    arm = Arm(standing_at(ABOVE, FINGERTIPS))
+    arm.follow([ON_TABLE], FINGERTIPS, 0.1)
+    return arm.places(FINGERTIPS)
+
+
+def square() -> tuple[Array, Array]:
+    """The square of draw_a_square.py, and its corners, on the paper [m]."""
+    from draw_a_square import CORNERS, PAPER, PEN, on_paper  # noqa: PLC0415
+
+    poses = [compose(PAPER, on_paper(x, y)) for x, y in CORNERS]
+    arm = Arm(standing_at(poses[0], PEN))
+    arm.follow(poses[1:], PEN, 0.1)
+    return arm.places(PEN) - PAPER.position, np.array(CORNERS)
+
+
+def sticks(seconds: float = 4.0) -> tuple[Array, Array]:
+    """What gamepad.py asks for, velocities x, y, z, and the measured ones [m/s]."""
+    from gamepad import FASTEST, RATE, START, TURNING, Sticks  # noqa: PLC0415
+
+    arm, wanted, period = Arm(standing_at(START, FINGERTIPS)), [], round(1.0 / RATE / CYCLE)
+    for number in range(round((seconds + 0.5) / CYCLE)):
+        elapsed = number * CYCLE
+        sideways, away, up, turn = Sticks().at(elapsed) if elapsed < seconds else (0.0,) * 4
+        twist = joints([FASTEST * away, FASTEST * sideways, FASTEST * up, 0.0, 0.0, TURNING * turn, 0.0])
+        wanted.append(twist[:3])
+        if elapsed < seconds and number % period == 0:
+            arm.goals.write(twist_goal(arm.rig.snapshot.session, twist, FINGERTIPS))
+        arm.rig.cycle()
+    return np.array(wanted), np.gradient(arm.places(FINGERTIPS), CYCLE, axis=0)
+
+
+def main() -> None:
+    import matplotlib.pyplot as plt  # noqa: PLC0415 - the figures need none
+
+    plt.rcParams.update({"figure.dpi": 110, "axes.grid": True, "grid.alpha": 0.3, "font.size": 9})
+
+    places = line()
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
+    times = np.arange(len(places)) * CYCLE
+    left.plot(times, 1e3 * places[:, 2])
+    left.set(xlabel="time [s]", ylabel="height of the fingertips [mm]", title="100 mm down at 0.1 m/s")
+    off = 1e6 * (places[:, :2] - places[0, :2])
+    right.plot(times, off, label=["x", "y"])
+    right.set(xlabel="time [s]", ylabel="measured, off the line [µm]", title="straight")
+    right.legend()
+    figure.savefig(HERE / "tool_line.png")
+
+    drawn, corners = square()
+    figure, axes = plt.subplots(figsize=(4.4, 4.2), layout="constrained")
+    axes.plot(*(1e3 * corners.T), ":", color="gray", label="corners")
+    axes.plot(*(1e3 * drawn[:, :2].T), label="pen, measured")
+    axes.set(xlabel="x on the paper [mm]", ylabel="y on the paper [mm]", aspect="equal", title="zone 10 mm")
+    axes.legend()
+    figure.savefig(HERE / "tool_square.png")
+
+    wanted, measured = sticks()
+    figure, axes = plt.subplots(figsize=(8, 3.2), layout="constrained")
+    times = np.arange(len(wanted)) * CYCLE
+    for column, name in enumerate("xyz"):
+        axes.plot(times, 1e3 * wanted[:, column], ":", color=f"C{column}")
+        axes.plot(times, 1e3 * measured[:, column], color=f"C{column}", label=name)
+    axes.set(xlabel="time [s]", ylabel="velocity [mm/s]", title="sticks (dotted) and fingertips, 50 Hz")
+    axes.legend()
+    figure.savefig(HERE / "tool_stream.png")
+
+
+if __name__ == "__main__":
+    main()

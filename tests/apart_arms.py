@@ -1,0 +1,171 @@
+"""Two virtual arms under the limiter in virtual time, without datagrams, and what drives them at each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from math import pi
+from time import process_time
+
+import numpy as np
+
+from yumi.control.collisions import MARGIN, CollisionLimiter
+from yumi.control.limiter import Limiter
+from yumi.control.motion import EGM_GAIN
+from yumi.robot.collision import BallModel, CollisionModel, Obstacle
+from yumi.robot.description import SERVO_GRIPPERS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.motion import EgmSettings
+
+UPRIGHT = (1.0, 0.0, 0.0, 0.0)
+TABLE = Obstacle("table", Pose((0.40, 0.0, -0.13), UPRIGHT), (0.60, 1.20, 0.05))
+POST = Obstacle("post", Pose((0.45, 0.0, 0.25), (np.cos(0.2), 0.0, 0.0, np.sin(0.2))), (0.06, 0.06, 0.60))
+
+Drive = Callable[["ApartArms", Side], ArmCommand | None]
+"""What a controller would command in this cycle."""
+
+LOST_AFTER = 5  # cycles without a datagram, as in the control loop
+
+
+@dataclass
+class ApartArms:
+    """Both arms with their limiters; a command takes effect in the next cycle.
+
+    Attributes:
+        arms: the robot's.
+        sent: what each was sent last.
+        silent: cycles for which an arm hears nothing more and is not heard.
+        costs: how long the limiter took, both arms together, cycle by cycle [s].
+    """
+
+    positions: Mapping[Side, Joints]
+    obstacles: Sequence[Obstacle] = (TABLE, POST)
+    margin: float = MARGIN
+    costs: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.shapes = CollisionModel(SERVO_GRIPPERS, obstacles=self.obstacles)
+        self.model = BallModel(self.shapes)
+        self.both = CollisionLimiter(self.model, YUMI_LIMITS, EGM_GAIN, self.margin)
+        self.limiters = {side: Limiter(YUMI_LIMITS, collisions=self.both.arm(side)) for side in Side}
+        model = ArmModel(supervises_load=False)
+        self.arms = {side: VirtualArm(side, self.positions[side], model) for side in Side}
+        self.sent = {side: ArmCommand(self.positions[side]) for side in Side}
+        self.silent = dict.fromkeys(Side, 0)
+        self._unheard = dict.fromkeys(Side, 0)
+        self._measured = dict(self.positions)
+        self._time = 100.0
+        for arm in self.arms.values():
+            arm.switch_motors_on()
+            arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+        self.cycle({})
+
+    def commanded(self) -> dict[Side, Joints]:
+        return {side: command.position for side, command in self.sent.items()}
+
+    def measured(self) -> dict[Side, Joints]:
+        return {side: arm.position for side, arm in self.arms.items()}
+
+    def cycle(self, drives: Mapping[Side, Drive]) -> None:
+        """One cycle of both arms; an arm without a drive holds."""
+        self._time += CYCLE
+        cost = 0.0
+        for side, arm in self.arms.items():
+            if self.silent[side] > 0:
+                self.silent[side] -= 1
+                self._unheard[side] += 1
+                if self._unheard[side] == LOST_AFTER:
+                    self.both.lose(side)
+            else:
+                is_first = self._measured[side] is self.positions[side]
+                dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])
+                speed = change_rate(arm.position, self._measured[side], dt) if dt else ZERO
+                state = ArmState(self._time, dt, 1, arm.position, speed, arm.planned, True)
+                drive = drives.get(side)
+                desired = drive(self, side) if drive else None
+                begun = process_time()
+                self.sent[side] = self.limiters[side].limit(state, desired)
+                cost += process_time() - begun
+                arm.set_reference(*self.sent[side])
+                self.limiters[side].observe(state)
+                self._unheard[side], self._measured[side] = 0, arm.position
+            arm.advance(CYCLE)
+        self.costs.append(cost)
+
+
+def to(goal: Joints) -> Drive:
+    """A goal that stands far away: the limiter alone makes a motion of it."""
+    return lambda arms, side: ArmCommand(goal)
+
+
+def at_speed(velocity: Joints) -> Drive:
+    """Speeds, with positions that move along."""
+
+    def drive(arms: ApartArms, side: Side) -> ArmCommand:
+        last = arms.sent[side].position
+        return ArmCommand(joints([p + v * CYCLE for p, v in zip(last, velocity, strict=True)]), velocity)
+
+    return drive
+
+
+def behind(goal: Joints, gain: float = 1.2) -> Drive:
+    """As a proportional controller: the command runs ahead of where the arm is."""
+
+    def drive(arms: ApartArms, side: Side) -> ArmCommand:
+        now = arms.arms[side].position
+        return ArmCommand(joints([p + gain * (g - p) for p, g in zip(now, goal, strict=True)]))
+
+    return drive
+
+
+def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, name: str = "") -> Joints:
+    """Full speed of all joints towards what is nearest.
+
+    Args:
+        group: 0 of the other arm, 1 of what stands still.
+        sign: 1 leads away from it.
+        name: of what stands still; any when empty.
+    """
+    model = arms.model
+    placed = {each: model.place(each, np.array([arms.sent[each].position])) for each in Side}
+    if group:
+        pairs, distances = model.from_fixed(side, placed[side], 5.0)
+    else:
+        pairs, distances = model.between(placed[Side.RIGHT], placed[Side.LEFT], 5.0)
+    others = np.array([model.parts_of(int(pair))[1] for pair in pairs]) if name else name
+    pair = int(pairs[np.argmin(np.where(others == name, distances.reshape(-1), np.inf))])
+    normal = model.gradient(side, pair, placed[side], 0, placed[side.other].middles[0])
+    return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
+
+
+def scaled_by(share: float, speeds: Joints) -> Joints:
+    return joints([share * speed for speed in speeds])
+
+
+def random_position(generator: np.random.Generator) -> Joints:
+    return joints(list(generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper)))
+
+
+def random_drive(generator: np.random.Generator, arms: ApartArms, side: Side) -> Drive | None:
+    """One of the ways in which an arm may be driven into something."""
+    kind = generator.integers(8)
+    if kind < 3:
+        goal, speeds = random_position(generator), generator.uniform(-1.0, 1.0, 7) * YUMI_LIMITS.velocity
+        return (to(goal), behind(goal), at_speed(joints(list(speeds))))[kind]
+    if kind == 3:
+        return None
+    group, share = int(generator.integers(2)), float(generator.uniform(0.1, 1.0))
+    speeds = at_nearest(arms, side, group)
+    scaled = scaled_by(share, speeds)
+    if kind == 4:  # with a goal in that direction
+        return to(joints([p + v for p, v in zip(arms.sent[side].position, scaled, strict=True)]))
+    if kind == 5:  # oscillating
+        period, begun = float(generator.uniform(0.05, 0.6)), len(arms.costs)
+
+        def oscillate(these: ApartArms, which: Side) -> ArmCommand | None:
+            phase = np.sin(2.0 * pi * (len(these.costs) - begun) * CYCLE / period)
+            return at_speed(joints([float(np.sign(phase)) * v for v in scaled]))(these, which)
+
+        return oscillate
+    return at_speed(scaled)

@@ -1,0 +1,92 @@
+"""``yumi install`` and ``yumi uninstall`` as commands, on a controller behind loopback that does not advance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from system.test_doctor import served
+from yumi.cli.main import main
+from yumi.rws.types import OperatingMode
+from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.system import factory_system
+from yumi.virtual.world import World, WorldSettings
+
+
+@pytest.fixture
+def controller() -> Irc5:
+    return World(WorldSettings(system=factory_system())).controller
+
+
+@pytest.fixture
+def where(controller: Irc5) -> Iterator[list[str]]:
+    with served(controller) as what:
+        yield ["--robot", "127.0.0.1", "--rws-port", str(what.port)]
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    return tmp_path
+
+
+def run(command: str, *arguments: str, answer: str = "") -> Result:
+    return CliRunner().invoke(main, [command, *arguments], input=answer)
+
+
+def test_dry_run_shows_the_plan_as_json_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
+    result = run("install", *where, "--dry-run", "--json")
+    report = json.loads(result.stdout)
+    assert result.exit_code == 0
+    assert report["outcome"] == "48 changes; nothing was changed."
+    assert "+ module TRobMain in T_ROB_R" in report["changes"]
+    assert any(line.startswith("+ SIO COM_TRP ROB_L: Type UDPUC, RemoteAdress 127.0.0.1") for line in report["changes"])
+    assert not list(state.rglob("*.json"))
+    assert "HOME:/yumi" not in [file.path for file in controller.files.entries("HOME:")]
+
+
+def test_plan_is_asked_about_and_no_means_no(where: list[str], state: Path, controller: Irc5) -> None:
+    result = run("install", *where, answer="n\n")
+    assert result.exit_code == 1
+    assert "Make these 48 changes; it restarts [y/N]: n" in result.stdout
+    assert not list(state.rglob("*.json"))
+    assert all(not task.modules for task in controller.tasks.values())
+
+
+def test_obstacle_is_said_and_nothing_is_asked(where: list[str], state: Path, controller: Irc5) -> None:
+    controller.mode = OperatingMode.MANUAL_REDUCED
+    result = run("install", *where)
+    assert result.exit_code == 1
+    assert "Not possible now: the operating mode is MANR; turn it to AUTO on the FlexPendant." in result.stdout
+    assert "[y/N]" not in result.stdout
+
+
+def test_json_does_not_ask(where: list[str], state: Path) -> None:
+    result = run("install", *where, "--json")
+    assert result.exit_code == 2
+    assert "--json cannot ask" in result.output
+
+
+def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
+    result = run("install", *where, "--roll-back", "--yes")
+    assert result.exit_code == 1
+    assert "There is nothing to roll back" in result.output
+
+
+def test_failure_says_how_to_go_on_and_back(where: list[str], state: Path, controller: Irc5) -> None:
+    controller.files["BACKUP:/full"] = "x" * (63 * 1024 * 1024)
+    controller.files["HOME:/big"] = "x" * (900 * 1024)
+    result = run("install", *where, "--yes")
+    assert result.exit_code == 1
+    assert "`yumi install --roll-back` makes all as it was" in result.output
+    assert list(state.rglob("record.json"))
+
+
+def test_removal_of_what_is_not_there_changes_nothing(where: list[str], state: Path) -> None:
+    result = run("uninstall", *where, "--dry-run")
+    assert result.exit_code == 0
+    assert "0 changes; nothing was changed." in result.stdout

@@ -1,0 +1,106 @@
+"""Twenty connections to socket servers in RAPID, each served in every cycle, beside two arms under EGM."""
+
+from __future__ import annotations
+
+import selectors
+import socket
+import statistics
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rapid_servers import CONNECTIONS
+from soak import long, short, tell
+from yumi.egm.codec import SensorCodec
+from yumi.egm.messages import SensorMessage
+from yumi.egm.udp import free_port
+from yumi.robot.joints import CYCLE
+
+pytestmark = pytest.mark.real_time
+SCRIPT = Path(__file__).parents[1] / "rapid_servers.py"
+
+
+class Arm:
+    """The sensor of one arm, which holds it where it is.
+
+    Attributes:
+        numbers: of the robot's datagrams.
+        times: when they came [s].
+    """
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", port))
+        self.numbers: list[int] = []
+        self.times: list[float] = []
+        self._codec = SensorCodec(axes=7)
+
+    def answer(self) -> None:
+        datagram, sender = self.socket.recvfrom(2048)
+        message = self._codec.decode(datagram)
+        self.numbers.append(message.seqno)
+        self.times.append(time.perf_counter())
+        reply = SensorMessage(seqno=message.seqno, position=message.feedback.position)
+        self.socket.sendto(self._codec.encode(reply), sender)
+
+
+@pytest.mark.parametrize("seconds", [short(4.0), long(60.0, 180.0)])
+def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) -> None:
+    ports = [free_port() for _ in range(4)]
+    arms = [Arm(port) for port in ports[:2]]
+    command = [sys.executable, str(SCRIPT), *map(str, ports)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            clients = [
+                socket.create_connection(("127.0.0.1", port), timeout=5.0)
+                for port in ports[2:]
+                for _ in range(CONNECTIONS)
+            ]
+            exchanges = _exchanged(arms, clients, seconds)
+        finally:
+            process.terminate()
+    for arm in arms:
+        arm.socket.close()
+    for client in clients:
+        client.close()
+    gaps = [after - before for arm in arms for before, after in zip(arm.times, arm.times[1:], strict=False)]
+    tell(
+        f"{exchanges / seconds:.0f} exchanges/s over {len(clients)} connections; EGM cycle mean "
+        f"{statistics.mean(gaps) * 1e3:.3f} ms, longest {max(gaps) * 1e3:.1f} ms"
+    )
+    for arm in arms:
+        assert arm.numbers == list(range(arm.numbers[0], arm.numbers[0] + len(arm.numbers))), "a cycle is missing"
+        assert len(arm.numbers) > 0.95 * (seconds - 1.0) / CYCLE
+    assert exchanges > 0.5 * len(clients) * seconds / CYCLE
+
+
+def _exchanged(arms: list[Arm], clients: list[socket.socket], seconds: float) -> int:
+    """How many requests were answered, each client sending its next one when it has the answer."""
+    count, requests = 0, dict.fromkeys(clients, 0)
+    with selectors.DefaultSelector() as selector:
+        for arm in arms:
+            selector.register(arm.socket, selectors.EVENT_READ, arm)
+        for client in clients:
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            client.sendall(struct.pack(">I", 0))
+            selector.register(client, selectors.EVENT_READ, None)
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            for key, _ in selector.select(0.1):
+                if key.data is not None:
+                    key.data.answer()
+                    continue
+                client = key.fileobj
+                assert isinstance(client, socket.socket)
+                (answer,) = struct.unpack(">I", client.recv(4))
+                assert answer == requests[client] + 1
+                requests[client] = answer
+                count += 1
+                client.sendall(struct.pack(">I", answer))
+    return count

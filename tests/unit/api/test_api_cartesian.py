@@ -1,0 +1,115 @@
+"""Poses, tools and work objects of scripts, and what becomes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import degrees, inf, nan, pi
+
+import pytest
+
+import yumi
+from fake_robot import FakeRobot
+from unit.robot.test_robot_kinematics import rad
+from yumi.api.cartesian import FINGERTIPS, Frames, planned, pose, pose_from, poses_from, posture_for, postures_of
+from yumi.api.cartesian import Path as ToolPathOfArm
+from yumi.api.robot import Arm
+from yumi.control.tool_path import Waypoint
+from yumi.errors import CommandRefused
+from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
+from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
+from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
+
+POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
+HERE = tool0_to_body(Side.RIGHT, POSTURE)
+
+
+def test_a_pose_has_a_quaternion_or_angles() -> None:
+    assert yumi.pose(0.1, 0.2, 0.3) == Pose((0.1, 0.2, 0.3), IDENTITY)
+    assert pose(0, 0, 0, (2, 0, 0, 0)).orientation == (1.0, 0.0, 0.0, 0.0)
+    assert pose(0, 0, 0, rpy=(pi, 0, 0)).orientation == pytest.approx((0.0, 1.0, 0.0, 0.0))
+    assert pose_from([0.1, 0.2, 0.3, 1, 0, 0, 0]) == pose(0.1, 0.2, 0.3)
+    assert poses_from(HERE) == [HERE]
+    assert poses_from([0.1, 0.2, 0.3, 1, 0, 0, 0]) == [[0.1, 0.2, 0.3, 1, 0, 0, 0]]
+    assert poses_from([HERE, HERE]) == [HERE, HERE]
+
+
+@pytest.mark.parametrize(
+    ("make", "sentence"),
+    [
+        (lambda: pose(nan, 0, 0), "not finite"),
+        (lambda: pose(inf, 0, 0), "not finite"),
+        (lambda: pose(400, 0, 0), "positions are in metres"),
+        (lambda: pose(0, 0, 0, (0, 0, 0, 0)), "quaternion has no direction"),
+        (lambda: pose(0, 0, 0, (1, 0, 0)), "give 4 finite numbers"),
+        (lambda: pose(0, 0, 0, (1, 0, 0, 0), rpy=(0, 0, 0)), "not both"),
+        (lambda: pose_from("home"), "give 7 numbers"),
+        (lambda: Frames().tool("pen"), "There is no tool 'pen'; there are tool0, fingertips"),
+        (lambda: Frames().work_object("table"), "There is no work object 'table'; there are wobj0"),
+    ],
+)
+def test_what_is_no_pose_is_refused(make, sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        make()
+
+
+def test_the_posture_for_a_pose_is_the_nearest() -> None:
+    found = posture_for(Side.RIGHT, HERE, None, None, joints([each + 0.05 for each in POSTURE]), YUMI_LIMITS)
+    assert tool0_to_body(Side.RIGHT, found).position == pytest.approx(HERE.position, abs=1e-9)
+    every = postures_of(Side.RIGHT, HERE, arm_angle(Side.RIGHT, POSTURE), POSTURE, YUMI_LIMITS)
+    assert every[0] == pytest.approx(POSTURE, abs=1e-6)
+
+
+def test_a_configuration_says_which_posture_is_meant() -> None:
+    angle = arm_angle(Side.RIGHT, POSTURE)
+    for each in postures_of(Side.RIGHT, HERE, angle, POSTURE, YUMI_LIMITS):
+        wanted = configuration(each)
+        found = posture_for(Side.RIGHT, HERE, angle, wanted, POSTURE, YUMI_LIMITS)
+        assert configuration(found) == wanted
+    with pytest.raises(Unreachable, match=r"no posture with configuration \(9, 9, 9, 9\)"):
+        posture_for(Side.RIGHT, HERE, angle, (9, 9, 9, 9), POSTURE, YUMI_LIMITS)
+
+
+def test_both_arms_end_at_the_same_time() -> None:
+    left = rad((-20, -90, 110, 10, -30, 60, -10))
+    starts = {Side.RIGHT: POSTURE, Side.LEFT: left}
+    ways = {Side.RIGHT: 0.02, Side.LEFT: -0.15}
+    paths = {}
+    for side, start in starts.items():
+        x, y, z = (here := tool0_to_body(side, start)).position
+        goal = Waypoint(Pose((x, y, z + ways[side]), here.orientation))
+        paths[side] = ToolPathOfArm(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
+    plans = planned(paths, YUMI_LIMITS)(starts)
+    assert plans[Side.RIGHT].spline.end == pytest.approx(plans[Side.LEFT].spline.end)
+    assert plans[Side.RIGHT].spline.last.time == plans[Side.RIGHT].spline.end
+
+
+def test_an_arms_pose_is_that_of_its_tool() -> None:
+    robot, frames = FakeRobot(), Frames()
+    snapshot = robot.control.snapshots[Side.RIGHT]
+    robot.control.snapshots[Side.RIGHT] = replace(snapshot, position=POSTURE)
+    arm = Arm(Side.RIGHT, lambda: robot.executor, None, frames=frames)  # type: ignore[arg-type]
+    assert arm.pose == HERE
+    arm.tool = "fingertips"
+    assert arm.pose == tool0_to_body(Side.RIGHT, POSTURE, FINGERTIPS)
+    frames.tools["pen"] = pose(0.0, 0.0, 0.2)
+    arm.tool = "pen"
+    found = arm.inverse_kinematics(arm.pose)
+    assert found[0] == pytest.approx(POSTURE, abs=1e-6)
+    frames.work_objects["table"] = pose(0.3, -0.2, 0.1, rpy=(0, 0, 0.5))
+    on_table = compose(inverse(pose(0.3, -0.2, 0.1, rpy=(0, 0, 0.5))), arm.pose)
+    assert arm.inverse_kinematics(on_table, work_object="table")[0] == pytest.approx(POSTURE, abs=1e-6)
+    assert arm.jacobian().shape == (6, 7)
+    assert degrees(arm.arm_angle) == pytest.approx(degrees(arm_angle(Side.RIGHT, POSTURE)))
+
+
+def test_a_driver_without_a_cartesian_controller_says_so() -> None:
+    robot = FakeRobot()
+    arm = Arm(Side.RIGHT, lambda: robot.executor, None)  # type: ignore[arg-type]
+    with pytest.raises(CommandRefused, match="right arm has no cartesian_controller"):
+        arm.move_linear(HERE)
+    with pytest.raises(CommandRefused, match="right arm has no cartesian_controller"):
+        arm.servo_twist((0.0, 0.0, 0.1))
+    with pytest.raises(CommandRefused, match="frame is 'moon'"):
+        arm.servo_twist((0.0, 0.0, 0.1), frame="moon")
+    with pytest.raises(CommandRefused, match="not finite"):
+        arm.servo_twist((0.0, 0.0, nan))

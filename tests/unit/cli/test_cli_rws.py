@@ -1,0 +1,89 @@
+"""``yumi rws`` against a controller of plain values on loopback."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner, Result
+
+from contract.rws_bench import PlainController, serving
+from yumi.cli.main import main
+
+
+@pytest.fixture
+def controller() -> PlainController:
+    return PlainController()
+
+
+@pytest.fixture
+def where(controller: PlainController) -> Iterator[list[str]]:
+    with serving(controller) as address:
+        host, _, port = address.partition(":")
+        yield ["--robot", host, "--rws-port", port]
+
+
+def rws(where: list[str], command: str, *arguments: str) -> Result:
+    return CliRunner().invoke(main, ["rws", command, *where, *arguments])
+
+
+def test_resource_is_read(where: list[str]) -> None:
+    (state,) = json.loads(rws(where, "get", "/rw/panel/opmode").stdout)
+    assert state["opmode"] == "AUTO"
+
+
+@pytest.mark.parametrize(
+    ("target", "text"),
+    [
+        ("signal:hand_MaxSpeed_R", "200\n"),
+        ("T_ROB_R/TRobMain/current_state", "0\n"),
+        ("HOME:/user.sys", "MODULE user(SYSMODULE)\nENDMODULE\n"),
+    ],
+)
+def test_signals_symbols_and_files_are_read(where: list[str], target: str, text: str) -> None:
+    assert rws(where, "get", target).stdout == text
+
+
+def test_signal_and_symbol_are_written(where: list[str], controller: PlainController) -> None:
+    assert rws(where, "set", "signal:EGM_START_JOINT", "1").exit_code == 0
+    assert controller.signals.get("EGM_START_JOINT").value == 1
+    assert rws(where, "set", "T_ROB_R/TRobSystem/routine_name_input", '"a"').exit_code == 0
+    assert controller.tasks["T_ROB_R"].read("TRobSystem", "routine_name_input") == '"a"'
+
+
+def test_file_is_uploaded_and_listed(where: list[str], controller: PlainController, tmp_path: Path) -> None:
+    (tmp_path / "pick.mod").write_bytes(b"MODULE pick\nENDMODULE\n")
+    assert rws(where, "put", str(tmp_path / "pick.mod"), "HOME:/").stdout == "22 bytes written\n"
+    assert controller.files["HOME:/pick.mod"] == "MODULE pick\nENDMODULE\n"
+    assert "pick.mod" in rws(where, "ls", "HOME:/").stdout
+
+
+def test_watch_prints_the_values_and_ends_after_its_count(where: list[str]) -> None:
+    result = rws(where, "watch", "opmode", "signal:EGM_START_JOINT", "--count", "2")
+    assert result.stdout.splitlines() == [
+        "/rw/panel/opmode opmode=AUTO",
+        "/rw/iosystem/signals/EGM_START_JOINT;state lvalue=0 lstate=not simulated",
+    ]
+
+
+def test_any_request_is_sent(where: list[str], controller: PlainController) -> None:
+    assert rws(where, "call", "POST", "/rw/panel/speedratio?action=setspeedratio", "speed-ratio=40").exit_code == 0
+    assert controller.speed_ratio == 40
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("get", "nonsense"), "'nonsense' is not a target"),
+        (("set", "signal:EGM_STOP", "high"), "A signal takes a number, not 'high'"),
+        (("call", "POST", "/rw/panel", "x"), "'x' is not NAME=VALUE"),
+        (("get", "signal:none"), "was refused"),
+    ],
+)
+def test_what_makes_no_sense_is_one_sentence(where: list[str], arguments: tuple[str, ...], words: str) -> None:
+    result = rws(where, *arguments)
+    assert result.exit_code == 1
+    assert words in result.output
+    assert "Traceback" not in result.output

@@ -1,0 +1,130 @@
+"""Whatever drives them, the arms keep apart from each other and from what stands around them."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+import pytest
+
+from apart_arms import TABLE, ApartArms, at_speed, behind, random_drive, to
+from yumi.control.collisions import BODY_MARGIN, MARGIN
+from yumi.robot.collision import PADDING, Distance
+from yumi.robot.joints import Joints, Side, joints, named_pose
+
+READY = {side: named_pose(side, "ready") for side in Side}
+ROUNDING = 1e-3
+
+
+def forward(side: Side) -> Joints:
+    """The forearms lifted and turned outwards, with room on all sides."""
+    sign = 1.0 if side is Side.RIGHT else -1.0
+    return joints([radians(angle) for angle in (-sign * 40.0, -90.0, -sign * 135.0, 30.0, 0.0, 40.0, 0.0)])
+
+
+FORWARD = {side: forward(side) for side in Side}
+
+
+def turned(side: Side, joint_1: float) -> Joints:
+    return joints([joint_1, *FORWARD[side][1:]])
+
+
+def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
+    return arms.shapes.nearest(positions)[0]
+
+
+def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
+    right, left = (arms.model.place(side, np.array([positions[side]])) for side in Side)
+    return float(arms.model.between(right, left, 0.1).distances.min(initial=0.1))
+
+
+def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
+    """Whether all but the body is beyond the margin, and the body as far as it has to be."""
+    near = arms.shapes.nearest(positions, 12)
+    return all(each.distance >= (BODY_MARGIN if each.other == "body" else MARGIN) - ROUNDING for each in near)
+
+
+@pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
+def test_arms_turned_towards_each_other_come_to_rest_at_the_margin(drive: object) -> None:
+    """Both were once sent to joint 1 = ±168° and passed through one another."""
+    arms = ApartArms(FORWARD, obstacles=())
+    goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
+    drives = {side: drive(goal) for side, goal in goals.items()}
+    lowest, names = np.inf, set()
+    for _ in range(400):
+        arms.cycle(drives)
+        lowest = min(lowest, between_arms(arms, arms.commanded()), between_arms(arms, arms.measured()))
+        names |= {limited.other for side in Side if (limited := arms.both.limited(side))}
+    assert MARGIN - ROUNDING <= lowest <= MARGIN + 0.01
+    assert "left gripper" in names
+
+
+def test_free_motion_is_not_touched() -> None:
+    """Sway the forearms, far from everything."""
+    arms = ApartArms(READY, obstacles=())
+    generator = np.random.default_rng(5)
+    for _ in range(6):
+        goals = {
+            side: joints([p + d for p, d in zip(READY[side], generator.uniform(-0.15, 0.15, 7), strict=True)])
+            for side in Side
+        }
+        start = {side: arms.sent[side].position for side in Side}
+        ways = [
+            {side: joints(list((1 - s) * np.array(start[side]) + s * np.array(goals[side]))) for side in Side}
+            for s in np.linspace(0.0, 1.0, 30)
+        ]
+        if min(nearest(arms, way).distance for way in ways) < 0.01:
+            continue
+        for _ in range(150):
+            arms.cycle({side: to(goals[side]) for side in Side})
+        assert all(each.counters.kept_apart == 0 for each in arms.limiters.values())
+
+
+def test_silent_arm_is_where_its_last_command_leads_it() -> None:
+    arms = ApartArms(FORWARD, obstacles=())
+    for _ in range(60):
+        arms.cycle({Side.LEFT: at_speed((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))})
+    arms.silent[Side.LEFT] = 1000
+    goal = to(turned(Side.RIGHT, radians(168.0)))
+    lowest = np.inf
+    for _ in range(300):
+        arms.cycle({Side.RIGHT: goal})
+        now = {Side.RIGHT: arms.sent[Side.RIGHT].position, Side.LEFT: arms.arms[Side.LEFT].position}
+        lowest = min(lowest, between_arms(arms, now))
+    assert lowest >= MARGIN - ROUNDING
+
+
+def test_permitted_pairs_may_touch_and_no_others() -> None:
+    arms = ApartArms(FORWARD, obstacles=())
+    arms.both.permit(arms.model.pairs_of("right arm", "left arm"))
+    goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
+    lowest = np.inf
+    for _ in range(300):
+        arms.cycle({side: to(goal) for side, goal in goals.items()})
+        lowest = min(lowest, between_arms(arms, arms.measured()))
+    assert lowest < 0.0
+    body = next(each for each in arms.shapes.nearest(arms.commanded(), 500) if each.other == "body")
+    assert body.distance >= BODY_MARGIN - ROUNDING
+
+
+def test_unknown_parts_are_no_pair() -> None:
+    arms = ApartArms(READY, obstacles=(TABLE,))
+    assert arms.model.pairs_of("right gripper", "table")
+    assert not arms.model.pairs_of("right gripper", "shelf")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    arms = ApartArms(READY)
+    drives, left = {}, dict.fromkeys(Side, 0)
+    for cycle in range(250):
+        for side in Side:
+            left[side] -= 1
+            if left[side] < 0:
+                left[side] = int(generator.integers(5, 120))
+                drives[side] = random_drive(generator, arms, side) or (lambda *_: None)
+        arms.cycle(drives)
+        if cycle % 4 == 0:
+            assert least_kept(arms, arms.commanded())
+            assert nearest(arms, arms.measured()).distance > -PADDING

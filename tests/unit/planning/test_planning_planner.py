@@ -1,0 +1,168 @@
+"""Plans of one and both arms: free by the limiter's shapes, within the joints' limits, or refused in a sentence."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Iterator
+from itertools import combinations, islice
+from statistics import median
+
+import numpy as np
+import pytest
+
+from soak import long, short, tell
+from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
+from yumi.errors import CommandRefused
+from yumi.planning.planner import Goal, Plan, Planner, PlanNotFound
+from yumi.planning.scene import disabled_pairs, planning_description
+from yumi.robot.collision import Obstacle
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
+from yumi.robot.kinematics import IDENTITY, tool0_to_body
+
+pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
+
+BOX = Obstacle("box", Pose((0.42, 0.0, 0.15), IDENTITY), (0.25, 0.3, 0.3))
+HOME = {side: home(side) for side in Side}
+PROBLEMS = 200
+RANDOM = (0.7, 0.6, 0.9, 0.8, 1.5, 0.8, 2.0)
+"""How far random postures are from one in front of the robot [rad]."""
+FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
+
+
+@pytest.fixture(scope="module")
+def planner() -> Planner:
+    return Planner(obstacles=(BOX,))
+
+
+def splines(plan: Plan) -> dict[Side, SplineSampler]:
+    """The ways as the trajectory controllers follow them; they refuse what is too fast for a joint."""
+    return {
+        side: SplineSampler(
+            plan_trajectory(JointTrajectory(joint_names(side), points), (side,), YUMI_LIMITS)[side].spline
+        )
+        for side, points in plan.points.items()
+    }
+
+
+def nearest(planner: Planner, plan: Plan, resting: dict[Side, Joints]) -> float:
+    """By the limiter's shapes, whose distances are not those the planner looks at, each 10 ms [m]."""
+    ways = splines(plan)
+    times = np.arange(0.0, plan.duration + 0.01, 0.01)
+    return min(
+        planner.distance({side: ways[side].position(time) if side in ways else resting[side] for side in Side})
+        for time in times.tolist()
+    )
+
+
+def problems(planner: Planner, seed: int) -> Iterator[tuple[dict[Side, Joints], dict[Side, Joints]]]:
+    """Free postures of both arms between which the straight way is not free."""
+    random = np.random.default_rng(seed)
+
+    def posture() -> dict[Side, Joints]:
+        while True:
+            both = {}
+            for side in Side:
+                values = np.array(FRONT) + random.uniform(-1.0, 1.0, 7) * RANDOM
+                both[side] = joints(np.clip(values, YUMI_LIMITS.lower, YUMI_LIMITS.upper).tolist())
+            if planner.is_free(both):
+                return both
+
+    while True:
+        start, goal = posture(), posture()
+        between = (
+            {side: joints((np.array(start[side]) * (1 - s) + np.array(goal[side]) * s).tolist()) for side in Side}
+            for s in np.linspace(0.0, 1.0, 60).tolist()
+        )
+        if not all(planner.is_free(each) for each in between):
+            yield start, goal
+
+
+@pytest.mark.parametrize("count", [short(2), long(PROBLEMS, 3600.0)])
+def test_way_of_both_arms_is_found_where_the_straight_one_is_not_free(planner: Planner, count: int) -> None:
+    times, missed, distances = [], 0, []
+    for number, (start, goal) in enumerate(islice(problems(planner, 1), count), 1):
+        try:
+            plan = planner.plan(start, goal, timeout=30.0)
+        except PlanNotFound:
+            missed += 1
+            continue
+        times.append(plan.planning_time)
+        distances.append(nearest(planner, plan, start) - plan.clearance)
+        for side, points in plan.points.items():
+            assert points[0].position == pytest.approx(start[side], abs=1e-9)
+            assert points[-1].position == pytest.approx(goal[side], abs=1e-9)
+        if count > 2 and number % 20 == 0:
+            tell(
+                f"{number} problems: {missed} not solved, median {median(times):.2f} s, slowest {max(times):.1f} s; "
+                f"nearest to the clearance {min(distances) * 1e3:.1f} mm"
+            )
+    assert missed <= 0.05 * count
+    assert min(distances) > -0.002  # between two checked postures
+
+
+def test_plan_keeps_speed_acceleration_and_jerk(planner: Planner) -> None:
+    start, goal = next(problems(planner, 5))
+    plan = planner.plan(start, goal, speed=0.5)
+    for side, sampler in splines(plan).items():
+        rows = np.array([sampler.position(time) for time in np.arange(0.0, plan.duration, 0.004).tolist()])
+        for order, (most, share) in enumerate(
+            ((YUMI_LIMITS.velocity, 0.5), (YUMI_LIMITS.acceleration, 1.0), (YUMI_LIMITS.jerk, 1.0)), 1
+        ):
+            rates = np.abs(np.diff(rows, order, axis=0)) / 0.004**order
+            assert np.all(rates <= np.array(most) * share * 1.05), (side, order)
+
+
+def test_pose_is_reached_in_a_posture_that_is_free(planner: Planner) -> None:
+    there = tool0_to_body(Side.RIGHT, joints([0.3, -1.0, -0.3, 0.3, 0.2, 0.7, 0.1]))
+    plan = planner.plan(HOME, {Side.RIGHT: there})
+    assert tuple(plan.points) == (Side.RIGHT,)
+    reached = tool0_to_body(Side.RIGHT, joints(plan.points[Side.RIGHT][-1].position))
+    assert reached.position == pytest.approx(there.position, abs=1e-6)
+    assert nearest(planner, plan, HOME) > plan.clearance - 0.002
+
+
+def test_same_seed_finds_the_same_way(planner: Planner) -> None:
+    start, goal = next(problems(planner, 7))
+    first, second = (planner.plan(start, goal, seed=3) for _ in range(2))
+    assert first.points == second.points
+
+
+@pytest.mark.parametrize(
+    ("goal", "sentence"),
+    [
+        ({}, "Nothing to plan"),
+        ({Side.RIGHT: joints([9.0, *HOME[Side.RIGHT][1:]])}, "yumi_joint_1_r is 515.7"),
+        ({Side.RIGHT: Pose((2.0, 0.0, 0.5), IDENTITY)}, "does not reach this pose"),
+        ({Side.RIGHT: Pose((0.42, 0.0, 0.2), IDENTITY)}, "The goal is not free: nearest are right .* and box"),
+    ],
+)
+def test_impossible_goal_is_refused_in_a_sentence(planner: Planner, goal: dict[Side, Goal], sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        planner.plan(HOME, goal)
+
+
+def test_way_that_is_not_found_in_time_is_told(planner: Planner) -> None:
+    start, goal = next(problems(planner, 9))
+    with pytest.raises(PlanNotFound, match="No way was found in"):
+        planner.plan(start, goal, is_over=lambda: True)
+
+
+@pytest.mark.parametrize("count", [short(300), long(100_000, 1800.0)])
+def test_pairs_of_one_arm_that_are_not_checked_never_touch(count: int) -> None:
+    """Judged by Pinocchio and Coal in the planner's URDF, without clearance."""
+    pin = pytest.importorskip("pinocchio")
+    urdf = planning_description(dict.fromkeys(Side, GripperModules.SERVO), clearance=0.0)
+    model = pin.buildModelFromXML(urdf)
+    shapes = pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION)
+    links = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
+    never = {frozenset(pair[:2]) for pair in disabled_pairs(with_fingers=False) if pair[2] == "Never"}
+    for first, second in combinations(range(len(links)), 2):
+        if {links[first], links[second]} in never:
+            shapes.addCollisionPair(pin.CollisionPair(first, second))
+    data, shape_data = model.createData(), shapes.createData()
+    random = np.random.default_rng(2)
+    assert len(shapes.collisionPairs) > 50
+    for _ in range(count):
+        posture = random.uniform(model.lowerPositionLimit, model.upperPositionLimit)
+        assert not pin.computeCollisions(model, data, shapes, shape_data, posture, True)

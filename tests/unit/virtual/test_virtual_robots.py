@@ -1,0 +1,179 @@
+"""Robots as data: a single-arm YuMi and an IRB 120 on the whole virtual controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from yumi.robot.joints import Joints, Side
+from yumi.virtual.controller.robots import ROBOTS
+from yumi.virtual.controller.system import factory_system, with_programs
+from yumi.virtual.world import World, WorldSettings
+
+Array = NDArray[np.float64]
+
+# Denavit and Hartenberg's parameters of an IRB 120 (theta offset [deg], d [mm], a [mm], alpha [deg]).
+IRB120 = ((0, 290, 0, -90), (-90, 0, 270, 0), (0, 0, 70, -90), (0, 302, 0, 90), (0, 0, 0, -90), (180, 72, 0, 0))
+
+
+def place(joints: Sequence[float]) -> Array:
+    """Where tool0 of an IRB 120 is [mm]."""
+    frame = np.eye(4)
+    for angle, (offset, d, a, alpha) in zip(joints, IRB120, strict=True):
+        t, k = angle + radians(offset), radians(alpha)
+        frame = frame @ np.array(
+            [
+                [np.cos(t), -np.sin(t) * np.cos(k), np.sin(t) * np.sin(k), a * np.cos(t)],
+                [np.sin(t), np.cos(t) * np.cos(k), -np.cos(t) * np.sin(k), a * np.sin(t)],
+                [0.0, np.sin(k), np.cos(k), d],
+                [0.0, 0.0, 0.0, 1.0],
+            ]
+        )
+    point: Array = frame[:3, 3]
+    return point
+
+
+def world_of(robot: str, path: Path, program: str) -> World:
+    file = path / "main.mod"
+    file.write_text(f"MODULE Cell\n{program}\nENDMODULE\n", encoding="ascii")
+    system = with_programs(factory_system(ROBOTS[robot]), {"T_ROB1": [file]})
+    return World(WorldSettings(system=system))
+
+
+def run(world: World, limit: float = 30.0, each: Callable[[], None] = lambda: None) -> list[Joints]:
+    """Run main once; the planned positions of the robot."""
+    world.controller.set_motors(on=True)
+    world.controller.start_rapid("once")
+    positions = []
+    while world.controller.is_running and world.controller.time < limit:
+        world.cycle({})
+        each()
+        positions.append(world.arms[Side.RIGHT].planned)
+    assert not world.controller.is_running, f"still running after {limit} s"
+    return positions
+
+
+SQUARE = """
+    PERS tooldata pen:=[TRUE,[[0,0,50],[1,0,0,0]],[0.2,[0,0,20],[1,0,0,0],0,0,0]];
+    CONST robtarget corner:=[[400,-60,300],[0,0,1,0],[-1,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    PROC main()
+        MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;
+        MoveJ corner,v500,fine,tool0;
+        MoveL Offs(corner,0,120,0),v200,fine,tool0;
+        MoveL Offs(corner,-80,120,0),v200,fine,tool0;
+        MoveL Offs(corner,-80,0,0),v200,fine,tool0;
+        MoveL corner,v200,fine,tool0;
+    ENDPROC
+"""
+
+
+def test_irb_120_draws_a_square(tmp_path: Path) -> None:
+    world = world_of("irb120", tmp_path, SQUARE)
+    points = np.array([place(position) for position in run(world)])
+    begin = int(np.argmax(np.linalg.norm(points - (400, -60, 300), axis=1) < 0.01))
+    square = points[begin:]
+    assert np.max(np.abs(square[:, 2] - 300.0)) < 0.1
+    on_edge = np.minimum.reduce(
+        [abs(square[:, 0] - 400), abs(square[:, 0] - 320), abs(square[:, 1] + 60), abs(square[:, 1] - 60)]
+    )
+    assert np.max(on_edge) < 0.1
+    for corner in ((400, 60), (320, 60), (320, -60), (400, -60)):
+        assert np.min(np.linalg.norm(square[:, :2] - corner, axis=1)) < 0.01
+    speeds = np.linalg.norm(np.diff(square, axis=0), axis=1) / world.cycle_time
+    assert np.max(speeds) == pytest.approx(200.0, rel=0.02)
+
+
+def test_irb_120_goes_to_the_configuration_that_is_programmed(tmp_path: Path) -> None:
+    program = """
+        PROC main()
+            VAR robtarget here;
+            here:=CalcRobT([[20,30,10,60,40,50],[9E9,9E9,9E9,9E9,9E9,9E9]],tool0);
+            MoveJ here,v500,fine,tool0;
+            here.robconf:=[0,-2,-2,1];
+            MoveJ here,v500,fine,tool0;
+        ENDPROC
+    """
+    positions = run(world_of("irb120", tmp_path, program))
+    assert np.degrees(positions[-1]) == pytest.approx((20, 30, 10, -120, -40, -130), abs=0.01)
+    middle = min(positions, key=lambda each: float(np.max(np.abs(np.degrees(each) - (20, 30, 10, 60, 40, 50)))))
+    assert np.degrees(middle) == pytest.approx((20, 30, 10, 60, 40, 50), abs=0.01)
+
+
+def test_wrist_singularity_on_a_line_is_refused(tmp_path: Path) -> None:
+    program = """
+        PROC main()
+            VAR robtarget here;
+            MoveAbsJ [[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;
+            here:=CRobT();
+            MoveL RelTool(here,0,1,0\\Ry:=-60),v200,fine,tool0;
+        ENDPROC
+    """
+    world = world_of("irb120", tmp_path, program)
+    run(world)
+    assert 50026 in [event.code for event in world.controller.events.entries()]
+    passing = world_of("irb120", tmp_path, program.replace("here:=", "SingArea\\Wrist; here:="))
+    assert run(passing)[-1][4] < radians(-30.0)
+
+
+def test_joint_out_of_range_and_target_out_of_reach_are_refused(tmp_path: Path) -> None:
+    for body, code in (
+        ("MoveAbsJ [[0,0,90,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", 50027),
+        ("MoveJ [[900,0,300],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", 50050),
+    ):
+        world = world_of("irb120", tmp_path, f"PROC main()\n{body}\nENDPROC")
+        before = world.arms[Side.RIGHT].planned
+        run(world)
+        assert code in [event.code for event in world.controller.events.entries()]
+        assert world.arms[Side.RIGHT].planned == before
+
+
+def test_corner_of_six_axes_is_rounded(tmp_path: Path) -> None:
+    world = world_of("irb120", tmp_path, SQUARE.replace("v200,fine", "v200,z20"))
+    points = np.array([place(position) for position in run(world)])
+    for corner in ((400, 60, 300), (320, 60, 300), (320, -60, 300)):
+        nearest = np.min(np.linalg.norm(points - corner, axis=1))
+        assert 2.0 < nearest <= 20.0
+
+
+@pytest.mark.parametrize(("robot", "axes_total"), [("irb120", "6"), ("irb14050", "7")])
+def test_single_robot_has_one_task_and_its_own_units(tmp_path: Path, robot: str, axes_total: str) -> None:
+    world = world_of(robot, tmp_path, "PROC main()\nENDPROC")
+    assert list(world.controller.tasks) == ["T_ROB1"]
+    unit = world.controller.units[0]
+    assert (unit.name, unit.task, str(unit.axes_total)) == ("ROB_1", "T_ROB1", axes_total)
+    robax, extax = world.controller.joint_target("ROB_1")
+    assert len(robax) == len(extax) == 6
+    assert (extax[0] > 8.9e9) is (robot == "irb120")
+    assert ROBOTS[robot].title in world.controller.identity.options
+
+
+def test_single_arm_yumi_moves_along_lines_with_its_arm_angle(tmp_path: Path) -> None:
+    program = """
+        PERS robtarget start:=[[0,0,0],[1,0,0,0],[0,0,0,0],[0,9E9,9E9,9E9,9E9,9E9]];
+        PERS robtarget finish:=[[0,0,0],[1,0,0,0],[0,0,0,0],[0,9E9,9E9,9E9,9E9,9E9]];
+        PROC main()
+            MoveAbsJ [[10,-90,25,0,60,0],[120,9E9,9E9,9E9,9E9,9E9]],v1000,fine,tool0;
+            start:=CRobT();
+            MoveL Offs(start,0,0,80),v200,fine,tool0;
+            MoveJ start,v200,fine,tool0;
+            finish:=CRobT();
+        ENDPROC
+    """
+    world = world_of("irb14050", tmp_path, program)
+    run(world)
+    texts = [world.controller.tasks["T_ROB1"].read("Cell", name) for name in ("start", "finish")]
+    start, finish = ([float(x) for x in text.replace("[", "").replace("]", "").split(",")] for text in texts)
+    assert finish[:7] == pytest.approx(start[:7], abs=0.02)
+    assert finish[11] == pytest.approx(start[11], abs=0.02)
+
+
+def test_controller_without_a_program_waits_for_one() -> None:
+    world = World(WorldSettings(system=factory_system(ROBOTS["irb120"])))
+    for _ in range(5):
+        world.cycle({})
+    assert world.arms[Side.RIGHT].is_stationary
