@@ -8,6 +8,7 @@ from pathlib import Path
 
 import yumi.virtual.controller
 from yumi.clock import ManualClock
+from yumi.rapid.devices import Devices
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution
@@ -99,6 +100,7 @@ class PlainController:
         self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
         self.execution = PlainExecution(self.tasks)
         self.effective = Configuration()
+        self.devices = Devices()
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
         self.motion = MotionState()

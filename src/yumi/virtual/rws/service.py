@@ -83,7 +83,7 @@ class RwsService:
         self._nonces = 0
         self._users = Users()
         self._mastership = Mastership(self._users)
-        self._messages = MessageService()
+        self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages)
         self.operations = (
             *OPERATIONS,
