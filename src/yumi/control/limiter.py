@@ -493,8 +493,6 @@ class Limiter:
         Returns:
             None where no reply is safe: it is open whether the robot still follows, or where it is.
         """
-        was_silent = self._sent_at > -inf and state.time - self._sent_at > self.longest_step
-        is_back = was_silent and state.session == self._session and state.dt <= 0.0
         if state.session != self._session:
             self._state = self._enter(state)
         elif self._feedback.is_plausible(state, self._positions.position):
@@ -505,12 +503,10 @@ class Limiter:
                 self.is_at_rest = False  # the command is not where the robot is
                 self._go_on_after_doubts(state)
         self.counters.implausible = self._feedback.implausible
-        leads = self._speeds.velocity is not ZERO or dist(self._positions.position, state.planned) >= _SLIGHT_LEAD
-        if self._state is not None and is_back and leads:
-            # After a silence, one datagram alone proves nothing: it may be a late one of a session that has ended, and
-            # a robot that has begun a new one by now, or does not follow, would take the lead at once.
+        is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
+        if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
+            # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
             self._positions.rest_at(self._positions.position)
-            self._speeds.resume(state.planned, self._positions.position)
             self._state = None
         return self._state
 

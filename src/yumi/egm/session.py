@@ -352,13 +352,14 @@ class SensorSession(Generic[Message]):
         """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours.
 
         Ours does not count for the very next datagram: the robot has stood still with us, as a virtual one does on a
-        machine that stalls.
+        machine that stalls. It does where other datagrams have come that may begin a session: then this one is late.
         """
         passed = message.measured_time - before.message.measured_time
         tolerance = self._cycle + _CLOCK_TOLERANCE * passed
         if abs(passed - ahead * self._cycle) > tolerance:
             return False
-        return ahead == 1 or abs(passed - (now - before.arrival)) <= tolerance + self._silence
+        stood_still = ahead == 1 and not self._candidates
+        return stood_still or abs(passed - (now - before.arrival)) <= tolerance + self._silence
 
     def _go_on(self, message: Message, ahead: int, now: float, *, is_sure: bool) -> None:
         if self._is_last_sure or self._sure is None:
