@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import yumi.virtual.controller
 from yumi.clock import ManualClock
-from yumi.rapid.devices import Devices
+from yumi.rapid.devices import FlexPendant, MessageQueues
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution
@@ -100,7 +101,7 @@ class PlainController:
         self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
         self.execution = PlainExecution(self.tasks)
         self.effective = Configuration()
-        self.devices = Devices()
+        self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
         self.motion = MotionState()
