@@ -24,7 +24,14 @@ PAGE = ROOT / "docs" / "reference" / "rapid-coverage.md"
 EFFECTS = ROOT / "tests" / "unit" / "rapid" / "effects.txt"
 OF_CONTROLLER = ROOT / "tests" / "unit" / "virtual" / "instructions" / "effects.txt"
 VALUES = EFFECTS.with_name("constants.txt")
-TESTS = ("tests/unit/rapid", "tests/unit/virtual", "tests/contract", "tests/system", "tests/rapid_corpus")
+TESTS = (
+    "tests/unit/rapid",
+    "tests/unit/virtual",
+    "tests/contract",
+    "tests/system",
+    "tests/property",
+    "tests/rapid_corpus",
+)
 UNTESTED, MISSING = "provided, without a test", "missing"
 STATES = ("done", Support.ACCEPTED.value, Support.REFUSED.value, UNTESTED, MISSING)
 
@@ -60,7 +67,7 @@ class Kind:
         if self.title in ("Instructions", "Functions"):
             routine = library.routine(name)
             found = name if name.lower() in LANGUAGE else routine
-            if routine is not None and routine.implementation.__name__ == "accept":
+            if routine is not None and getattr(routine.implementation, "__qualname__", "").endswith(".accept"):
                 return Support.ACCEPTED.value
             return None if found is None else Support.DONE.value if routine is None else routine.support.value
         has = library.find_type(name) if self.title == "Data types" else library.datum(name)

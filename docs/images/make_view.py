@@ -68,6 +68,7 @@ def demonstration(film: Film) -> None:
     page.click("#start")
     film.wait("#verdict", "EGM holds both arms")
     film.take(3)
+    page.fill("#jog-speed", "10")  # a picture takes long where there is no graphics card
     film.hold("joint 0 1", 5)
     film.hold("linear z 1", 6)
     film.hold("elbow 1", 5)
@@ -104,25 +105,25 @@ def main() -> None:
             def opened(size: tuple[int, int], scheme: Any = "light") -> Any:
                 page = browser.new_page(viewport={"width": size[0], "height": size[1]}, color_scheme=scheme)
                 page.goto(url)
-                page.wait_for_function("document.querySelector('#chips').innerText.includes('AUTO')", polling=50)
+                page.wait_for_function("() => document.querySelector('#chips').innerText.includes('AUTO')", polling=50)
                 page.wait_for_timeout(2500)
                 return page
 
             def picture(page: Any, name: str, before: Callable[[], None] = lambda: None) -> None:
                 before()
-                Image.open(io.BytesIO(page.screenshot())).save(folder / name, quality=82, method=6)
+                Image.open(io.BytesIO(page.screenshot())).save(folder / name, quality=82)
                 page.close()
 
+            picture(opened(SIZE, "dark"), "view-dark.webp")
+            picture(opened((390, 844)), "view-390.webp")
             page = opened(SIZE)
             film = Film(page)
             demonstration(film)
             page.close()
             first, *others = film.frames
             first.save(
-                folder / "view.webp", save_all=True, append_images=others, duration=FRAME, loop=0, quality=60, method=6
+                folder / "view.webp", save_all=True, append_images=others, duration=FRAME, loop=0, quality=60, method=2
             )
-            picture(opened(SIZE, "dark"), "view-dark.webp")
-            picture(opened((390, 844)), "view-390.webp")
             browser.close()
 
 

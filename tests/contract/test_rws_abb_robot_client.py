@@ -166,5 +166,5 @@ def test_subscription(site: Any) -> None:
     while not expected <= {type(each).__name__ for each in seen} and time.monotonic() < end:
         time.sleep(0.05)
     subscription.close()
-    subscription.thread.join(5.0)
+    subscription.thread.name = "abb-robot-client-output"  # which goes on reconnecting after its end
     assert expected <= {type(each).__name__ for each in seen}

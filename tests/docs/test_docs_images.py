@@ -16,6 +16,7 @@ from yumi.robot.kinematics import tool0_to_body
 sys.path.append(str(ROOT / "docs" / "images"))
 
 import make_robot
+import make_tool_motions
 
 URDF = ET.fromstring(robot_description().encode())
 
@@ -50,3 +51,11 @@ def test_motion_ends_where_it_began_and_every_pose_is_in_range() -> None:
         for side in Side:
             for index, name in enumerate(joint_names(side)):
                 assert YUMI_LIMITS.lower[index] < positions[name] < YUMI_LIMITS.upper[index]
+
+
+def test_pictures_of_the_tool_show_what_the_examples_do() -> None:
+    places = make_tool_motions.line()
+    assert places[-1] == pytest.approx((0.40, -0.15, 0.15), abs=1e-4)
+    assert np.max(np.abs(places[:, :2] - places[0, :2])) < 1e-4
+    wanted, measured = make_tool_motions.sticks(0.8)
+    assert measured[: len(wanted)][round(0.7 / 0.004032)] == pytest.approx(wanted[round(0.68 / 0.004032)], abs=0.01)

@@ -6,9 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
-from controller_manager_bench import Manager
+from controller_manager_bench import Manager, boolean, set_parameter
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from ros_bench import Client
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
@@ -93,3 +95,27 @@ def test_what_is_refused_is_said(tool: Tool) -> None:
     far.header.frame_id = ""
     tool.target.publish(far)
     tool.client.until(tool.client.hears("the right arm cannot follow it beyond"), what="a refusal")
+
+
+def test_positions_without_times_are_followed_smoothly_where_the_parameter_says_so(egm_running: Client) -> None:
+    client, name = egm_running, "/r/joint_trajectory_controller"
+    manager = Manager(client, "/r/controller_manager")
+    manager.switch([name[3:]], [POSITION])
+    heard: list[Any] = []
+    client.node.create_subscription(JointState, "/r/joint_states", heard.append, 10)
+    client.until(lambda: bool(heard), what="joint_states")
+    publisher = client.node.create_publisher(JointTrajectory, f"{name}/joint_trajectory", 1)
+    client.until(lambda: publisher.get_subscription_count() > 0, what="a subscription")
+    names, begin = list(heard[-1].name), list(heard[-1].position)
+    swings = [0.02 * number for number in (0, 1, 2, 3, 3.5, 3.8, 3.9, 4.0)]
+    points = [JointTrajectoryPoint(positions=[begin[0] + each, *begin[1:]]) for each in swings]
+    message = JointTrajectory(joint_names=names, points=points)
+    try:
+        publisher.publish(message)
+        client.until(client.hears("not after point 1"), what="a refusal: no point has a time")
+        assert set_parameter(client, name, "positions_upsampling.enable", boolean(True)).successful
+        publisher.publish(message)
+        client.until(lambda: abs(heard[-1].position[0] - begin[0] - 0.08) < 2e-3, what="the last point")
+    finally:
+        set_parameter(client, name, "positions_upsampling.enable", boolean(False))
+        manager.switch([POSITION], [name[3:]])

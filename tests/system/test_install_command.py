@@ -13,6 +13,7 @@ from system.test_doctor import served
 from yumi.cli.main import main
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.files import CAPACITY
 from yumi.virtual.controller.system import factory_system
 from yumi.virtual.world import World, WorldSettings
 
@@ -78,9 +79,8 @@ def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
 
 
 def test_failure_says_how_to_go_on_and_back(where: list[str], state: Path, controller: Irc5) -> None:
-    controller.files["BACKUP:/full"] = "x" * (63 * 1024 * 1024)
-    controller.files["HOME:/big"] = "x" * (900 * 1024)
-    result = run("install", *where, "--yes")
+    controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
+    result = run("install", *where, "--yes", "--no-backup")
     assert result.exit_code == 1
     assert "`yumi install --roll-back` makes all as it was" in result.output
     assert list(state.rglob("record.json"))

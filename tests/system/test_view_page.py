@@ -231,6 +231,7 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
     write_flight_record(file, 1.8e9, recorded_event(LOST, frames[-1].time), {Side.RIGHT: tuple(frames)})
     with Command("yumi view", ("view", str(file), "--port", "0"), tmp_path / "view.log") as command:
         page = Page(chromium, command.wait_until_ready(60.0))
+        page.wait("#joints", "°")
         page.wait("#clock", "0.00 s")
         start = page.angle(1)
         page.press("#events button")

@@ -139,6 +139,9 @@ class RunningDriver:
         speed_scale: float | None = None,
         acceleration: float | None = None,
         timeout: float | None = None,
+        is_pose: bool = False,
+        is_linear: bool = False,
+        speed: float | None = None,
         on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
     ) -> str:
         """Move arms, and return when they stand at their goals; the controllers that commanded them do so again then.
@@ -153,6 +156,10 @@ class RunningDriver:
                 controller's.
             acceleration: the same for accelerations and jerks.
             timeout: arms that take longer are stopped [s].
+            is_pose: positions are poses of the tools in use instead: x, y, z [m], and w, x, y, z, or the orientation
+                stays.
+            is_linear: the tools move there on straight lines.
+            speed: of the tools on lines, at most [m/s].
             on_motion: given how far the motions are, ten times a second.
 
         Raises:
@@ -171,6 +178,9 @@ class RunningDriver:
             speed_scale=speed_scale,
             acceleration=acceleration,
             timeout=timeout,
+            is_pose=is_pose,
+            is_linear=is_linear,
+            speed=speed,
         )
         return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
 

@@ -21,6 +21,7 @@ from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
+from yumi.api.cartesian import Path, planned, pose_from, posture_for
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, twist_goal
@@ -31,6 +32,7 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
+from yumi.control.tool_path import SPEED, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
     JointTrajectory,
@@ -55,6 +57,7 @@ from yumi.robot.joints import (
     joints,
     named_pose,
 )
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
 
 
 def degrees(*angles: SupportsFloat | Sequence[SupportsFloat]) -> Joints:
@@ -150,6 +153,7 @@ def _index(side: Side, name: object) -> int:
     )
 
 
+_PLACE = 3  # numbers of a pose without an orientation
 _FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
 
 LAST_STOP = 5.0
@@ -480,6 +484,41 @@ class MotionExecutor:
                 plan = travel(Setpoint(starts[side]), goal, limits[side])
             motions[side].follow_way(partial(self._way_to_goal, side, starts[side], goal, plan))
         return sent
+
+    def move_tools(
+        self,
+        goals: Mapping[Side, Position],
+        tools: Mapping[Side, Pose],
+        speed: float | None,
+        acceleration: float | None,
+        line_speed: float | None,
+        *,
+        is_linear: bool,
+    ) -> tuple[Motion, ...]:
+        """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
+
+        Raises:
+            CommandRefused: a pose is impossible; nothing moves.
+            RobotNotReady: an arm does not follow.
+        """
+        starts = {side: self.snapshot(side).sent for side in goals}
+        poses = {}
+        for side, goal in goals.items():
+            given = goal if isinstance(goal, str | Mapping) else tuple(goal)
+            if not isinstance(given, str) and len(given) == _PLACE:
+                given = (*given, *tool0_to_body(side, starts[side], tools[side]).orientation)
+            poses[side] = pose_from(given)  # type: ignore[arg-type]
+        if not is_linear:
+            targets = {side: compose(pose, inverse(tools[side])) for side, pose in poses.items()}
+            positions: dict[Side, Position] = {
+                side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
+            }
+            return self.move(positions, speed, acceleration)
+        paths = {
+            side: Path(tools[side], (Waypoint(pose),), line_speed or SPEED, acceleration=acceleration or 1.0)
+            for side, pose in poses.items()
+        }
+        return self.follow_path(tuple(paths), planned(paths, self.limits))
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.

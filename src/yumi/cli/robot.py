@@ -307,6 +307,9 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 @click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
 @click.option("--speed-scale", type=SCALE, help="Factor on the joints' highest speeds, on top of the driver's.")
 @click.option("--timeout", type=Measure("time", 0.0, 3600.0, is_open=True), help="Stop arms that take longer [s].")
+@click.option("--pose", is_flag=True, help="GOAL is a place of the tool, x y z [m], and w x y z of its orientation.")
+@click.option("--linear", is_flag=True, help="Move the tool to the pose on a straight line.")
+@click.option("--speed", type=Measure("speed", 0.0, 1.5, is_open=True), help="Of the tool on the line [m/s].")
 @of_driver
 def move(
     driver: RunningDriver,
@@ -316,6 +319,9 @@ def move(
     abb: bool,
     speed_scale: float | None,
     timeout: float | None,
+    pose: bool,
+    linear: bool,
+    speed: float | None,
 ) -> object:
     """Move ARM to GOAL and wait until it stands there; Ctrl-C stops it. EGM must run: yumi start.
 
@@ -329,8 +335,12 @@ def move(
       yumi move both home
       yumi move right j1=20 j7=-135 --degrees
       yumi move right 0 -130 30 0 40 0 -135 --abb --degrees
+      yumi move right 0.4 -0.2 0.3 --pose                   the tool in use there; its orientation stays
+      yumi move right 0.4 -0.2 0.2 --pose --linear          on a straight line
     """
-    position = goal_of(goal, in_degrees=in_degrees, abb=abb)
+    if (linear or speed is not None) and not pose:
+        raise SettingsError("--linear and --speed are for poses; add --pose.")
+    position = pose_of(goal) if pose else goal_of(goal, in_degrees=in_degrees, abb=abb)
     if arm == "both" and not isinstance(position, str):
         raise SettingsError("Both arms take a pose only; their joints are mirrored. Move one after the other.")
     is_shown = sys.stderr.isatty()
@@ -348,11 +358,29 @@ def move(
             left=position if arm != "right" else None,
             speed_scale=speed_scale,
             timeout=timeout,
+            is_pose=pose,
+            is_linear=linear,
+            speed=speed,
             on_motion=show if is_shown else lambda motions: None,
         )
     finally:
         if is_shown:
             click.echo(err=True)
+
+
+def pose_of(words: Sequence[str]) -> Sequence[float]:
+    """The pose that words of the command line give: a place, with or without an orientation.
+
+    Raises:
+        SettingsError: they are not three or seven numbers.
+    """
+    try:
+        numbers = [float(word) for word in words]
+    except ValueError:
+        numbers = []
+    if len(numbers) not in (3, 7):
+        raise SettingsError("A pose is x y z [m], and w x y z of its orientation or nothing: it stays.")
+    return numbers
 
 
 def goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mapping[str, float] | Sequence[float]:

@@ -117,6 +117,10 @@ class Move(Request, frozen=True):
 
     A client that goes away meanwhile stops them, as does ``timeout`` [s]. ``speed_scale`` is a factor on the joints'
     highest speeds, on top of the driver's.
+
+    With ``is_pose`` a position is a pose of the tool in use in the robot's body: x, y, z [m] and, where the orientation
+    does not stay, the quaternion w, x, y, z. With ``is_linear``, too, the tool moves there on a straight line, at most
+    with ``speed`` [m/s].
     """
 
     right: Position | None = None
@@ -124,6 +128,9 @@ class Move(Request, frozen=True):
     speed_scale: Scale | None = None
     acceleration: Scale | None = None
     timeout: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
+    is_pose: bool = False
+    is_linear: bool = False
+    speed: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
 
 class Jog(Request, frozen=True):

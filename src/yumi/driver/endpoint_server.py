@@ -114,6 +114,17 @@ class Mover(Protocol):
         others_stay: bool = False,
     ) -> Sequence[RunningMotion]: ...
 
+    def move_tools(
+        self,
+        goals: Mapping[Side, Position],
+        tools: Mapping[Side, Pose],
+        speed: float | None,
+        acceleration: float | None,
+        line_speed: float | None,
+        *,
+        is_linear: bool,
+    ) -> Sequence[RunningMotion]: ...
+
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
     def jog(self, side: Side, speeds: Sequence[float]) -> bool: ...
@@ -367,7 +378,16 @@ class Handlers:
                         "it stands."
                     )
             try:
-                motions = access.mover.move(goals, request.speed_scale, request.acceleration, others_stay=True)
+                speed, acceleration = request.speed_scale, request.acceleration
+                if request.is_pose:
+                    tools = {side: access.manager.tcp(side) for side in goals}
+                    motions = access.mover.move_tools(
+                        goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear
+                    )
+                elif request.is_linear or request.speed is not None:
+                    raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
+                else:
+                    motions = access.mover.move(goals, speed, acceleration, others_stay=True)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise

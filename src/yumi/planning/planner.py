@@ -275,7 +275,7 @@ class Planner:
         from roboplan import core  # noqa: PLC0415
         from roboplan.toppra import PathParameterizerTOPPRA, SplineFittingMode, TOPPRAOptions  # noqa: PLC0415
 
-        options = core.PathShortcuttingOptions(group_name=group, max_step_size=_STEP, max_iters=300, seed=seed)
+        options = core.PathShortcuttingOptions(group_name=group, max_step_size=_STEP, max_iters=100, seed=seed)
         short = core.PathShortcutter(self._scene, options).shortcut(path)
         toppra = PathParameterizerTOPPRA(self._scene, group)
         rounded = TOPPRAOptions(

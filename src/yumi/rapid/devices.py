@@ -281,12 +281,17 @@ class Message:
 
 
 class MessageQueues:
-    """The queues by name, as "RMQ_T_ROB_R", found in any letter case; each holds a few messages."""
+    """The queues by name, as "RMQ_T_ROB_R", found in any letter case; each holds a few messages.
+
+    Attributes:
+        watchers: called when a message has come into the queue of a lower-case name.
+    """
 
     def __init__(self) -> None:
         self._queues: dict[str, deque[Message]] = {}
         self._names: dict[str, str] = {}
         self.listeners: dict[str, Callable[[Message], bool]] = {}
+        self.watchers: dict[str, list[Callable[[Message], None]]] = {}
 
     def open(self, name: str) -> None:
         """Create a queue; nothing happens when it is there."""
@@ -323,6 +328,8 @@ class MessageQueues:
         if len(queue) >= MOST_MESSAGES:
             raise RapidRuntimeError("ERR_RMQ_FULL", f"The message queue '{name}' holds {MOST_MESSAGES} messages.")
         queue.append(message)
+        for watcher in tuple(self.watchers.get(name.lower(), ())):
+            watcher(message)
 
     def take(self, name: str) -> Message | None:
         """The oldest message of a queue, which it no longer holds; None where it is empty."""
@@ -332,6 +339,23 @@ class MessageQueues:
     def empty(self, name: str) -> None:
         """Forget the messages of a queue."""
         self._queues.get(name.lower(), deque()).clear()
+
+
+@dataclass(frozen=True, slots=True)
+class LoggedEvent:
+    """An event of the log, as IError and ReadErrData see it.
+
+    Attributes:
+        domain: the ten-thousands of its code, as the constants of errdomain.
+        number: the rest of its code.
+        severity: how serious it is.
+    """
+
+    domain: int
+    number: int
+    severity: Severity
+    title: str
+    text: str
 
 
 # All together -----------------------------------------------------------------------------------------------------
@@ -378,6 +402,8 @@ class Devices:
         texts: text tables by name: each has texts by number.
         disabled: devices that a program has disabled (IODisable).
         restart: a warm restart, or None where the host has none.
+        watchers: called for each event of the log.
+        trapped: the last event that has interrupted each task (IError).
         searches: what SetDataSearch of each task has found: module and name.
         log: puts a message into the event log: number, title, text, severity.
     """
@@ -394,6 +420,8 @@ class Devices:
     io: IoDevices | None = None
     configuration: Configuration | None = None
     restart: Callable[[], None] | None = None
+    watchers: list[Callable[[LoggedEvent], None]] = field(default_factory=list)
+    trapped: dict[str, LoggedEvent] = field(default_factory=dict)
     searches: dict[str, Iterator[tuple[str, str]]] = field(default_factory=dict)
     log: Callable[[int, str, str, Severity], None] = lambda number, title, text, severity: None
 

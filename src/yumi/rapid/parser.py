@@ -546,11 +546,13 @@ class TableParser:
         self._reductions: dict[int, dict[str, tuple[int, str, Callable[[list[Any]], Any]]]] = {}
         for state, actions in parser.parse_table.states.items():
             shifts, reductions = self._shifts.setdefault(state, {}), self._reductions.setdefault(state, {})
-            for name, (action, what) in actions.items():
+            for token, (action, what) in actions.items():
+                name = sys.intern(str(token))  # Lark's keys compare slowly
                 if action is Shift:
                     shifts[name] = what
                 else:
-                    reductions[name] = (len(what.expansion), what.origin.name, parser.callbacks[what])
+                    rule = sys.intern(str(what.origin.name))
+                    reductions[name] = (len(what.expansion), rule, parser.callbacks[what])
 
     def parse(self, text: str, start: str) -> tuple[Any, int] | None:
         """The tree of a text and how deep the parser's stack was; None where the text does not fit the grammar."""

@@ -37,7 +37,7 @@ _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _COOKIE = "yumi_view_token"
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
-_ANSWER = 3.0  # [s] a page that has control and shows no state for so long loses it
+_ANSWER = 5.0  # [s] a page that has control and shows no state for so long loses it
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
     "form-action 'none'; base-uri 'none'; frame-ancestors 'none'"

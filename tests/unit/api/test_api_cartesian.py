@@ -7,11 +7,13 @@ from math import degrees, inf, nan, pi
 
 import pytest
 
+import fake_robot
 import yumi
 from fake_robot import FakeRobot
 from unit.robot.test_robot_kinematics import rad
 from yumi.api.cartesian import FINGERTIPS, Frames, planned, pose, pose_from, poses_from, posture_for, postures_of
 from yumi.api.cartesian import Path as ToolPathOfArm
+from yumi.api.motion import GOAL_CONTROLLER
 from yumi.api.robot import Arm
 from yumi.control.tool_path import Waypoint
 from yumi.errors import CommandRefused
@@ -102,7 +104,8 @@ def test_an_arms_pose_is_that_of_its_tool() -> None:
     assert degrees(arm.arm_angle) == pytest.approx(degrees(arm_angle(Side.RIGHT, POSTURE)))
 
 
-def test_a_driver_without_a_cartesian_controller_says_so() -> None:
+def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fake_robot, "NAMES", (GOAL_CONTROLLER,))  # as a file of one's own may list them
     robot = FakeRobot()
     arm = Arm(Side.RIGHT, lambda: robot.executor, None)  # type: ignore[arg-type]
     with pytest.raises(CommandRefused, match="right arm has no cartesian_controller"):

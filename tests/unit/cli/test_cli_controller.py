@@ -76,3 +76,16 @@ def test_fault_command_says_that_nothing_listens(port: int) -> None:
         assert output == f"Error: What answers at 127.0.0.1:{free} is not a virtual controller of this package.\n"
     code, output = run("collision", "--rws-port", free)
     assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)
+
+
+@pytest.mark.parametrize(
+    ("program", "status", "sentence"),
+    [
+        ("main.mod", 2, "TASK=FILE[,FILE…] is needed, such as left=main.mod,tools.sys"),
+        ("left=none.mod", 2, "none.mod cannot be read: No such file or directory"),
+        ("T_ROB9=none.mod", 2, "there is no task T_ROB9; there are T_ROB_L, T_ROB_R"),
+    ],
+)
+def test_program_that_the_controller_cannot_take_is_one_sentence(program: str, status: int, sentence: str) -> None:
+    result = CliRunner().invoke(main, ["controller", "--program", program])
+    assert (result.exit_code, sentence in result.output) == (status, True), result.output

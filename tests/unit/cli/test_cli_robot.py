@@ -154,6 +154,10 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
         (("right", "j1=1", "j1=2"), "A joint is named twice", 2),
         (("right", "j1=1", "--abb"), "--abb is for seven angles", 2),
         (("right", "home", "--speed-scale", "2"), "not in the range", 2),
+        (("right", "0.4", "-0.2", "--pose"), "A pose is x y z [m], and w x y z", 2),
+        (("right", "home", "--pose"), "A pose is x y z [m], and w x y z", 2),
+        (("right", "home", "--linear"), "--linear and --speed are for poses", 2),
+        (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "9"), "not in the range", 2),
     ],
 )
 def test_impossible_goal_is_refused_and_changes_nothing(

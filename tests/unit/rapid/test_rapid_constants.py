@@ -7,6 +7,9 @@ from pathlib import Path
 import pytest
 from rapid_bench import started
 
+from yumi.rapid import InstructionSet
+from yumi.virtual.world import World
+
 SECTIONS = {
     section.partition("]")[0]: section.partition("]")[2].split()
     for section in Path(__file__).with_name("constants.txt").read_text(encoding="ascii").split("\n[")[1:]
@@ -14,13 +17,21 @@ SECTIONS = {
 ERRORS = SECTIONS.pop("errnum")
 
 
+@pytest.fixture(scope="module")
+def library() -> InstructionSet:
+    """With the robot's own."""
+    library = World().controller.tasks["T_ROB_R"].library
+    assert isinstance(library, InstructionSet)
+    return library
+
+
 @pytest.mark.parametrize("type_name", SECTIONS)
-def test_program_gets_the_value(type_name: str) -> None:
+def test_program_gets_the_value(type_name: str, library: InstructionSet) -> None:
     """A program assigns each constant to a variable of its type and compares it with what it should be."""
     constants = dict(entry.replace("\\20", " ").split("=", 1) for entry in SECTIONS[type_name])
     body = "\n".join(f"value:={name}; {name}_:=value;" for name in constants)
     variables = "\n".join(f"VAR {type_name} {name}_;" for name in constants)
-    bench = started(body, f"VAR {type_name} value;\n{variables}")
+    bench = started(body, f"VAR {type_name} value;\n{variables}", library)
     assert not bench.stop.error, bench.stop.sentence
     assert {name: bench.read(f"{name}_") for name in constants} == constants
 

@@ -69,8 +69,13 @@ class Outside:
     def connect_(self, name: str) -> None:
         if name in self.clients:
             self.clients.pop(name).close()
-        self.clients[name] = socket.create_connection(("127.0.0.1", self.port), timeout=5.0)
-        self.clients[name].setblocking(False)
+        client = socket.socket()
+        self.clients[name] = client
+        for _ in range(round(LONGEST_WAIT / self.world.cycle_time)):
+            if client.connect_ex(("127.0.0.1", self.port)) == 0:
+                break
+            self.wait("0.004")  # it does not listen yet
+        client.setblocking(False)
         self.wait("0.02")
 
     def udp(self, name: str) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.robots import ROBOTS
-from yumi.virtual.controller.system import factory_system, with_programs
+from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
@@ -177,3 +177,46 @@ def test_controller_without_a_program_waits_for_one() -> None:
     for _ in range(5):
         world.cycle({})
     assert world.arms[Side.RIGHT].is_stationary
+
+
+SUPERVISED = """
+    PROC main()
+        VAR robtarget here;
+        ConfL\\Off;
+        MoveAbsJ [[{0},-100,20,0,60,0],[{1},9E9,9E9,9E9,9E9,9E9]],v500,fine,tool0;
+        here:=CRobT();
+        MoveL Offs(here,0,0,-100),v50,fine,tool0;
+    ENDPROC
+"""
+
+
+def test_stop_of_all_motion_tasks_stops_both_arms_on_their_paths(tmp_path: Path) -> None:
+    programs = {}
+    for task, axis_1, axis_7, rest in (
+        ("T_ROB_R", 20, -110, ""),
+        (
+            "T_ROB_L",
+            -20,
+            110,
+            "TRAP pause\nStopMove\\AllMotionTasks; WaitTime 1; StartMove\\AllMotionTasks;\nENDTRAP\n",
+        ),
+    ):
+        text = SUPERVISED.format(axis_1, axis_7)
+        if rest:
+            text = text.replace("ConfL", "CONNECT timer WITH pause; ITimer\\Single,2,timer; ConfL")
+            text = "VAR intnum timer;\n" + text
+        file = tmp_path / f"{task}.mod"
+        file.write_text(f"MODULE Cell\n{text}{rest}\nENDMODULE\n", encoding="ascii")
+        programs[task] = [file]
+    world = World(WorldSettings(system=with_programs(delivered_system(), programs)))
+    world.controller.set_motors(on=True)
+    world.controller.start_rapid("once")
+    still = []
+    while world.controller.is_running and world.controller.time < 20.0:
+        world.cycle({})
+        if 2.4 < world.controller.time < 2.9:
+            still += [arm.is_stationary and not arm.path.is_empty for arm in world.arms.values()]
+    assert not world.controller.is_running
+    assert len(still) > 200
+    assert all(still)
+    assert all(arm.path.is_empty for arm in world.arms.values())

@@ -117,3 +117,14 @@ def test_what_a_machine_that_stood_still_has_missed_is_let_go(pace: Pace, clock:
     begin = clock.now()
     pace.wait()
     assert clock.now() - begin == pytest.approx(CYCLE)
+
+
+@pytest.mark.parametrize("speed", [0.5, 5.0])
+def test_robot_that_is_faster_or_slower_than_real_time_begins_its_cycles_accordingly(
+    clock: ManualClock, speed: float
+) -> None:
+    pace, begin = Pace(clock, speed), clock.now()
+    for _ in range(4):
+        clock.advance(0.1 * CYCLE / speed)
+        pace.wait()
+    assert clock.now() - begin == pytest.approx(4 * CYCLE / speed)

@@ -14,6 +14,7 @@ CONSTANTS = Library(DATA)
 for _name, _base in (
     *((name, "num") for name in ("opcalc", "errdomain", "errtype", "event_type", "handler_type", "exec_level")),
     *((name, "num") for name in ("tsp_status", "sensorstate", "loadidnum", "paridnum", "paridvalidnum", "aiotrigg")),
+    *((name, "num") for name in ("supervtype", "triggmode", "tunegtype", "triggflag", "cnvcmd", "pathrecnum")),
     *((name, "num") for name in ("btnres", "buttondata", "icondata", "uishownum", "inttypes")),
     *(("stringdig", "string"), ("tasksatstart", "string")),
 ):
@@ -40,6 +41,13 @@ TABLE = {
         "TSP_NORMAL_CHECKED=20 TSP_STATIC_CHECKED TSP_SEMISTATIC_CHECKED"
     ),
     "sensorstate": "STATE_ERROR=-1 STATE_UNDEFINED STATE_CONNECTED STATE_OPERATING STATE_CLOSED",
+    "num": (
+        "AT_POINT=0 AT_ERRORPOINT AT_RESTARTPOINT "
+        "CSS_X=1 CSS_Y CSS_Z CSS_XY CSS_XZ CSS_YZ CSS_XYZ CSS_XYRZ CSS_ARM_ANGLE "
+        "CSS_POSX=1 CSS_NEGX CSS_POSY CSS_NEGY CSS_POSZ CSS_NEGZ CSS_REFFRAME_TOOL=0 CSS_REFFRAME_WOBJ "
+        "CT_CONTINUOUS=1 CT_COUNT_CYCLES CT_COUNT_CYC_ACTION CT_PERIODICAL EGM_MAX_RAPID_DNUM=19 "
+        "TRIGG_MODE1=1 TRIGG_MODE2 TRIGG_MODE3"
+    ),
     "loadidnum": "MASS_KNOWN=1 MASS_WITH_AX3",
     "paridnum": ("TOOL_LOAD_ID=1 PAY_LOAD_ID IRBP_K IRBP_L IRBP_C IRBP_C_INDEX IRBP_T IRBP_R IRBP_A IRBP_B IRBP_D"),
     "paridvalidnum": "ROB_LOAD_VAL=10 ROB_NOT_LOAD_VAL ROB_LM1_LOAD_VAL",

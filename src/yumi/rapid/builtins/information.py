@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
 from yumi.rapid.ast import Storage
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.rawbytes import whole
+from yumi.rapid.devices import LoggedEvent
 from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.interrupts import ChangeOrder
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.machine import Propagated
 from yumi.rapid.program import Execution, Severity
-from yumi.rapid.types import BOOL, Part, Reference, Variable, is_numeric, resolved
+from yumi.rapid.types import BOOL, LONGEST_STRING, Part, Reference, Variable, is_numeric, resolved
 
 INFORMATION = Library(CONSTANTS)
 
@@ -114,6 +118,27 @@ for _name in ("TaskIsActive", "TaskIsExecuting"):
         return call.name == "TaskIsActive" or task.execution is Execution.STARTED
 
 
+@INFORMATION.function("ModTime", r"string Object, \num StrDig", "num")
+@INFORMATION.function("ModTimeDnum", "string Object", "dnum")
+def module_time(call: Call) -> float:
+    """When the file of a module was written, seconds since 1970."""
+    module = call.task.program.modules.get(call["Object"].lower())
+    if module is None:
+        raise RapidRuntimeError("ERR_MOD_NOTLOADED", f"{call.name}: there is no module '{call['Object']}'.")
+    try:
+        return float(int(call.task.host.devices.disk.entry(module.syntax.filename).changed))
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILNOTFND", f"{call.name}: {error}") from error
+
+
+for _name in ("PFRestart", "PPMovedInManMode", "IsBrakeCheckActive"):
+
+    @INFORMATION.function(_name, r"\switch Base | \switch Irpt" if _name == "PFRestart" else "", "bool")
+    def is_never(call: Call) -> bool:
+        """What never happens here: a power failure, a program pointer moved in manual mode, a brake check."""
+        return False
+
+
 # Data -------------------------------------------------------------------------------------------------------------
 
 
@@ -212,6 +237,72 @@ for _name, _text in (
     *(("ERRSTR_CONTEXT", ""),),
 ):
     INFORMATION.data(_name, "errstr", _text)
+
+
+@dataclass(eq=False, slots=True)
+class TrapData:
+    """What a trapdata stands for: the event that has interrupted the program."""
+
+    event: LoggedEvent | None = None
+
+
+INFORMATION.object_type("trapdata", TrapData)
+_TYPE_NUMBERS = {Severity.INFORMATION: 1.0, Severity.WARNING: 2.0, Severity.ERROR: 3.0}  # TYPE_STATE and so on
+
+
+@INFORMATION.instruction(
+    "IError",
+    r"\switch Single | \switch SingleSafe, errdomain ErrorDomain, \num ErrorId, errtype ErrorType, "
+    "VAR intnum Interrupt",
+)
+def order_event(call: Call) -> None:
+    """An interrupt whenever an event comes into the log: COMMON_ERR stands for all domains, TYPE_ALL for all types."""
+    devices, interrupts, number, task = call.task.host.devices, call.task.interrupts, int(call["Interrupt"]), call.task
+    domain, identity, kind = call["ErrorDomain"], call.get("ErrorId"), call["ErrorType"]
+    order = ChangeOrder(is_single=call.present("Single") or call.present("SingleSafe"))
+
+    def logged(event: LoggedEvent) -> None:
+        if not interrupts.is_ordered(number, order):  # deleted, or it was a single one
+            devices.watchers.remove(logged)
+            return
+        is_wanted = domain in (0, event.domain) and identity in (None, event.number)
+        if is_wanted and kind in (0, _TYPE_NUMBERS[event.severity]) and task.is_running:
+            devices.trapped[task.name] = event
+            interrupts.occurred(number)
+
+    interrupts.order(number, order)
+    devices.watchers.append(logged)
+
+
+@INFORMATION.instruction("GetTrapData", "VAR trapdata TrapEvent")
+def trap_data(call: Call) -> None:
+    call["TrapEvent"].event = call.task.host.devices.trapped.get(call.task.name)
+
+
+@INFORMATION.instruction(
+    "ReadErrData",
+    r"VAR trapdata TrapEvent, INOUT errdomain ErrorDomain, INOUT num ErrorId, INOUT errtype ErrorType, "
+    r"\VAR string Title, \VAR string Str1, \VAR string Str2, \VAR string Str3, \VAR string Str4, \VAR string Str5",
+)
+def event_data(call: Call) -> None:
+    event: LoggedEvent | None = call["TrapEvent"].event
+    if event is None:
+        raise RapidRuntimeError("ERR_ARGVALERR", "ReadErrData: GetTrapData has found no event.")
+    call["ErrorDomain"], call["ErrorId"] = float(event.domain), float(event.number)
+    call["ErrorType"] = _TYPE_NUMBERS[event.severity]
+    texts = (event.title, *event.text.split(": "))
+    for name, text in zip(("Title", "Str1", "Str2", "Str3", "Str4", "Str5"), (*texts, *[""] * 5), strict=False):
+        if call.present(name):
+            call[name] = text[:LONGEST_STRING]
+
+
+@INFORMATION.instruction("RaiseToUser", r"\switch Continue | \switch BreakOff, \num ErrorNumber")
+def raise_to_user(call: Call) -> None:
+    """Raise the error of the handler, or another one; NOSTEPIN routines, which it leaves, are ordinary ones here."""
+    number = call.get("ErrorNumber", call.task.program.system_data["errno"].value)
+    error = RapidRuntimeError(call.task.error_name(number), f"RaiseToUser: the error {number:g}.")
+    error.number = number
+    raise Propagated(error, is_long_jump=False)
 
 
 @INFORMATION.instruction("SkipWarn")

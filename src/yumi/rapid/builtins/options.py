@@ -21,6 +21,10 @@ for _name, _signature in (
     ("SpyStop", ""),
     ("BrakeCheck", ""),
     ("CyclicBrakeCheck", ""),
+    ("ResetPPMoved", ""),
+    ("TestSignReset", ""),
+    ("ResetTorqueMargin", ""),
+    ("HollowWristReset", ""),
 ):
     OPTIONS.accepted(_name, _signature)
 
@@ -77,3 +81,32 @@ OPTIONS.refused(
     "ERR_NAME_INVALID",
     "no camera is connected to this controller.",
 )
+
+# Axes and movements of robots this one is not.
+_MOVED = r"anytype MecUnit, num Axis, num Position, num Speed, \num Ramp"
+_REFERENCE = r"\num RefPos | \num RefNum, \switch Short | \switch Fwd | \switch Bwd"
+_NOT_INDEPENDENT = "no axis of this robot can be independent."
+for _name, _signature in (
+    ("IndAMove", _MOVED),
+    ("IndDMove", _MOVED),
+    ("IndRMove", r"anytype MecUnit, num Axis, \num ToRelPos | \num ToRelNum | \num ToRelDelta, num Speed"),
+    ("IndCMove", r"anytype MecUnit, num Axis, num Speed, \num Ramp"),
+    ("IndReset", rf"anytype MecUnit, num Axis, {_REFERENCE}"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_AXIS_IND", _NOT_INDEPENDENT)
+for _name, _signature in (
+    ("IndInpos", "anytype MecUnit, num Axis"),
+    ("IndSpeed", r"anytype MecUnit, num Axis, \switch InPos"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_AXIS_IND", _NOT_INDEPENDENT, "bool")
+for _name in ("SupSyncSensorOn", "SupSyncSensorOff", "SyncToSensor", "WaitSensor", "DropSensor"):
+    _signature = r"anytype MechUnit, \num RelDist, \num PredTime, \num MaxSync, \switch On | \switch Off"
+    OPTIONS.refused(_name, _signature, "ERR_CNV_NOT_ACT", "no sensor or conveyor is active.")
+for _name in ("FricIdInit", "FricIdEvaluate", "FricIdSetFricLevels"):
+    _signature = "" if _name == "FricIdInit" else "anytype FricLevels"
+    OPTIONS.refused(_name, _signature, "ERR_FRICTUNE_FATAL", "the friction of this robot cannot be identified.")
+for _name in ("SafetyControllerGetChecksum", "SafetyControllerGetSWVersion", "SafetyControllerGetUserChecksum"):
+    OPTIONS.refused(_name, "", "ERR_NOTPRES", "this controller has no safety controller.", "string")
+OPTIONS.refused("SafetyControllerGetOpModePinCode", "", "ERR_NOTPRES", "it has no safety controller.", "string")
+OPTIONS.refused("SafetyControllerSyncRequest", "", "ERR_NOTPRES", "this controller has no safety controller.")
+OPTIONS.refused("SCWrite", r"\string ToNode, anytype Variable", "ERR_SC_WRITE", "no superior computer is connected.")

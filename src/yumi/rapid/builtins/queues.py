@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.devices import Message, MessageQueues
 from yumi.rapid.errors import RapidRuntimeError, RapidValueError
+from yumi.rapid.interrupts import ChangeOrder
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.parser import format_value, parse_value
 from yumi.rapid.types import resolved
@@ -154,6 +155,23 @@ def message_header(call: Call) -> None:
         call["SenderId"].name = message.sender
     if call.present("UserDef"):
         call["UserDef"] = message.user_defined
+
+
+@QUEUES.instruction("IRMQMessage", "anytype InterruptDataType, VAR intnum Interrupt")
+def order_message(call: Call) -> None:
+    """An interrupt whenever a message of a type comes into the queue of the task."""
+    queues, interrupts, number = _queues(call), call.task.interrupts, int(call["Interrupt"])
+    wanted, order = call.reference("InterruptDataType").type.name, ChangeOrder(is_single=False)
+    watchers = queues.watchers.setdefault(_own(call).lower(), [])
+
+    def arrived(message: Message) -> None:
+        if not interrupts.is_ordered(number, order):  # deleted, or ordered anew
+            watchers.remove(arrived)
+        elif message.type_name == wanted:
+            interrupts.occurred(number)
+
+    interrupts.order(number, order)
+    watchers.append(arrived)
 
 
 @QUEUES.instruction("RMQEmptyQueue")

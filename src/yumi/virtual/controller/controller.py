@@ -28,6 +28,7 @@ from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_moti
 from yumi.virtual.instructions.motion_settings import add_motion_settings
 from yumi.virtual.instructions.system import add_system
 from yumi.virtual.instructions.triggers import add_triggers
+from yumi.virtual.instructions.world_zones import add_world_zones
 from yumi.virtual.mechanics.arm import VirtualArm
 
 log = logging.getLogger(__name__)
@@ -395,6 +396,11 @@ class Irc5:
         for signal, unit in self._stationary:
             self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
+            unit.watch_zones()
+            if unit.zone_fault:
+                self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
+                self.execution.stop(unit.zone_fault)
+                unit.zone_fault = ""
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values
@@ -506,6 +512,7 @@ class Irc5:
                 units=self.units,
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
+                robots=tuple(self._arms.values()),
             )
             task = Task(each.name, host, library, each.entry)
             if unit is not None:
@@ -530,13 +537,15 @@ def robot_library(
     units: Sequence[MechanicalUnit],
     sync_points: SyncPoints,
     is_motion_task: bool = True,
+    robots: Sequence[ArmUnit] = (),
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
     motion = add_motion(library, unit, speed_ratio, events)
-    add_motion_settings(library, motion)
+    add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
+    add_world_zones(library, unit)
     if not is_motion_task:
         forbid_motion(library)
     elif unit.arm.kinematics.is_of_yumi:

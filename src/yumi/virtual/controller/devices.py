@@ -6,11 +6,11 @@ import math
 import re
 from collections.abc import Callable, Mapping
 
-from yumi.rapid.devices import Devices, NoNetwork
+from yumi.rapid.devices import Devices, LoggedEvent, NoNetwork
 from yumi.rapid.program import Severity
 from yumi.rapid.task import Task
 from yumi.rws.types import EventType
-from yumi.virtual.controller.events import EventLog
+from yumi.virtual.controller.events import Event, EventLog
 from yumi.virtual.controller.files import FileStore, RapidDisk
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.units import Identity
@@ -121,7 +121,7 @@ def rapid_devices(
     def log(number: int, title: str, text: str, severity: Severity) -> None:
         events.append(number, title, text, _TYPES[severity])
 
-    return Devices(
+    devices = Devices(
         RapidDisk(files),
         NoNetwork(),
         facts={
@@ -142,3 +142,12 @@ def rapid_devices(
         restart=restart,
         log=log,
     )
+
+    def show(event: Event) -> None:
+        severity = next(severity for severity, type_ in _TYPES.items() if type_ is event.type)
+        logged = LoggedEvent(event.domain, event.code % 10_000, severity, event.title, event.description)
+        for watcher in tuple(devices.watchers):
+            watcher(logged)
+
+    events.watchers.append(show)
+    return devices

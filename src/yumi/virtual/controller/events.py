@@ -41,10 +41,15 @@ class Event:
 
 
 class EventLog:
-    """Remembers the latest events, all of them together and each domain for itself."""
+    """Remembers the latest events, all of them together and each domain for itself.
+
+    Attributes:
+        watchers: called for each event.
+    """
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
+        self.watchers: list[Callable[[Event], None]] = []
         self._last_number = 0
         self._logs: dict[int, deque[Event]] = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
 
@@ -64,6 +69,8 @@ class EventLog:
         self._logs[ALL_DOMAINS].appendleft(event)
         if place != ALL_DOMAINS:
             self._logs.setdefault(place, deque(maxlen=_DOMAIN_CAPACITY)).appendleft(event)
+        for watcher in tuple(self.watchers):
+            watcher(event)
         return event
 
     def entries(self, domain: int = ALL_DOMAINS) -> tuple[Event, ...]:

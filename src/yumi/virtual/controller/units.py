@@ -11,12 +11,14 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side
+from yumi.robot.kinematics import compose
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.course import CircleMode
 from yumi.virtual.mechanics.gripper import VirtualGripper
 from yumi.virtual.mechanics.path import Acceleration
+from yumi.virtual.mechanics.zones import WorldZone
 
 # The strings clients compare with are exact; without 604-1 they take the two arms for one group.
 YUMI_OPTIONS = (
@@ -194,6 +196,8 @@ class ArmUnit:
         egm_device: name of the UDPUC device EGMSetupUC chose last.
         tool, wobj: RAPID values of the last motion's tool and work object; None until there was one.
         settings: what the program has set for its motions.
+        zones: the world zones that are watched.
+        zone_fault: why a world zone stops the arm; empty when none does.
         synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
     """
 
@@ -206,6 +210,8 @@ class ArmUnit:
     tool: Any = None
     wobj: Any = None
     settings: MotionSettings = field(default_factory=MotionSettings)
+    zones: list[WorldZone] = field(default_factory=list)
+    zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -214,6 +220,7 @@ class ArmUnit:
     def begin_program(self) -> None:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
         self.settings = MotionSettings()
+        self.zones.clear()
         self.synchronized_tasks = ()
         path = self.arm.path
         path.holds.clear()
@@ -227,6 +234,18 @@ class ArmUnit:
     def mechanical_unit(self) -> str:
         """Name of the mechanical unit that the task moves."""
         return self.arm.unit
+
+    def watch_zones(self) -> None:
+        """Compare where the tool of the last motion is with the world zones."""
+        if not self.zones:
+            return
+        planned = self.arm.planned
+        point = self.arm.tool_pose(planned, None)
+        if self.tool is not None:
+            (x, y, z), (w, i, j, k) = self.tool.tframe
+            point = compose(point, Pose((x * 1e-3, y * 1e-3, z * 1e-3), (w, i, j, k)))
+        for zone in self.zones:
+            zone.watch(point.position, planned)
 
     def override_speed(self, ratio: float) -> None:
         """Follow the controller's speed override [%]; 0 is very slow."""

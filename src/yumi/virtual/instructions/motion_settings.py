@@ -2,17 +2,20 @@ r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), an
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import Any
 
+from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.joints import Pose
 from yumi.robot.kinematics import compose, inverse
+from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import NOT_PRESENT, frame, jointtarget
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions
 from yumi.virtual.instructions.poses import unit_quaternion
+from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.course import CircleMode, Frames
 from yumi.virtual.mechanics.path import Acceleration, StoredPath
 
@@ -35,9 +38,10 @@ _TUNING_TYPES = ("DF", "KP", "KV", "TI", "FRIC_LEV", "FRIC_RAMP", "DG", "DH", "D
 class MotionSettingInstructions:
     """The settings and stops of one task."""
 
-    def __init__(self, motion: MotionInstructions) -> None:
+    def __init__(self, motion: MotionInstructions, robots: Sequence[ArmUnit], *, is_motion_task: bool) -> None:
         self._motion = motion
         self._unit = motion.unit
+        self._robots, self._is_motion_task = robots, is_motion_task
         self._stored: list[StoredPath] = []
 
     # Settings -----------------------------------------------------------------------------------------------------
@@ -156,7 +160,7 @@ class MotionSettingInstructions:
         self._unit.settings.softness.clear()
 
     def supervise(self, call: Call) -> None:
-        r"""MotionSup: on with \TuneValue, or off; the virtual controller collides where it is told to."""
+        r"""MotionSup: kept, and without effect: collisions come from `yumi fault`."""
         tune = call.get("TuneValue", 100.0)
         if not 1.0 <= tune <= 300.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"MotionSup takes a \\TuneValue of 1 to 300 %, not {tune:g}.")
@@ -191,16 +195,34 @@ class MotionSettingInstructions:
     # Stops --------------------------------------------------------------------------------------------------------
 
     def stop_move(self, call: Call) -> Wait:
-        """StopMove: the arm slows down on its path and stays there; done when it stands."""
-        arm = self._unit.arm
-        arm.path.holds.add(STOP_MOVE)
-        while not arm.is_stationary and arm.egm is None:
+        r"""StopMove: the arm slows down on its path and stays there; done when it stands.
+
+        \AllMotionTasks means all arms, and so does a task without a robot.
+        """
+        arms = self._arms(call)
+        for arm in arms:
+            arm.path.holds.add(STOP_MOVE)
+        while not all(arm.is_stationary or arm.egm is not None for arm in arms):
             yield None
 
     def start_move(self, call: Call) -> None:
         """StartMove: on along the path."""
-        self._unit.arm.path.holds.discard(STOP_MOVE)
-        self._motion.go_on()
+        for arm in self._arms(call):
+            arm.path.holds.discard(STOP_MOVE)
+            try:
+                arm.follow_path()
+            except RobotNotReady as error:
+                raise RapidRuntimeError("ERR_STARTMOVE", str(error)) from error
+
+    def reset_stop(self, call: Call) -> None:
+        """StopMoveReset: forget a stop without going on now."""
+        for arm in self._arms(call):
+            arm.path.holds.discard(STOP_MOVE)
+
+    def _arms(self, call: Call) -> list[VirtualArm]:
+        if call.get("AllMotionTasks", False) or not self._is_motion_task:
+            return [unit.arm for unit in self._robots]
+        return [self._unit.arm]
 
     def clear_path(self, call: Call) -> None:
         """ClearPath: forget the rest of the path; the arm has to stand, as after StopMove."""
@@ -235,7 +257,7 @@ class MotionSettingInstructions:
 
     def is_stopped(self, call: Call) -> bool:
         """IsStopMoveAct."""
-        return STOP_MOVE in self._unit.arm.path.holds
+        return any(STOP_MOVE in arm.path.holds for arm in self._arms(call))
 
     def recover(self, call: Call) -> Wait:
         """ProcerrRecovery: stop the movements and let the error handler go on, with ERR_PATH_STOP."""
@@ -251,9 +273,11 @@ def _pose_of_target(target: Any) -> Pose:
     return Pose((x, y, z), unit_quaternion(target[1]))
 
 
-def add_motion_settings(library: Library, motion: MotionInstructions) -> None:
-    """Register the settings and stops of one task."""
-    own = MotionSettingInstructions(motion)
+def add_motion_settings(
+    library: Library, motion: MotionInstructions, robots: Sequence[ArmUnit], *, is_motion_task: bool = True
+) -> None:
+    """Register the settings and stops of one task; ``robots`` are those of all tasks."""
+    own = MotionSettingInstructions(motion, robots, is_motion_task=is_motion_task)
     kinematics = motion.arm.kinematics
     library.alias("tunetype", "num")
     for number, name in enumerate(_TUNING_TYPES):
@@ -298,7 +322,7 @@ def add_motion_settings(library: Library, motion: MotionInstructions) -> None:
         ("StopMove", rf"\switch Quick, {all_tasks}", own.stop_move),
         ("StartMove", all_tasks, own.start_move),
         ("StartMoveRetry", "", own.start_move),
-        ("StopMoveReset", all_tasks, lambda _: motion.arm.path.holds.discard(STOP_MOVE)),
+        ("StopMoveReset", all_tasks, own.reset_stop),
         ("ClearPath", "", own.clear_path),
         ("StorePath", r"\switch KeepSync", own.store_path),
         ("RestoPath", "", own.restore_path),

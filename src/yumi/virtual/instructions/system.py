@@ -71,6 +71,8 @@ class SystemInstructions:
 
         RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
         """
+        if not self._unit.arm.kinematics.is_of_yumi:
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         axis = int(call["AxisNo"])
         if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")

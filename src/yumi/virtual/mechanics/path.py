@@ -249,7 +249,7 @@ class PathMotion:
             pieces, begin, zero = [leg.piece], 0.0, np.zeros(1)
             joints = leg.piece.joints
             run = Run(self._limits, self.acceleration, np.zeros(1), joints[:1], zero, zero, zero, zero)
-            if self._length(leg.piece) <= _SAME:  # nothing to do: passed at once
+            if not np.any(self._steps(leg.piece) > _SAME):  # nothing to do: passed at once
                 run.places = [0.0]
                 return Passage(leg, run, 0.0, 0.0)
             self._runs.append(run)

@@ -65,9 +65,11 @@ function take(message) {
     if (message.is_recording) openRecording();
     show();
   } else if (message.type === "refused") {
+    endJog(); // control may be lost
     toast(message.sentence);
   } else if (message.type === "jog_refused") {
-    if (jog && jog.hold === message.hold) endJog();
+    if (jog?.hold !== message.hold) return; // it has ended already
+    endJog();
     toast(message.error.message);
   } else if (message.type === "step" || message.type === "motions") {
     const waiting = pending.get(message.id);
@@ -173,6 +175,10 @@ function show() {
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
     }
+    const unmeasured = ARMS.filter((name) => !state.arms[name].position);
+    at("not-measured").hidden = !unmeasured.length;
+    const which = unmeasured.length > 1 ? "Neither arm is measured while EGM is off: they are" : `The ${unmeasured[0]} arm is not measured while EGM is off: it is`;
+    text(at("not-measured"), `${which} drawn where last seen, or at home.`);
     if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
     text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
     const key = state.operating_mode === "AUTO" ? "Turn the key to MANUAL" : "Turn the key to AUTO";
@@ -198,6 +204,7 @@ function chip(name, value, level = "") {
   const box = chips.get(name);
   text(box.lastChild, value);
   if (box.dataset.level !== level) box.dataset.level = level;
+  box.hidden = Boolean(view.is_recording) && value === "unknown"; // a flight record has the cycles alone
 }
 
 const MOTORS = {

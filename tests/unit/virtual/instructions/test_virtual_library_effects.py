@@ -11,9 +11,11 @@ sys.path.append(str(Path(__file__).parents[2] / "rapid"))
 
 from test_rapid_library_effects import Effect, effects
 
+from yumi.rapid.program import Execution
 from yumi.virtual.world import World
 
 MODULE = "MODULE Program\n{declarations}\nPROC main()\n{body}\nENDPROC\nENDMODULE\n"
+MOST_CYCLES = 1000
 OTHER = MODULE.format(declarations="PERS num theirs:=5;\nVAR num variable:=6;", body="WaitTime 100;")
 
 
@@ -31,7 +33,9 @@ def test_effect(effect: Effect) -> None:
     controller.execution.move_pp_to_main()
     controller.set_motors(True)
     controller.start_rapid("once")
-    for _ in range(75):
+    for _ in range(MOST_CYCLES):
+        if controller.tasks["T_ROB_R"].execution is not Execution.STARTED:
+            break
         world.cycle({})
     if effect.lines == ["(restarts)"]:
         assert (controller.is_restarting, controller.screens["T_ROB_R"]) == (True, ())
