@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import yumi.virtual.controller
 from yumi.clock import ManualClock
+from yumi.rapid.devices import FlexPendant, MessageQueues
 from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution
@@ -99,6 +101,7 @@ class PlainController:
         self.tasks = {name: PlainTask(name) for name in ("T_ROB_R", "T_ROB_L")}
         self.execution = PlainExecution(self.tasks)
         self.effective = Configuration()
+        self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
         self.motion = MotionState()

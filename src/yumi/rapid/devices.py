@@ -290,6 +290,7 @@ class MessageQueues:
     def __init__(self) -> None:
         self._queues: dict[str, deque[Message]] = {}
         self._names: dict[str, str] = {}
+        self.listeners: dict[str, Callable[[Message], bool]] = {}
         self.watchers: dict[str, list[Callable[[Message], None]]] = {}
 
     def open(self, name: str) -> None:
@@ -321,6 +322,9 @@ class MessageQueues:
         if len(message.text) > LONGEST_MESSAGE:
             sentence = f"A message has up to {LONGEST_MESSAGE} bytes, not {len(message.text)}."
             raise RapidRuntimeError("ERR_RMQ_MSGSIZE", sentence)
+        listener = self.listeners.get(name.lower())
+        if listener is not None and listener(message):
+            return
         if len(queue) >= MOST_MESSAGES:
             raise RapidRuntimeError("ERR_RMQ_FULL", f"The message queue '{name}' holds {MOST_MESSAGES} messages.")
         queue.append(message)

@@ -83,7 +83,7 @@ class RwsService:
         self._nonces = 0
         self._users = Users()
         self._mastership = Mastership(self._users)
-        self._messages = MessageService()
+        self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages)
         self.operations = (
             *OPERATIONS,
@@ -241,9 +241,6 @@ class RwsService:
                 raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
             pairs = decode_form(request.body.decode("utf-8", "replace"))
         call = replace(call, content=request.body, form=pairs)
-        if call.path == ("logout",):
-            self._sessions.close(session)
-            self._forget_ended()
         answer: Answer
         is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
         if call.method == "GET" and call.option("action") == "show" and not is_group:
@@ -253,6 +250,9 @@ class RwsService:
             self._mastership.check(operation, call.session)
             operation.check_values(call)
             answer = operation.handler(self._controller, call)
+            if operation.path == "/logout":
+                self._sessions.close(session)
+                self._forget_ended()
         if isinstance(answer, HttpReply):
             return answer
         status = 200 if operation is None else operation.success

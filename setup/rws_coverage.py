@@ -1,0 +1,86 @@
+"""Writes docs/reference/rws-coverage.md: every operation of the virtual controller's Robot Web Services.
+
+    .venv/bin/python setup/rws_coverage.py
+
+The page is the table that directs the controller's requests, so that it states what the controller does.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from yumi.virtual.rws.operations import Operation, Values
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.world import World
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "reference" / "rws-coverage.md"
+
+_OR = "\\|"  # in a cell of a table
+
+_HEAD = """# Operations of the virtual controller's Robot Web Services
+
+<!-- Written by setup/rws_coverage.py; edit the table in src/yumi/virtual/rws instead. -->
+
+What `yumi controller` answers, as a controller with RobotWare 6.09 and no extra hardware does. Each line is an entry of
+the [table that directs its requests](../explanation/decisions/0038-table-of-web-services.md); a
+[test](../../tests/unit/virtual/rws/test_virtual_rws_coverage.py) sends each once for XHTML and once for JSON. Every
+resource also has `?action=show`, the forms of its actions, and takes `json=1`.
+
+Beside the status of success there are 400 for a value or state that does not fit, 401 without login, 403 for what the
+mode, another client's mastership or the state forbids, 404 for what is not there, 405 for another method, 409 for what
+is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and 507 when its limits
+are reached. An operation whose status is 400 or 403 is known and always refused, with the reason. *M* means that the
+mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a parameter may have.
+"""
+
+
+def operations() -> tuple[Operation, ...]:
+    """The table."""
+    return RwsService(World().controller, user="", password="").operations
+
+
+def page() -> str:
+    """The page of the table."""
+    services: dict[str, list[Operation]] = {}
+    for operation in operations():
+        services.setdefault(operation.service, []).append(operation)
+    lines = [_HEAD, "| Service | Operations | Answered | Refused | Not there |", "|---|--:|--:|--:|--:|"]
+    ordered = sorted(services.items())
+    lines += [f"| [{name}](#{name}) | {_counts(each)} |" for name, each in ordered]
+    every = [operation for _, each in ordered for operation in each]
+    lines.append(f"| All | {_counts(every)} |")
+    for name, each in ordered:
+        lines += ["", f"## {name}", "", "| Operation | In the URL | In the body | Status | Mastership |"]
+        lines.append("|---|---|---|--:|---|")
+        lines += map(_line, each)
+    return "\n".join(lines) + "\n"
+
+
+def _counts(each: Sequence[Operation]) -> str:
+    absent = sum(bool(operation.lacks) for operation in each)
+    refused = sum(operation.success >= 400 for operation in each) - absent
+    return f"{len(each)} | {len(each) - absent - refused} | {refused} | {absent}"
+
+
+def _line(operation: Operation) -> str:
+    path = re.sub(r":[^{}]*(\{[^{}]*\})?[^{}]*\}", "}", operation.path)
+    marks = [f"{name}={text}" for name in ("action", "resource") if (text := getattr(operation, name))]
+    target = f"`{operation.method} {path}{'?' if marks else ''}{'&'.join(marks)}`"
+    mastership = ""
+    if operation.needs_mastership or operation.respects_mastership:
+        letter = "M" if operation.needs_mastership else "m"
+        mastership = f"{letter} {operation.needs_mastership or operation.respects_mastership}"
+    status = f"{operation.success}: {operation.lacks}" if operation.lacks else str(operation.success)
+    cells = (target, _parameters(operation.query), _parameters(operation.values), status, mastership)
+    return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
+
+
+def _parameters(values: Values) -> str:
+    texts = (f"{name}={_OR.join(allowed)}" if allowed else name for name, allowed in values.items())
+    return ", ".join(f"`{text}`" for text in texts)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,109 @@
+"""Requests that are wrong in every way the table allows: only documented statuses come back, and the server goes on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from rws_examples import Session
+from yumi.rws.documents import FORM_TYPE, encode_form, read_status
+from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.operations import Operation
+
+DOCUMENTED = {200, 201, 202, 204, 400, 401, 403, 404, 405, 409, 415, 500, 503, 507}
+NUMBERS = ("-1", "nan", "1e999", "9" * 400, "0x10", "1;DROP", "\u0661")
+TEXTS = ("", "\x00", "\ufffd\U0001f600", "../../x", "%", "a" * 5000, "[[[", '"', "$HOME/../x")
+SEGMENTS = ("nothing", "..%2f..", "%00", "%ff", "a" * 300, "-1", "{}")
+FAULT = "a fault of the virtual controller"
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session()
+
+
+def target_of(operation: Operation, segment: str) -> str:
+    path = re.sub(r"\{[^{}]*(\{[^{}]*\})?[^{}]*\}", lambda _: segment, operation.path)
+    options = [(name, text) for name in ("action", "resource") if (text := getattr(operation, name))]
+    return path + ("?" + encode_form(options) if options else "")
+
+
+def known(operation: Operation) -> str:
+    """The operation's path with names that this controller has."""
+    names = {"task": "T_ROB_L", "module": "TRobMain", "unit": "ROB_L", "domain": "SIO", "type": "COM_TRP", "axis": "1",
+             "instance": "ROB_L", "signal": "EGM_STOP", "name": "EGM_STOP", "network": "Virtual1", "device": "x",
+             "path": "$HOME/nothing", "symbol": "RAPID/T_ROB_L/TRobMain/current_state"}  # fmt: skip
+    return re.sub(r"\{(\w+)[^{}]*(\{[^{}]*\})?[^{}]*\}", lambda found: names.get(found[1], "1"), operation.path)
+
+
+def malformed(operation: Operation) -> Iterator[tuple[str, str]]:
+    """Targets and bodies."""
+    options = [(name, text) for name in ("action", "resource") if (text := getattr(operation, name))]
+    right = [(name, allowed[0] if allowed else "1") for name, allowed in operation.values.items()]
+    if "{" in operation.path:
+        for segment in SEGMENTS:
+            yield target_of(operation, segment), encode_form(right)
+    path = known(operation)
+    for number, (name, _) in enumerate(right):
+        for text in (*NUMBERS, *TEXTS):
+            pairs = [*right[:number], (name, text), *right[number + 1 :]]
+            yield f"{path}?{encode_form(options)}", encode_form(pairs)
+        yield f"{path}?{encode_form(options)}", encode_form([*right[:number], *right[number + 1 :]])
+        yield f"{path}?{encode_form(options)}", encode_form([*right, (name, "twice")])
+    for name in operation.query:
+        for text in (*NUMBERS, *TEXTS):
+            yield f"{path}?{encode_form([*options, (name, text)])}", encode_form(right)
+    yield f"{path}?{encode_form([('action', 'fly')])}", encode_form(right)
+    yield f"{path}?{encode_form([*options, ('resource', 'fly')])}", encode_form(right)
+    yield f"{path}?&&=&%&json=2", "&&=&%zz"
+
+
+def raw(session: Session, method: str, target: str, content_type: str, body: bytes) -> HttpReply:
+    headers = (session.cookie, ("Host", "memory"), ("Content-Type", content_type))
+    return session._handled(HttpRequest(method, target, headers, body, "client"))
+
+
+def check(reply: HttpReply, request: object) -> None:
+    assert reply.status in DOCUMENTED, request
+    assert FAULT.encode() not in reply.body, (request, reply.body)
+    if reply.status in (400, 403, 404, 405, 409, 415) and reply.body.startswith(b"<?xml"):
+        assert read_status("application/xhtml+xml", reply.body).code < 0, request
+
+
+def test_malformed_requests_get_documented_statuses(session: Session) -> None:
+    count = 0
+    for operation in session.service.operations:
+        session.reset()
+        if operation.method == "HEAD" or operation.path in ("/logout",):
+            continue
+        for target, form in malformed(operation):
+            session.ask("POST", "/rw/mastership?action=request")
+            check(session.ask(operation.method, target, form), (operation.method, target[:200], form[:200]))
+            session.controller._restart_left = 0.0
+            count += 1
+    assert count > 3000
+
+
+def test_body_of_another_type_is_refused(session: Session) -> None:
+    session.reset()
+    for operation in session.service.operations:
+        if operation.method not in {"POST", "PUT"}:
+            continue
+        if operation.path.startswith("/fileservice"):
+            continue
+        reply = raw(session, operation.method, target_of(operation, "x"), "application/json", b"{}")
+        assert reply.status == 415, operation.path
+
+
+def test_other_methods_are_refused(session: Session) -> None:
+    session.reset()
+    paths = {operation.path: {each.method for each in session.service.operations if each.path == operation.path}
+             for operation in session.service.operations}  # fmt: skip
+    for path, methods in paths.items():
+        if path.startswith(("/fileservice", "/poll")):
+            continue
+        target = re.sub(r"\{[^{}]*(\{[^{}]*\})?[^{}]*\}", "1", path)
+        for method in {"GET", "PUT", "DELETE", "PATCH", "BREW"} - methods:
+            assert raw(session, method, target, FORM_TYPE, b"").status in (404, 405), (method, target)
