@@ -279,6 +279,8 @@ class AsyncRobot:
     move_to_pose = awaited(Robot.move_to_pose)
     move_linear = awaited(Robot.move_linear)
     follow = awaited(Robot.follow)
+    plan_to = awaited(Robot.plan_to)
+    execute = awaited(Robot.execute)
     stop = awaited(Robot.stop)
     recover = awaited(Robot.recover)
     describe = awaited(Robot.describe)

@@ -63,7 +63,7 @@ def test_every_source_that_is_copied_is_in_the_clone_and_not_ignored() -> None:
 def test_everything_that_the_wheels_are_made_from_is_copied() -> None:
     copied = {source for each in STAGES["build"].all("COPY") for source in each.split()[:-1]}
     read = re.findall(r'^"([\w/.]+)" = "(?:share|lib)/', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
-    assert len(read) == 4
+    assert len(read) == 5
     assert {name.partition("/")[0] for name in read} <= copied
 
 
