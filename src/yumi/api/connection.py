@@ -146,6 +146,8 @@ class Connection:
             log.info("%s", step)
             self._on_step(step)
 
+        for remark in settings.collision.remarks:
+            log.info("%s", remark)
         parts = make_parts(
             settings, self._controllers, self._on_event, report, GOAL_CONTROLLER, self._arms, warn, self._stops
         )

@@ -213,10 +213,10 @@ def run_driver(
         front.start()
         endpoint.start()
         stack.callback(endpoint.stop)
-        log(logging.INFO, connected)
-        log(logging.INFO, control.started_as)
         how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
-        log(logging.INFO, f"{manager.speed} Change it with {how} or the setting robot.speed_scale.")
+        speed = f"{manager.speed} Change it with {how} or the setting robot.speed_scale."
+        for sentence in (connected, control.started_as, *settings.collision.remarks, speed):
+            log(logging.INFO, sentence)
         reason = front.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready(reason)

@@ -194,6 +194,15 @@ class CollisionSettings:
     right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
     left_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a person is to know of it at every start."""
+        if self.enabled:
+            return ()
+        return (
+            "collision.enabled is false: nothing keeps the arms apart from each other, the body and declared boxes.",
+        )
+
     def model(self, grippers: Mapping[Side, GripperModules]) -> BallModel:
         """The shapes of a robot with these grippers."""
         tools = {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}

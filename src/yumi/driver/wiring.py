@@ -290,11 +290,6 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     return arms
 
 
-COLLISIONS_IGNORED = (
-    "collision.enabled is false: nothing keeps the arms apart from each other, from the body and from declared boxes."
-)
-
-
 def first_speed_scale(settings: Settings) -> float:
     """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
     if settings.robot.speed_scale is not None:
@@ -364,8 +359,6 @@ def make_parts(
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
     )
-    if not settings.collision.enabled:
-        (warn or report)(COLLISIONS_IGNORED)
     control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
     scales = {side: each.speed_scale for side, each in control.buffers.items()}
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
