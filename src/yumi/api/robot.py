@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import isfinite, nan
+from math import degrees, isfinite, nan
 from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
@@ -501,6 +501,9 @@ class Arm:
 
 T = TypeVar("T")
 
+PLAN_TOLERANCE = 0.02
+"""So far may a joint have moved since a plan was made that is executed [rad]."""
+
 
 class Robot:
     """A YuMi, real or virtual; built by :func:`yumi.connect`, connected by ``with`` or :meth:`open`.
@@ -527,6 +530,7 @@ class Robot:
         self._address = f"{settings.robot.address}:{settings.robot.rws_port}"
         self._is_connected = False
         self._modules = {side: settings.gripper.modules(side) for side in Side}
+        self._collision = settings.collision
         self._planner: Planner | None = None  # made when the first motion is planned
         self._frames = Frames()
         force, picked = settings.gripper.force, settings.gripper.picked_pressure
@@ -670,7 +674,8 @@ class Robot:
         start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
         goals: dict[Side, Position | Pose] = _named(right, left)
         if self._planner is None:
-            self._planner = Planner(self._modules)
+            own = self._collision
+            self._planner = Planner(self._modules, tools=own.tools(), obstacles=own.obstacles())
         return self._planner.plan(
             start,
             {
@@ -683,10 +688,17 @@ class Robot:
         )
 
     def execute(self, plan: Plan, *, wait: bool = True, timeout: float | None = None) -> tuple[Motion, ...]:
-        """Have the arms follow a plan; they must be where it begins, see :meth:`plan_to`.
+        """Have the arms follow a plan; both must be where they were when it was made, see :meth:`plan_to`.
 
         Arguments ``wait`` and ``timeout``, the errors and what is returned are those of :meth:`follow`.
         """
+        for arm in (self.right, self.left):
+            away = max(abs(now - then) for now, then in zip(arm.position, plan.start[arm.side], strict=True))
+            if away > PLAN_TOLERANCE:
+                raise CommandRefused(
+                    f"Plan refused: the {arm.side.word} arm is {degrees(away):.1f}° away from where it was when the "
+                    "plan was made; plan again."
+                )
         points = plan.points
         return self.follow(right=points.get(Side.RIGHT), left=points.get(Side.LEFT), wait=wait, timeout=timeout)
 

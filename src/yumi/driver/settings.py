@@ -203,18 +203,25 @@ class CollisionSettings:
             "collision.enabled is false: nothing keeps the arms apart from each other, the body and declared boxes.",
         )
 
-    def model(self, grippers: Mapping[Side, GripperModules]) -> BallModel:
-        """The shapes of a robot with these grippers."""
-        tools = {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}
-        parts = {
-            side: [Part(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius) for name, it in own.items()]
-            for side, own in tools.items()
+    def tools(self) -> Mapping[Side, tuple[Part, ...]]:
+        """What each arm carries beside its gripper."""
+        return {
+            side: tuple(
+                Part(name, TOOL_FRAME, _vector(it.start), _vector(it.end), it.radius) for name, it in own.items()
+            )
+            for side, own in {Side.RIGHT: self.right_tools, Side.LEFT: self.left_tools}.items()
         }
-        boxes = [
+
+    def obstacles(self) -> tuple[Obstacle, ...]:
+        """What stands around the robot."""
+        return tuple(
             Obstacle(name, Pose(_vector(it.position), quaternion_from_euler_zyx(_vector(it.rpy))), _vector(it.size))
             for name, it in self.boxes.items()
-        ]
-        return BallModel(CollisionModel(grippers, tools=parts, obstacles=boxes))
+        )
+
+    def model(self, grippers: Mapping[Side, GripperModules]) -> BallModel:
+        """The shapes of a robot with these grippers."""
+        return BallModel(CollisionModel(grippers, tools=self.tools(), obstacles=self.obstacles()))
 
 
 def _vector(values: tuple[float, ...]) -> Vector:

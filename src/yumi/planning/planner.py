@@ -27,13 +27,13 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from yumi.control.trajectory import TrajectoryPoint
+from yumi.control.trajectory import TrajectoryPoint, spline_through
 from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
 from yumi.planning.scene import GROUPS, planning_description, semantic_description
 from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures
-from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 
 Array = NDArray[np.float64]
 
@@ -59,12 +59,14 @@ class Plan:
     """A motion that was planned and not executed yet.
 
     Attributes:
+        start: where both arms have to be [rad], also one that does not move.
         points: of each arm that moves, for its trajectory controller; both begin together.
         duration: of the motion [s].
         planning_time: how long planning took [s].
         clearance: between any two shapes along the way, at least [m]; besides what the shapes have already.
     """
 
+    start: Mapping[Side, Joints]
     points: Mapping[Side, tuple[TrajectoryPoint, ...]]
     duration: float
     planning_time: float
@@ -178,7 +180,7 @@ class Planner:
             points[side] = tuple(
                 TrajectoryPoint(at, *(tuple(row[own].tolist()) for row in rows)) for at, *rows in timed
             )
-        return Plan(points, timed[-1][0], time.monotonic() - begin, clearance)
+        return Plan(dict(start), points, timed[-1][0], time.monotonic() - begin, clearance)
 
     def distance(self, positions: Mapping[Side, Joints]) -> float:
         """Of the two parts that are nearest to each other, by the limiter's shapes [m]; not of upper arm and body."""
@@ -283,7 +285,8 @@ class Planner:
         )
         way = np.array(toppra.generate(short, rounded).positions)
         names = self._scene.getJointGroupInfo(group).joint_names
-        index = [int(name.split("_joint_")[1][0]) - 1 for name in names]
+        chain = [name for side in Side for name in joint_names(side)]
+        index = [chain.index(name) % JOINT_COUNT for name in names]
         velocity, acceleration, jerk = (
             np.array(row)[index] for row in (self._limits.velocity, self._limits.acceleration, self._limits.jerk)
         )
@@ -298,6 +301,12 @@ class Planner:
             padded = (total[window:] - total[:-window]) / window
         law = np.array([np.interp(padded, along[keep], row) for row in way[keep].T]).T
         law[0], law[-1] = way[0], way[-1]
+        # What is followed, corners rounded, is looked at once more: a library may round where there is no room.
+        for row in law[::2]:
+            if self._scene.hasCollisions(self._scene.toFullJointPositions(group, row)):
+                raise PlanNotFound(
+                    "The way that was found has no room for its rounded corners; plan with another seed."
+                )
         # What is still too fast in a bend is made slower as a whole.
         rates = [law]
         for _ in range(3):
@@ -318,7 +327,17 @@ class Planner:
         chosen = [*range(0, len(law) - 1, every), len(law) - 1]
         still = np.zeros(len(names))
         rows = [(i * _DT * slower, law[i], rates[1][i] / slower, rates[2][i] / slower**2) for i in chosen]
-        return [(0.0, law[0], still, still), *rows[1:-1], (rows[-1][0], law[-1], still, still)]
+        rows[0], rows[-1] = (0.0, law[0], still, still), (rows[-1][0], law[-1], still, still)
+        stretch = 1.0
+        # Between its points a spline may be more abrupt than the law: slower by what the worst place needs.
+        points = [TrajectoryPoint(at, *(tuple(each.tolist()) for each in row)) for at, *row in rows]
+        for segment in spline_through(points).segments:
+            times = np.linspace(0.0, segment.end - segment.begin, 5)
+            for order, most in enumerate((velocity * speed, acceleration, jerk), 1):
+                for row, limit in zip(segment.rows, most.tolist(), strict=True):
+                    rate = np.abs(np.polynomial.Polynomial(row).deriv(order)(times)).max()
+                    stretch = max(stretch, (float(rate) / limit) ** (1.0 / order))
+        return [(at * stretch, place, v / stretch, a / stretch**2) for at, place, v, a in rows]
 
 
 def _way(start: Joints, end: Joints) -> float:
