@@ -54,7 +54,7 @@ def doctor(
       yumi doctor --robot 192.168.125.1 --stream --html robot.html
     """
     from yumi.driver.bringup import EgmAddress  # noqa: PLC0415
-    from yumi.driver.commissioning.doctor import examine_controller  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.doctor import examine_controller, obstacle_to_stream  # noqa: PLC0415 - a quick --help
     from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
     from yumi.driver.commissioning.machine import examine_machine  # noqa: PLC0415
     from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
@@ -70,9 +70,14 @@ def doctor(
     )
     try:
         findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
-        if stream:
+        if stream and (obstacle := obstacle_to_stream(findings)) is not None:
+            findings.append(obstacle)
+        elif stream:
             if not yes:
-                click.confirm("Receive the arms' positions now? Motors and program go on; nothing moves", abort=True)
+                click.confirm(
+                    "Receive the arms' positions now? The motors go on, the program starts at main; nothing moves",
+                    abort=True,
+                )
             findings += _examine_stream(client, addresses)
     finally:
         client.close()

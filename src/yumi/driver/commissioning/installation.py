@@ -20,7 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, has_main
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, foreign_mains
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
@@ -407,17 +407,9 @@ class Installation:
             yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
 
     def _foreign_mains(self) -> Iterator[tuple[ModuleKey, str]]:
-        ours = {name.lower() for name in delivered_modules()}
         for side in Side:
-            for module in self._client.modules(side.task):
-                if module.name.lower() in ours:
-                    continue
-                try:
-                    text = self._client.module_text(side.task, module.name)
-                except ControllerRefused:  # hidden and encoded modules of ABB, which have no main
-                    continue
-                if has_main(text):
-                    yield ModuleKey(side.task, module.name), text
+            for name, text in foreign_mains(self._client, side):
+                yield ModuleKey(side.task, name), text
 
     def read(self, wanted: Contents) -> Contents:
         """What is there of all that is named in ``wanted``."""
