@@ -78,6 +78,18 @@ def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
     assert "There is nothing to roll back" in result.output
 
 
+def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
+    controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
+    run("install", *where, "--yes", "--no-backup")
+    (record,) = state.rglob("record.json")
+    there = [file.path for file in controller.files.entries("HOME:")]
+    result = run("install", *where, "--roll-back", "--dry-run", "--yes")
+    assert result.exit_code == 0
+    assert "changes; nothing was changed." in result.stdout
+    assert [file.path for file in controller.files.entries("HOME:")] == there
+    assert record.is_file()
+
+
 def test_failure_says_how_to_go_on_and_back(where: list[str], state: Path, controller: Irc5) -> None:
     controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
     result = run("install", *where, "--yes", "--no-backup")

@@ -73,6 +73,14 @@ def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
     assert "EGM_STOP" not in site.controller.signals
 
 
+def test_plan_of_a_roll_back_changes_nothing(site: Site) -> None:
+    site.install()
+    before = site.transport.changes
+    plan = site.installation().plan_roll_back()
+    assert "- module TRobMain in T_ROB_R" in [str(change) for change in plan.changes]
+    assert site.transport.changes == before
+
+
 def test_program_that_has_run_is_rolled_back(site: Site) -> None:
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install()
@@ -163,8 +171,37 @@ def test_removal_without_a_record_takes_what_is_ours(site: Site, tmp_path: Path)
     site.install()
     site.folder = tmp_path / "another computer"
     installation = site.installation()
-    installation.remove(installation.plan_removal(HERE))
+    installation.remove(installation.plan_removal(site.client.connect(), HERE))
     assert (site.home(), site.cfg()) == (home, cfg)
+    again = site.installation()
+    plan = again.plan_removal(site.client.connect(), HERE)
+    assert plan.changes == ()
+    again.remove(plan)
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_interrupted_removal_without_a_record_goes_on_removing(site: Site, tmp_path: Path) -> None:
+    home, cfg = site.home(), site.cfg()
+    site.install()
+    site.folder = tmp_path / "another computer"
+    site.transport.kill_at = site.transport.changes + 5
+    for _ in range(2):
+        with suppress(Interruption):
+            installation = site.installation()
+            installation.remove(installation.plan_removal(site.client.connect(), HERE))
+        site.reconnect()
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_removal_without_a_record_keeps_what_is_the_add_ins(tmp_path: Path) -> None:
+    site = Site(tmp_path, WorldSettings())  # its options name the Add-In
+    installation, modules, cfg = site.installation(), site.modules(), site.cfg()
+    plan = installation.plan_removal(site.client.connect(), HERE)
+    assert plan.changes == ()
+    assert plan.obstacles[0].startswith("ABB's Add-In 'StateMachine Core' is on the controller")
+    with pytest.raises(RobotNotReady, match="Nothing was changed"):
+        installation.remove(plan)
+    assert (site.modules(), site.cfg()) == (modules, cfg)
 
 
 def changes_of_an_installation(folder: Path) -> int:

@@ -179,17 +179,21 @@ def install(
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
     with _session(config, is_json, options) as session:
         if roll_back:
+            plan = session.installation.plan_roll_back()
+            session.show(plan)
+            _stop_at_obstacles(session, plan)
+            if dry_run:
+                session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+                return
             if not yes:
                 click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
             session.installation.roll_back()
-            session.finish("Everything is as it was before.")
+            session.finish("Everything is as it was before.", plan)
             return
         session.show_route()
         plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
         session.show(plan)
-        if plan.obstacles:
-            session.finish("Nothing was changed.", plan)
-            sys.exit(1)
+        _stop_at_obstacles(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
@@ -206,6 +210,13 @@ def install(
                 "Receive the arms' positions now? The motors go on and the program starts; nothing moves", abort=True
             )
         session.finish(outcome, plan, stream=_check_stream(session))
+
+
+def _stop_at_obstacles(session: _Session, plan: Plan) -> None:
+    """End with code 1 where the plan cannot be carried out now."""
+    if plan.obstacles:
+        session.finish("Nothing was changed.", plan)
+        sys.exit(1)
 
 
 def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
@@ -287,11 +298,9 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
     if is_json and not (yes or dry_run):
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
     with _session(config, is_json, options) as session:
-        plan = session.installation.plan_removal(session.addresses)
+        plan = session.installation.plan_removal(session.system, session.addresses)
         session.show(plan)
-        if plan.obstacles:
-            session.finish("Nothing was changed.", plan)
-            sys.exit(1)
+        _stop_at_obstacles(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return

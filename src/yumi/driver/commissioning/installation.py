@@ -205,6 +205,10 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
     )
 
 
+def _add_in_of(system: SystemInfo) -> str | None:
+    return next((name for name in ADD_INS if name in system.options), None)
+
+
 def _delivered_cfg() -> Iterator[CfgFile]:
     folder = files("yumi.controller_files")
     for name in sorted(each.name for each in folder.iterdir() if each.name.endswith(".cfg")):
@@ -335,7 +339,7 @@ class Installation:
             addresses: where each arm's datagrams are awaited.
             replaces_main: whether modules of others that have a ``main`` are unloaded; they come back with a roll back.
         """
-        add_in = next((name for name in ADD_INS if name in system.options), None)
+        add_in = _add_in_of(system)
         has_grippers = GRIPPER_PRODUCT in system.options
         wanted = delivered(addresses, has_grippers=has_grippers, has_add_in=add_in is not None)
         obstacles = [*self._unsuitable(system), *self._busy()]
@@ -372,17 +376,39 @@ class Installation:
                     )
         return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes))
 
-    def plan_removal(self, addresses: Mapping[Side, EgmAddress]) -> Plan:
-        """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
-        ours = delivered(addresses)
-        wanted = self._record.before if self._record.before is not None else ours.absent()
-        present = self.read(wanted)
-        notes = []
+    def plan_roll_back(self) -> Plan:
+        """How everything becomes as the record says.
+
+        Raises:
+            CommandRefused: this machine has no record.
+        """
+        before = self._recorded()
+        present = self.read(before)
+        return Plan(differences(present, before), before, present, tuple(self._busy()))
+
+    def _recorded(self) -> Contents:
         if self._record.before is None:
-            notes.append("this machine has no record of an installation: what has the names of this package goes")
-            for module, text in present.modules.items():
-                if text is not None and not _is_same_module(text, ours.modules.get(module)):
-                    notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
+            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+        return self._record.before
+
+    def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
+        """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
+        if self._record.before is not None:
+            return self.plan_roll_back()
+        add_in = _add_in_of(system)
+        if add_in is not None:
+            obstacle = (
+                f"ABB's Add-In {add_in!r} is on the controller, and this machine has no record of an installation: "
+                "what has the names of this package is the Add-In's; remove it from the computer that installed"
+            )
+            return Plan((), Contents(), Contents(), (obstacle, *self._busy()))
+        ours = delivered(addresses)
+        wanted = ours.absent()
+        present = self.read(wanted)
+        notes = ["this machine has no record of an installation: what has the names of this package goes"]
+        for module, text in present.modules.items():
+            if text is not None and not _is_same_module(text, ours.modules.get(module)):
+                notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
         return Plan(differences(present, wanted), wanted, present, tuple(self._busy()), tuple(notes))
 
     def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
@@ -488,9 +514,7 @@ class Installation:
             CommandRefused: this machine has no record.
             RobotNotReady: a program runs, the mode is wrong, or what was read back is not what was there.
         """
-        before = self._record.before
-        if before is None:
-            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+        before = self._recorded()
         for obstacle in self._busy():
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
         self._apply(before)
@@ -507,9 +531,12 @@ class Installation:
             return
         for obstacle in (*plan.obstacles, *self._busy()):
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        self._record.before = plan.present
+        if not plan.changes:
+            return
+        self._record.before = plan.wanted  # so that one that is interrupted goes on removing
         self._record.save()
         self._apply(plan.wanted)
+        self._record.close()
 
     def _apply(self, wanted: Contents) -> None:
         """Change what differs from ``wanted``: it goes on from wherever an earlier one was interrupted."""
