@@ -199,7 +199,7 @@ def install(
             return
         if plan.changes and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
-        with _rolling_back_is_possible():
+        with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
         outcome = f"{len(plan.changes)} changes made and verified." if plan.changes else "Everything is there already."
         if not stream:
@@ -264,11 +264,13 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
 
 
 @contextmanager
-def _rolling_back_is_possible() -> Iterator[None]:
+def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
     """Say after a failure or Ctrl-C how everything becomes as it was."""
     try:
         yield
     except (YumiError, KeyboardInterrupt, OSError):
+        if not installation.can_roll_back:
+            raise
         click.echo(
             "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
             err=True,

@@ -46,6 +46,7 @@ _HEADERS = {
 _NEWEST_ROBOTWARE = 6
 _SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
 _SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
+_BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
 _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
@@ -329,6 +330,11 @@ class Installation:
         self._record = record
         self._report = on_progress
 
+    @property
+    def can_roll_back(self) -> bool:
+        """Whether there is a record of what was there before."""
+        return self._record.before is not None
+
     # Plans
 
     def plan(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress], *, replaces_main: bool = False) -> Plan:
@@ -492,20 +498,50 @@ class Installation:
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
         if not plan.changes and not self._record.is_restart_due:
             return
-        known = self._record.before
-        self._record.before = plan.present if known is None else known.over(plan.present)
-        self._record.save()
         if makes_backup and plan.changes:
-            name = f"yumi_{datetime.now():%Y%m%d_%H%M%S}"
-            self._report(f"backup {name}")
-            where = self._client.backup(name, lambda state: self._report(f"backup {name}: {state}"))
-            self._record.backups += (name,)
-            self._record.save()
-            for path, content in self._client.read_tree(where, lambda each: self._report(f"download {each}")).items():
-                local = self._record.path.parent / name / PurePosixPath(path)
-                local.parent.mkdir(parents=True, exist_ok=True)
-                local.write_bytes(content)
+            self._back_up()
+            self._refuse_if_busy()  # a backup takes minutes
+        self._keep(plan.wanted)
         self._apply(plan.wanted)
+
+    def _back_up(self) -> None:
+        """Have the controller make a backup, and download it beside the record.
+
+        Raises:
+            RobotNotReady: what was downloaded is not a backup.
+        """
+        name = f"yumi_{datetime.now():%Y%m%d_%H%M%S}"
+        self._report(f"backup {name}")
+        where = self._client.backup(name, lambda state: self._report(f"backup {name}: {state}"))
+        tree = self._client.read_tree(where, lambda each: self._report(f"download {each}"))
+        if not any(path.upper().startswith(_BACKUP_INFO) for path in tree):
+            raise RobotNotReady(
+                f"Nothing was changed: what is in {where} is not a backup, it has no {_BACKUP_INFO}; make one on the "
+                "FlexPendant (Backup and Restore), and say --no-backup."
+            )
+        folder = self._record.path.parent
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for path, content in tree.items():
+            local = folder / name / PurePosixPath(path)
+            local.parent.mkdir(parents=True, exist_ok=True)
+            local.write_bytes(content)
+        self._record.backups += (name,)
+
+    def _keep(self, wanted: Contents) -> None:
+        """Record what is there now; what an earlier record has of the same is older, and was before us.
+
+        A program of another that is there now is as its owner wants it, whatever an earlier record has of it.
+        """
+        present, known = self.read(wanted), self._record.before
+        if known is not None:
+            others = {key: text for key, text in present.modules.items() if text and wanted.modules[key] is None}
+            present = Contents(modules=others).over(known.over(present))
+        self._record.before = present
+        self._record.save()
+
+    def _refuse_if_busy(self) -> None:
+        for obstacle in self._busy():
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
 
     def roll_back(self) -> None:
         """Make everything as it was before the first installation, from wherever that has been interrupted.
@@ -515,8 +551,7 @@ class Installation:
             RobotNotReady: a program runs, the mode is wrong, or what was read back is not what was there.
         """
         before = self._recorded()
-        for obstacle in self._busy():
-            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        self._refuse_if_busy()
         self._apply(before)
         self._record.close()
 
@@ -548,6 +583,8 @@ class Installation:
                 self._client.unload_module(module.task, module.name)
         self._apply_cfg(present, wanted)
         if self._record.is_restart_due:
+            for obstacle in self._busy():  # somebody may have begun to work with it
+                raise RobotNotReady(f"The controller was not restarted, which is due: {obstacle}; then go on.")
             self._client.wait_for_restart(self._report)
             self._record.is_restart_due = False
             self._record.save()
