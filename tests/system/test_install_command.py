@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from system.test_doctor import served
 from yumi.cli.main import main
+from yumi.driver.commissioning.installation import Installation
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.files import CAPACITY
@@ -56,6 +57,15 @@ def test_plan_is_asked_about_and_no_means_no(where: list[str], state: Path, cont
     assert "Make these 48 changes; it restarts [y/N]: n" in result.stdout
     assert not list(state.rglob("*.json"))
     assert all(not task.modules for task in controller.tasks.values())
+
+
+def test_no_to_the_streams_leaves_a_complete_installation(
+    where: list[str], state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Installation, "install", lambda *_, **__: None)
+    result = run("install", *where, answer="y\nn\n")
+    assert result.exit_code == 0
+    assert "48 changes made and verified." in result.stdout
 
 
 def test_obstacle_is_said_and_nothing_is_asked(where: list[str], state: Path, controller: Irc5) -> None:

@@ -12,6 +12,7 @@ import pytest
 from commissioning_bench import HERE, Interruption, Site
 from soak import long, short
 from yumi.driver.commissioning.installation import Installation, Record
+from yumi.driver.commissioning.modules import delivered_modules
 from yumi.driver.commissioning.stream import listen, streaming
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
@@ -153,7 +154,7 @@ def test_roll_back_brings_the_program_that_was_there_last(site: Site) -> None:
     newer = FOREIGN.replace("WaitTime 1", "WaitTime 2")
     site.controller.files["HOME:/production.mod"] = newer
     site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=True)
-    site.install(replaces_main=True)
+    site.installation().install(site.plan(replaces_main=True), makes_backup=False)
     site.installation().roll_back()
     assert "WaitTime 2" in site.client.module_text("T_ROB_L", "Production")
 
@@ -170,6 +171,35 @@ def test_program_that_starts_during_the_backup_is_left_alone(site: Site, monkeyp
     with pytest.raises(RobotNotReady, match="Nothing was changed: the operating mode is MANR"):
         site.install()
     assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_restart_that_is_due_is_part_of_the_plan(site: Site) -> None:
+    site.install()
+    record = Record.of("yumi", site.folder)
+    record.is_restart_due = True
+    record.save()
+    plan = site.plan()
+    assert plan.changes == ()
+    assert plan.needs_restart
+    assert not plan.is_empty
+    assert "has not restarted since" in plan.notes[-1]
+    site.installation().install(plan)
+    assert site.plan().is_empty
+
+
+def test_routines_of_the_user_are_neither_replaced_nor_deleted(site: Site) -> None:
+    path, home, cfg, modules = "HOME:/yumi/TRobSystem.sys", site.home(), site.cfg(), site.modules()
+    site.install()
+    edited = delivered_modules()["TRobSystem"].replace("RETURN FALSE", "RETURN TRUE")
+    site.controller.files[path] = edited
+    site.client.load_module("T_ROB_L", path)
+    site.client.load_module("T_ROB_R", path)
+    assert site.plan().is_empty
+    site.installation().roll_back()
+    assert (site.cfg(), site.modules()) == (cfg, modules)
+    assert site.home().keys() - home.keys() == {"HOME:/yumi", path}
+    site.install()
+    assert "RETURN TRUE" in site.client.module_text("T_ROB_R", "TRobSystem")
 
 
 def test_restart_waits_for_who_works_with_the_robot(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:

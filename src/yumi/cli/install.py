@@ -68,6 +68,7 @@ class _Session:
                     "changes": [str(change) for change in plan.changes],
                     "obstacles": plan.obstacles,
                     "notes": plan.notes,
+                    "needs_restart": plan.needs_restart,
                 }
             click.echo(json.dumps(value | more, indent=2))
         else:
@@ -197,7 +198,7 @@ def install(
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
-        if plan.changes and not yes:
+        if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
@@ -205,10 +206,10 @@ def install(
         if not stream:
             session.finish(outcome, plan)
             return
-        if not yes:
-            click.confirm(
-                "Receive the arms' positions now? The motors go on and the program starts; nothing moves", abort=True
-            )
+        question = "Receive the arms' positions now? The motors go on and the program starts; nothing moves"
+        if not yes and not click.confirm(question):
+            session.finish(outcome, plan)
+            return
         session.finish(outcome, plan, stream=_check_stream(session))
 
 
@@ -306,7 +307,7 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
-        if plan.changes and not yes:
+        if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         session.installation.remove(plan)
         session.finish(f"{len(plan.changes)} changes made and verified.", plan)

@@ -13,7 +13,7 @@ from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROG
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.installation import ADD_INS, delivered
 from yumi.driver.commissioning.machine import problem
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, foreign_mains
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
 from yumi.driver.commissioning.stream import ArmStream
 from yumi.driver.readiness import NO_STOP, RobotState, reason_of, unmet
 from yumi.driver.state_machine import WATCHDOG
@@ -374,7 +374,9 @@ def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding
     except (ControllerRefused, ProtocolError) as error:
         found = f"all needed are loaded; their texts cannot be compared: {error}"
         return [*findings, Finding(name, Verdict.NOTE, found), version]
-    changed = [module for module, text in texts.items() if essence(text) != essence(ours[module])]
+    changed = [
+        module for module, text in texts.items() if module != OWN_MODULE and essence(text) != essence(ours[module])
+    ]
     if changed:
         verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
         why = ", as ABB's add-in has its own" if has_add_in else ""

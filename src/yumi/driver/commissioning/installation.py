@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -20,7 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, foreign_mains
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
@@ -185,7 +185,7 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
         has_add_in: whether ABB's Add-In is installed: then only the destinations of the datagrams are ours.
     """
     modules = {name: text for name, text in delivered_modules().items() if has_grippers or name != GRIPPER_MODULE}
-    suffixes = {"TRobSystem": ".sys"}
+    suffixes = {OWN_MODULE: ".sys"}
     paths = {name: f"{FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
     cfg: dict[CfgKey, Mapping[str, str] | None] = {}
     for file in _delivered_cfg():
@@ -208,6 +208,44 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
 
 def _add_in_of(system: SystemInfo) -> str | None:
     return next((name for name in ADD_INS if name in system.options), None)
+
+
+def _with_own_routines(present: Contents, wanted: Contents) -> Contents:
+    """What is wanted, but the user's own module as it is, where it is there already."""
+    file, modules = _own(wanted)
+    if not modules:
+        return wanted
+    text = present.files.get(file) or next(filter(None, map(present.modules.get, modules)), None) or wanted.files[file]
+    own = Contents({file: text}, modules={key: present.modules.get(key) or text for key in modules})
+    return own.over(wanted)
+
+
+def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[str]]:
+    """What was there before, but what others have changed since as it is now; with notes of that.
+
+    The user's own module stays as a file, and goes from the tasks, as it may name what goes, too. A program of another
+    that is loaded stays as it is.
+    """
+    ours = delivered_modules()
+    file, own = _own(before)
+    texts = [present.files.get(file), *map(present.modules.get, own)]
+    edited = next((text for text in texts if text is not None and not _is_same_module(text, ours[OWN_MODULE])), None)
+    kept, notes = Contents(), []
+    if edited is not None and file in before.files and before.files[file] is None:
+        kept = Contents({file: edited, FOLDER: ""})
+        notes.append(f"{file} was changed: it stays as a file")
+    names = {name.lower() for name in ours}
+    for module, text in before.modules.items():
+        now = present.modules.get(module)
+        if now is not None and module.name.lower() not in names and not _is_same_module(now, text):
+            kept = Contents(modules={module: now}).over(kept)
+            notes.append(f"{module.name} in {module.task} was loaded since: it stays as it is")
+    return kept.over(before), notes
+
+
+def _own(contents: Contents) -> tuple[str, list[ModuleKey]]:
+    """The file and the loaded modules that are the user's to edit."""
+    return f"{FOLDER}{OWN_MODULE}.sys", [key for key in contents.modules if key.name == OWN_MODULE]
 
 
 def _delivered_cfg() -> Iterator[CfgFile]:
@@ -303,6 +341,7 @@ class Plan:
         present: what is there of it now.
         obstacles: why it cannot be done now, each with what to do; empty when it can.
         notes: what is worth knowing.
+        is_restart_due: whether the controller has not restarted since an earlier change of its configuration.
     """
 
     changes: tuple[Change, ...]
@@ -310,10 +349,16 @@ class Plan:
     present: Contents
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    is_restart_due: bool = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is to be done."""
+        return not self.changes and not self.is_restart_due
 
     @property
     def needs_restart(self) -> bool:
-        return any(change.place.split()[0] in _HEADERS for change in self.changes)
+        return self.is_restart_due or any(change.place.split()[0] in _HEADERS for change in self.changes)
 
 
 class Installation:
@@ -371,6 +416,7 @@ class Installation:
                         "--roll-back"
                     )
         present = self.read(wanted)
+        wanted = _with_own_routines(present, wanted)
         for key, attributes in wanted.cfg.items():
             now = present.cfg.get(key)
             for name in ("SignalType", "Type", "Device"):
@@ -380,7 +426,13 @@ class Installation:
                         f"{attributes.get(name, '')!r}; rename it (FlexPendant: Control Panel, Configuration), as "
                         "its name is needed"
                     )
-        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes))
+        return self._plan(present, wanted, obstacles, notes)
+
+    def _plan(self, present: Contents, wanted: Contents, obstacles: Iterable[str], notes: Iterable[str]) -> Plan:
+        is_due = self._record.is_restart_due
+        if is_due:
+            notes = (*notes, "the controller has not restarted since its configuration was changed: it does now")
+        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes), is_due)
 
     def plan_roll_back(self) -> Plan:
         """How everything becomes as the record says.
@@ -390,7 +442,8 @@ class Installation:
         """
         before = self._recorded()
         present = self.read(before)
-        return Plan(differences(present, before), before, present, tuple(self._busy()))
+        wanted, notes = _without_loss(present, before)
+        return self._plan(present, wanted, self._busy(), notes)
 
     def _recorded(self) -> Contents:
         if self._record.before is None:
@@ -409,13 +462,13 @@ class Installation:
             )
             return Plan((), Contents(), Contents(), (obstacle, *self._busy()))
         ours = delivered(addresses)
-        wanted = ours.absent()
-        present = self.read(wanted)
-        notes = ["this machine has no record of an installation: what has the names of this package goes"]
+        present = self.read(ours.absent())
+        wanted, kept = _without_loss(present, ours.absent())
+        notes = ["this machine has no record of an installation: what has the names of this package goes", *kept]
         for module, text in present.modules.items():
-            if text is not None and not _is_same_module(text, ours.modules.get(module)):
+            if text is not None and module.name != OWN_MODULE and not _is_same_module(text, ours.modules.get(module)):
                 notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
-        return Plan(differences(present, wanted), wanted, present, tuple(self._busy()), tuple(notes))
+        return self._plan(present, wanted, self._busy(), notes)
 
     def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
         version = ".".join(map(str, system.robotware))
@@ -496,7 +549,7 @@ class Installation:
         """
         for obstacle in (*plan.obstacles, *self._busy()):  # it may have been started since the plan was made
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        if not plan.changes and not self._record.is_restart_due:
+        if plan.is_empty:
             return
         if makes_backup and plan.changes:
             self._back_up()
@@ -552,7 +605,8 @@ class Installation:
         """
         before = self._recorded()
         self._refuse_if_busy()
-        self._apply(before)
+        wanted, _ = _without_loss(self.read(before), before)
+        self._apply(wanted)
         self._record.close()
 
     def remove(self, plan: Plan) -> None:

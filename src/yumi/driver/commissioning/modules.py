@@ -14,6 +14,9 @@ from yumi.rws.client import RwsClient
 GRIPPER_MODULE = "TRobSG"
 """The module that needs the product SmartGripper."""
 
+OWN_MODULE = "TRobSystem"
+"""The module that is the user's to edit: it is loaded where there is none, and never replaced."""
+
 _CODE = re.compile(r'(?:"[^"]*"|[^"!])*')
 """A line up to its comment."""
 
