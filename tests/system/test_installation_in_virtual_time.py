@@ -198,7 +198,7 @@ def test_routines_of_the_user_are_neither_replaced_nor_deleted(site: Site) -> No
     site.installation().roll_back()
     assert (site.cfg(), site.modules()) == (cfg, modules)
     assert site.home().keys() - home.keys() == {"HOME:/yumi", path}
-    site.install()
+    site.installation().install(site.plan(), makes_backup=False)
     assert "RETURN TRUE" in site.client.module_text("T_ROB_R", "TRobSystem")
 
 

@@ -39,12 +39,12 @@ _STREAM_TIME = 5.0
 def doctor(
     config: Path | None, stream: bool, yes: bool, report: TextIO | None, html: Path | None, **options: Any
 ) -> None:
-    """List what is missing before a robot can be driven, with the remedy; nothing moves. Without --stream it only reads.
+    """List what is missing before a robot can be driven, with the remedy; nothing moves.
 
-    With --stream it starts the state machine on the robot at main for 5 s, so that datagrams of both arms come through
-    this machine's firewall, or do not. The motors go on, nothing moves. Afterwards motors and program are on or off as
-    before, but the program pointers stay where the program stopped, and its RAPID variables have begun anew. It starts
-    nothing where a task has another program, or its modules are a problem.
+    Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
+    datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
+    program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
+    have begun anew. It starts nothing where a task has another program, or its modules are a problem.
 
     Exit code 0: no problems; 1: there are problems.
 

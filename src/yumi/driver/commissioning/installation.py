@@ -637,7 +637,7 @@ class Installation:
                 self._client.unload_module(module.task, module.name)
         self._apply_cfg(present, wanted)
         if self._record.is_restart_due:
-            for obstacle in self._busy():  # somebody may have begun to work with it
+            for obstacle in self._busy():  # a user may have begun to work with it
                 raise RobotNotReady(f"The controller was not restarted, which is due: {obstacle}; then go on.")
             self._client.wait_for_restart(self._report)
             self._record.is_restart_due = False
