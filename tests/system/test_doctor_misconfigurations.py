@@ -12,13 +12,13 @@ import pytest
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.commissioning.doctor import examine_controller, examine_stream
+from yumi.driver.commissioning.doctor import examine_controller, examine_stream, obstacle_to_stream
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.machine import examine_machine
 from yumi.driver.commissioning.modules import delivered_modules
 from yumi.driver.commissioning.stream import ArmStream, listen, streaming
 from yumi.egm.udp import NetworkCard, UdpServer
-from yumi.errors import NoConnection, ProtocolError
+from yumi.errors import NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import TaskInfo
@@ -370,3 +370,23 @@ def test_link_that_is_lost_while_streaming_is_an_error(yumi: VirtualYumi) -> Non
     with yumi.client() as client, pytest.raises(NoConnection), streaming(client, yumi):
         raise NoConnection("gone")
     assert not yumi.world.controller.is_running
+
+
+def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
+    controller = yumi.world.controller
+    controller.files["HOME:/cell.mod"] = "MODULE Cell\n  PROC main()\n  ENDPROC\nENDMODULE\n"
+    controller.unload_module("T_ROB_L", "TRobMain")
+    with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
+        pass
+    controller.load_module("T_ROB_L", "HOME:/cell.mod", replace=False)
+    with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
+        pass
+    assert controller.controller_state is ControllerState.MOTORS_OFF
+
+
+def test_stream_is_not_tried_where_the_program_is_a_problem() -> None:
+    task = Finding("program in T_ROB_L", Verdict.PROBLEM, "Cell has a main of its own")
+    skipped = obstacle_to_stream([task])
+    assert skipped is not None
+    assert "program in T_ROB_L: Cell has a main of its own" in skipped.found
+    assert obstacle_to_stream([Finding("motors", Verdict.PROBLEM, "off")]) is None

@@ -11,6 +11,7 @@ from click.testing import CliRunner, Result
 
 from system.test_doctor import served
 from yumi.cli.main import main
+from yumi.driver.commissioning.installation import Installation
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.files import CAPACITY
@@ -58,6 +59,15 @@ def test_plan_is_asked_about_and_no_means_no(where: list[str], state: Path, cont
     assert all(not task.modules for task in controller.tasks.values())
 
 
+def test_no_to_the_streams_leaves_a_complete_installation(
+    where: list[str], state: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Installation, "install", lambda *_, **__: None)
+    result = run("install", *where, answer="y\nn\n")
+    assert result.exit_code == 0
+    assert "48 changes made and verified." in result.stdout
+
+
 def test_obstacle_is_said_and_nothing_is_asked(where: list[str], state: Path, controller: Irc5) -> None:
     controller.mode = OperatingMode.MANUAL_REDUCED
     result = run("install", *where)
@@ -76,6 +86,18 @@ def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
     result = run("install", *where, "--roll-back", "--yes")
     assert result.exit_code == 1
     assert "There is nothing to roll back" in result.output
+
+
+def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
+    controller.files["BACKUP:/full"] = "x" * (CAPACITY - 2000)
+    run("install", *where, "--yes", "--no-backup")
+    (record,) = state.rglob("record.json")
+    there = [file.path for file in controller.files.entries("HOME:")]
+    result = run("install", *where, "--roll-back", "--dry-run", "--yes")
+    assert result.exit_code == 0
+    assert "changes; nothing was changed." in result.stdout
+    assert [file.path for file in controller.files.entries("HOME:")] == there
+    assert record.is_file()
 
 
 def test_failure_says_how_to_go_on_and_back(where: list[str], state: Path, controller: Irc5) -> None:

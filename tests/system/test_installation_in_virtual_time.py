@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
+import httpx
 import pytest
 
 from commissioning_bench import HERE, Interruption, Site
 from soak import long, short
 from yumi.driver.commissioning.installation import Installation, Record
+from yumi.driver.commissioning.modules import delivered_modules
 from yumi.driver.commissioning.stream import listen, streaming
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import NoConnection, RobotNotReady
+from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
@@ -71,6 +74,14 @@ def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
     site.installation().roll_back()
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
     assert "EGM_STOP" not in site.controller.signals
+
+
+def test_plan_of_a_roll_back_changes_nothing(site: Site) -> None:
+    site.install()
+    before = site.transport.changes
+    plan = site.installation().plan_roll_back()
+    assert "- module TRobMain in T_ROB_R" in [str(change) for change in plan.changes]
+    assert site.transport.changes == before
 
 
 def test_program_that_has_run_is_rolled_back(site: Site) -> None:
@@ -133,6 +144,98 @@ def test_foreign_main_is_explained_and_comes_back_with_a_roll_back(site: Site) -
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
 
 
+def test_roll_back_brings_the_program_that_was_there_last(site: Site) -> None:
+    site.controller.files["HOME:/production.mod"] = FOREIGN
+    site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
+    site.transport.kill_at = 8  # the first installation ends when it has recorded the program
+    with suppress(Interruption):
+        site.install(replaces_main=True)
+    site.reconnect()
+    newer = FOREIGN.replace("WaitTime 1", "WaitTime 2")
+    site.controller.files["HOME:/production.mod"] = newer
+    site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=True)
+    site.installation().install(site.plan(replaces_main=True), makes_backup=False)
+    site.installation().roll_back()
+    assert "WaitTime 2" in site.client.module_text("T_ROB_L", "Production")
+
+
+def test_program_that_starts_during_the_backup_is_left_alone(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    read_tree = site.client.read_tree
+
+    def slow(*arguments: Any) -> dict[str, bytes]:
+        site.controller.mode = OperatingMode.MANUAL_REDUCED
+        return read_tree(*arguments)
+
+    monkeypatch.setattr(site.client, "read_tree", slow)
+    home, cfg = site.home(), site.cfg()
+    with pytest.raises(RobotNotReady, match="Nothing was changed: the operating mode is MANR"):
+        site.install()
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_restart_that_is_due_is_part_of_the_plan(site: Site) -> None:
+    site.install()
+    record = Record.of("yumi", site.folder)
+    record.is_restart_due = True
+    record.save()
+    plan = site.plan()
+    assert plan.changes == ()
+    assert plan.needs_restart
+    assert not plan.is_empty
+    assert "has not restarted since" in plan.notes[-1]
+    site.installation().install(plan)
+    assert site.plan().is_empty
+
+
+def test_routines_of_the_user_are_neither_replaced_nor_deleted(site: Site) -> None:
+    path, home, cfg, modules = "HOME:/yumi/TRobSystem.sys", site.home(), site.cfg(), site.modules()
+    site.install()
+    edited = delivered_modules()["TRobSystem"].replace("RETURN FALSE", "RETURN TRUE")
+    site.controller.files[path] = edited
+    site.client.load_module("T_ROB_L", path)
+    site.client.load_module("T_ROB_R", path)
+    assert site.plan().is_empty
+    site.installation().roll_back()
+    assert (site.cfg(), site.modules()) == (cfg, modules)
+    assert site.home().keys() - home.keys() == {"HOME:/yumi", path}
+    site.installation().install(site.plan(), makes_backup=False)
+    assert "RETURN TRUE" in site.client.module_text("T_ROB_R", "TRobSystem")
+
+
+def test_restart_waits_for_who_works_with_the_robot(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    apply_cfg = Installation._apply_cfg
+
+    def apply(installation: Installation, *contents: Any) -> None:
+        apply_cfg(installation, *contents)
+        site.controller.mode = OperatingMode.MANUAL_REDUCED
+
+    monkeypatch.setattr(Installation, "_apply_cfg", apply)
+    with pytest.raises(RobotNotReady, match="was not restarted, which is due: the operating mode is MANR"):
+        site.install()
+
+
+def test_backup_that_is_none_is_refused_before_anything_is_written(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(site.client, "read_tree", lambda *_: {"SYSPAR/EIO.cfg": b""})
+    home = site.home()
+    with pytest.raises(RobotNotReady, match="has no BACKINFO/"):
+        site.install()
+    assert site.home() == home
+    assert not list(site.folder.rglob("*.json"))
+
+
+def test_backup_without_progress_is_an_error(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    handle = site.transport.handle_request
+
+    def without_location(request: httpx.Request) -> httpx.Response:
+        reply = handle(request)
+        reply.headers.pop("Location", None)
+        return reply
+
+    monkeypatch.setattr(site.transport, "handle_request", without_location)
+    with pytest.raises(ProtocolError, match="does not say how far it is"):
+        site.client.backup("monday")
+
+
 def test_add_in_keeps_its_modules_and_gets_the_destinations_only(tmp_path: Path) -> None:
     site = Site(tmp_path, WorldSettings())  # its options name the Add-In
     plan = site.plan()
@@ -163,8 +266,37 @@ def test_removal_without_a_record_takes_what_is_ours(site: Site, tmp_path: Path)
     site.install()
     site.folder = tmp_path / "another computer"
     installation = site.installation()
-    installation.remove(installation.plan_removal(HERE))
+    installation.remove(installation.plan_removal(site.client.connect(), HERE))
     assert (site.home(), site.cfg()) == (home, cfg)
+    again = site.installation()
+    plan = again.plan_removal(site.client.connect(), HERE)
+    assert plan.changes == ()
+    again.remove(plan)
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_interrupted_removal_without_a_record_goes_on_removing(site: Site, tmp_path: Path) -> None:
+    home, cfg = site.home(), site.cfg()
+    site.install()
+    site.folder = tmp_path / "another computer"
+    site.transport.kill_at = site.transport.changes + 5
+    for _ in range(2):
+        with suppress(Interruption):
+            installation = site.installation()
+            installation.remove(installation.plan_removal(site.client.connect(), HERE))
+        site.reconnect()
+    assert (site.home(), site.cfg()) == (home, cfg)
+
+
+def test_removal_without_a_record_keeps_what_is_the_add_ins(tmp_path: Path) -> None:
+    site = Site(tmp_path, WorldSettings())  # its options name the Add-In
+    installation, modules, cfg = site.installation(), site.modules(), site.cfg()
+    plan = installation.plan_removal(site.client.connect(), HERE)
+    assert plan.changes == ()
+    assert plan.obstacles[0].startswith("ABB's Add-In 'StateMachine Core' is on the controller")
+    with pytest.raises(RobotNotReady, match="Nothing was changed"):
+        installation.remove(plan)
+    assert (site.modules(), site.cfg()) == (modules, cfg)
 
 
 def changes_of_an_installation(folder: Path) -> int:
@@ -193,7 +325,8 @@ def test_installation_that_ends_at_any_step_is_rolled_back_bit_for_bit(tmp_path:
         for _ in range(2):  # a controller that restarts is there again
             site.wait(30.0)
         site.reconnect()
-        site.installation().roll_back()
+        with suppress(CommandRefused):  # it ended before anything was changed
+            site.installation().roll_back()
         assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules), (how, step)
         effective = {domain: site.controller.effective.text(domain) for domain in cfg}
         assert effective == cfg, (how, step)

@@ -1,4 +1,4 @@
-"""``yumi doctor``: lists what is missing before a robot can be driven, and changes nothing."""
+"""``yumi doctor``: lists what is missing before a robot can be driven; without --stream it only reads."""
 
 from __future__ import annotations
 
@@ -39,10 +39,12 @@ _STREAM_TIME = 5.0
 def doctor(
     config: Path | None, stream: bool, yes: bool, report: TextIO | None, html: Path | None, **options: Any
 ) -> None:
-    """List what is missing before a robot can be driven, with the remedy; it only reads and nothing moves.
+    """List what is missing before a robot can be driven, with the remedy; nothing moves.
 
-    With --stream it starts the program on the robot for a moment, so that datagrams of both arms come through this
-    machine's firewall, or do not: the motors go on, nothing moves, and all is as before afterwards.
+    Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
+    datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
+    program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
+    have begun anew. It starts nothing where a task has another program, or its modules are a problem.
 
     Exit code 0: no problems; 1: there are problems.
 
@@ -54,7 +56,7 @@ def doctor(
       yumi doctor --robot 192.168.125.1 --stream --html robot.html
     """
     from yumi.driver.bringup import EgmAddress  # noqa: PLC0415
-    from yumi.driver.commissioning.doctor import examine_controller  # noqa: PLC0415 - a quick --help
+    from yumi.driver.commissioning.doctor import examine_controller, obstacle_to_stream  # noqa: PLC0415 - a quick --help
     from yumi.driver.commissioning.findings import Verdict  # noqa: PLC0415
     from yumi.driver.commissioning.machine import examine_machine  # noqa: PLC0415
     from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
@@ -70,9 +72,14 @@ def doctor(
     )
     try:
         findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
-        if stream:
+        if stream and (obstacle := obstacle_to_stream(findings)) is not None:
+            findings.append(obstacle)
+        elif stream:
             if not yes:
-                click.confirm("Receive the arms' positions now? Motors and program go on; nothing moves", abort=True)
+                click.confirm(
+                    "Receive the arms' positions now? The motors go on, the program starts at main; nothing moves",
+                    abort=True,
+                )
             findings += _examine_stream(client, addresses)
     finally:
         client.close()

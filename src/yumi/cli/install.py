@@ -68,6 +68,7 @@ class _Session:
                     "changes": [str(change) for change in plan.changes],
                     "obstacles": plan.obstacles,
                     "notes": plan.notes,
+                    "needs_restart": plan.needs_restart,
                 }
             click.echo(json.dumps(value | more, indent=2))
         else:
@@ -179,33 +180,44 @@ def install(
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
     with _session(config, is_json, options) as session:
         if roll_back:
+            plan = session.installation.plan_roll_back()
+            session.show(plan)
+            _stop_at_obstacles(session, plan)
+            if dry_run:
+                session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
+                return
             if not yes:
                 click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
             session.installation.roll_back()
-            session.finish("Everything is as it was before.")
+            session.finish("Everything is as it was before.", plan)
             return
         session.show_route()
         plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
         session.show(plan)
-        if plan.obstacles:
-            session.finish("Nothing was changed.", plan)
-            sys.exit(1)
+        _stop_at_obstacles(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
-        if plan.changes and not yes:
+        if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
-        with _rolling_back_is_possible():
+        with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
         outcome = f"{len(plan.changes)} changes made and verified." if plan.changes else "Everything is there already."
         if not stream:
             session.finish(outcome, plan)
             return
-        if not yes:
-            click.confirm(
-                "Receive the arms' positions now? The motors go on and the program starts; nothing moves", abort=True
-            )
+        question = "Receive the arms' positions now? The motors go on and the program starts; nothing moves"
+        if not yes and not click.confirm(question):
+            session.finish(outcome, plan)
+            return
         session.finish(outcome, plan, stream=_check_stream(session))
+
+
+def _stop_at_obstacles(session: _Session, plan: Plan) -> None:
+    """End with code 1 where the plan cannot be carried out now."""
+    if plan.obstacles:
+        session.finish("Nothing was changed.", plan)
+        sys.exit(1)
 
 
 def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
@@ -253,11 +265,13 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
 
 
 @contextmanager
-def _rolling_back_is_possible() -> Iterator[None]:
+def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
     """Say after a failure or Ctrl-C how everything becomes as it was."""
     try:
         yield
     except (YumiError, KeyboardInterrupt, OSError):
+        if not installation.can_roll_back:
+            raise
         click.echo(
             "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
             err=True,
@@ -287,15 +301,13 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
     if is_json and not (yes or dry_run):
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
     with _session(config, is_json, options) as session:
-        plan = session.installation.plan_removal(session.addresses)
+        plan = session.installation.plan_removal(session.system, session.addresses)
         session.show(plan)
-        if plan.obstacles:
-            session.finish("Nothing was changed.", plan)
-            sys.exit(1)
+        _stop_at_obstacles(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
-        if plan.changes and not yes:
+        if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         session.installation.remove(plan)
         session.finish(f"{len(plan.changes)} changes made and verified.", plan)

@@ -258,11 +258,14 @@ class RwsClient:
         Raises:
             ControllerRefused: it cannot, or the backup failed.
             NoConnection: it does not end in time.
+            ProtocolError: the controller does not say where its progress is.
         """
         what = f"making the backup {name}"
         reply = self._session.exchange(_post("/ctrl/backup", "backup", ("backup", f"/fileservice/$BACKUP/{name}")))
         self._accepted(reply, what)
         found = _PROGRESS.search(reply.headers.get("Location", ""))
+        if found is None and reply.status_code == httpx.codes.ACCEPTED:
+            raise ProtocolError(f"{self.address}: {what} was begun, but the controller does not say how far it is.")
         start = self._clock.now()
         while found is not None:
             state = self._read(_get(found[0]), replies.progress, what)

@@ -5,7 +5,7 @@ It goes on where the driver gives up at the first thing that is missing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import partial
 
@@ -13,7 +13,7 @@ from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROG
 from yumi.driver.commissioning.findings import Finding, Verdict
 from yumi.driver.commissioning.installation import ADD_INS, delivered
 from yumi.driver.commissioning.machine import problem
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, has_main
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
 from yumi.driver.commissioning.stream import ArmStream
 from yumi.driver.readiness import NO_STOP, RobotState, reason_of, unmet
 from yumi.driver.state_machine import WATCHDOG
@@ -36,6 +36,7 @@ _DISPENSABLE = {
 _LOAD = "load the RAPID modules of this package: yumi install"
 _INSTALL = "yumi install"
 _DOMAINS = ("cfg", "rapid")
+_NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
 _WORST_LOSS = 0.001
 _WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
 
@@ -210,23 +211,14 @@ def _tasks(client: RwsClient) -> list[Finding]:
 
 def _foreign_program(client: RwsClient, side: Side) -> list[Finding]:
     """Modules of others with a main: two mains do not link, and another one alone is not the state machine."""
-    ours = {name.lower() for name in delivered_modules()}
+    remedy = f"save it and remove it, or let `{_INSTALL} --replace-main` do so"
     try:
-        others = [module.name for module in client.modules(side.task) if module.name.lower() not in ours]
+        return [
+            Finding(f"program in {side.task}", Verdict.PROBLEM, f"{name} has a main of its own", remedy)
+            for name, _ in foreign_mains(client, side)
+        ]
     except ControllerRefused:  # there is no such task, which the modules' own finding says
         return []
-    findings = []
-    for name in others:
-        try:
-            text = client.module_text(side.task, name)
-        except (ControllerRefused, ProtocolError):  # hidden or encoded ones of ABB
-            continue
-        if has_main(text):
-            remedy = f"save it and remove it, or let `{_INSTALL} --replace-main` do so"
-            findings.append(
-                Finding(f"program in {side.task}", Verdict.PROBLEM, f"{name} has a main of its own", remedy)
-            )
-    return findings
 
 
 def _signals(client: RwsClient) -> list[Finding]:
@@ -293,6 +285,22 @@ def _gripper(client: RwsClient, side: Side) -> list[Finding]:
     if is_calibrated:
         return [Finding(name, Verdict.OK, "calibrated")]
     return [Finding(name, Verdict.OK, "not calibrated yet; `yumi up` calibrates it, its fingers close")]
+
+
+def obstacle_to_stream(findings: Sequence[Finding]) -> Finding | None:
+    """That the position streams are not tried, where the program that would start is not surely the state machine."""
+    found = next(
+        (
+            each
+            for each in findings
+            if each.verdict is Verdict.PROBLEM and each.requirement.startswith(_NEEDED_TO_STREAM)
+        ),
+        None,
+    )
+    if found is None:
+        return None
+    what = f"not tried, nothing was started: {found.requirement}: {found.found}"
+    return Finding("EGM stream", Verdict.NOTE, what, "solve that first")
 
 
 def examine_stream(
@@ -366,7 +374,9 @@ def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding
     except (ControllerRefused, ProtocolError) as error:
         found = f"all needed are loaded; their texts cannot be compared: {error}"
         return [*findings, Finding(name, Verdict.NOTE, found), version]
-    changed = [module for module, text in texts.items() if essence(text) != essence(ours[module])]
+    changed = [
+        module for module, text in texts.items() if module != OWN_MODULE and essence(text) != essence(ours[module])
+    ]
     if changed:
         verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
         why = ", as ABB's add-in has its own" if has_add_in else ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
@@ -20,7 +20,7 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, delivered_modules, essence, has_main
+from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
@@ -46,6 +46,7 @@ _HEADERS = {
 _NEWEST_ROBOTWARE = 6
 _SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
 _SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
+_BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
 _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
@@ -184,7 +185,7 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
         has_add_in: whether ABB's Add-In is installed: then only the destinations of the datagrams are ours.
     """
     modules = {name: text for name, text in delivered_modules().items() if has_grippers or name != GRIPPER_MODULE}
-    suffixes = {"TRobSystem": ".sys"}
+    suffixes = {OWN_MODULE: ".sys"}
     paths = {name: f"{FOLDER}{name}{suffixes.get(name, '.mod')}" for name in modules}
     cfg: dict[CfgKey, Mapping[str, str] | None] = {}
     for file in _delivered_cfg():
@@ -203,6 +204,48 @@ def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True
         cfg=cfg,
         modules={ModuleKey(side.task, name): text for side in Side for name, text in modules.items()},
     )
+
+
+def _add_in_of(system: SystemInfo) -> str | None:
+    return next((name for name in ADD_INS if name in system.options), None)
+
+
+def _with_own_routines(present: Contents, wanted: Contents) -> Contents:
+    """What is wanted, but the user's own module as it is, where it is there already."""
+    file, modules = _own(wanted)
+    if not modules:
+        return wanted
+    text = present.files.get(file) or next(filter(None, map(present.modules.get, modules)), None) or wanted.files[file]
+    own = Contents({file: text}, modules={key: present.modules.get(key) or text for key in modules})
+    return own.over(wanted)
+
+
+def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[str]]:
+    """What was there before, but what others have changed since as it is now; with notes of that.
+
+    The user's own module stays as a file, and goes from the tasks, as it may name what goes, too. A program of another
+    that is loaded stays as it is.
+    """
+    ours = delivered_modules()
+    file, own = _own(before)
+    texts = [present.files.get(file), *map(present.modules.get, own)]
+    edited = next((text for text in texts if text is not None and not _is_same_module(text, ours[OWN_MODULE])), None)
+    kept, notes = Contents(), []
+    if edited is not None and file in before.files and before.files[file] is None:
+        kept = Contents({file: edited, FOLDER: ""})
+        notes.append(f"{file} was changed: it stays as a file")
+    names = {name.lower() for name in ours}
+    for module, text in before.modules.items():
+        now = present.modules.get(module)
+        if now is not None and module.name.lower() not in names and not _is_same_module(now, text):
+            kept = Contents(modules={module: now}).over(kept)
+            notes.append(f"{module.name} in {module.task} was loaded since: it stays as it is")
+    return kept.over(before), notes
+
+
+def _own(contents: Contents) -> tuple[str, list[ModuleKey]]:
+    """The file and the loaded modules that are the user's to edit."""
+    return f"{FOLDER}{OWN_MODULE}.sys", [key for key in contents.modules if key.name == OWN_MODULE]
 
 
 def _delivered_cfg() -> Iterator[CfgFile]:
@@ -298,6 +341,7 @@ class Plan:
         present: what is there of it now.
         obstacles: why it cannot be done now, each with what to do; empty when it can.
         notes: what is worth knowing.
+        is_restart_due: whether the controller has not restarted since an earlier change of its configuration.
     """
 
     changes: tuple[Change, ...]
@@ -305,10 +349,16 @@ class Plan:
     present: Contents
     obstacles: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    is_restart_due: bool = False
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing is to be done."""
+        return not self.changes and not self.is_restart_due
 
     @property
     def needs_restart(self) -> bool:
-        return any(change.place.split()[0] in _HEADERS for change in self.changes)
+        return self.is_restart_due or any(change.place.split()[0] in _HEADERS for change in self.changes)
 
 
 class Installation:
@@ -325,6 +375,11 @@ class Installation:
         self._record = record
         self._report = on_progress
 
+    @property
+    def can_roll_back(self) -> bool:
+        """Whether there is a record of what was there before."""
+        return self._record.before is not None
+
     # Plans
 
     def plan(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress], *, replaces_main: bool = False) -> Plan:
@@ -335,7 +390,7 @@ class Installation:
             addresses: where each arm's datagrams are awaited.
             replaces_main: whether modules of others that have a ``main`` are unloaded; they come back with a roll back.
         """
-        add_in = next((name for name in ADD_INS if name in system.options), None)
+        add_in = _add_in_of(system)
         has_grippers = GRIPPER_PRODUCT in system.options
         wanted = delivered(addresses, has_grippers=has_grippers, has_add_in=add_in is not None)
         obstacles = [*self._unsuitable(system), *self._busy()]
@@ -361,6 +416,7 @@ class Installation:
                         "--roll-back"
                     )
         present = self.read(wanted)
+        wanted = _with_own_routines(present, wanted)
         for key, attributes in wanted.cfg.items():
             now = present.cfg.get(key)
             for name in ("SignalType", "Type", "Device"):
@@ -370,20 +426,49 @@ class Installation:
                         f"{attributes.get(name, '')!r}; rename it (FlexPendant: Control Panel, Configuration), as "
                         "its name is needed"
                     )
-        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes))
+        return self._plan(present, wanted, obstacles, notes)
 
-    def plan_removal(self, addresses: Mapping[Side, EgmAddress]) -> Plan:
-        """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
-        ours = delivered(addresses)
-        wanted = self._record.before if self._record.before is not None else ours.absent()
-        present = self.read(wanted)
-        notes = []
+    def _plan(self, present: Contents, wanted: Contents, obstacles: Iterable[str], notes: Iterable[str]) -> Plan:
+        is_due = self._record.is_restart_due
+        if is_due:
+            notes = (*notes, "the controller has not restarted since its configuration was changed: it does now")
+        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes), is_due)
+
+    def plan_roll_back(self) -> Plan:
+        """How everything becomes as the record says.
+
+        Raises:
+            CommandRefused: this machine has no record.
+        """
+        before = self._recorded()
+        present = self.read(before)
+        wanted, notes = _without_loss(present, before)
+        return self._plan(present, wanted, self._busy(), notes)
+
+    def _recorded(self) -> Contents:
         if self._record.before is None:
-            notes.append("this machine has no record of an installation: what has the names of this package goes")
-            for module, text in present.modules.items():
-                if text is not None and not _is_same_module(text, ours.modules.get(module)):
-                    notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
-        return Plan(differences(present, wanted), wanted, present, tuple(self._busy()), tuple(notes))
+            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+        return self._record.before
+
+    def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
+        """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
+        if self._record.before is not None:
+            return self.plan_roll_back()
+        add_in = _add_in_of(system)
+        if add_in is not None:
+            obstacle = (
+                f"ABB's Add-In {add_in!r} is on the controller, and this machine has no record of an installation: "
+                "what has the names of this package is the Add-In's; remove it from the computer that installed"
+            )
+            return Plan((), Contents(), Contents(), (obstacle, *self._busy()))
+        ours = delivered(addresses)
+        present = self.read(ours.absent())
+        wanted, kept = _without_loss(present, ours.absent())
+        notes = ["this machine has no record of an installation: what has the names of this package goes", *kept]
+        for module, text in present.modules.items():
+            if text is not None and module.name != OWN_MODULE and not _is_same_module(text, ours.modules.get(module)):
+                notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
+        return self._plan(present, wanted, self._busy(), notes)
 
     def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
         version = ".".join(map(str, system.robotware))
@@ -407,17 +492,9 @@ class Installation:
             yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
 
     def _foreign_mains(self) -> Iterator[tuple[ModuleKey, str]]:
-        ours = {name.lower() for name in delivered_modules()}
         for side in Side:
-            for module in self._client.modules(side.task):
-                if module.name.lower() in ours:
-                    continue
-                try:
-                    text = self._client.module_text(side.task, module.name)
-                except ControllerRefused:  # hidden and encoded modules of ABB, which have no main
-                    continue
-                if has_main(text):
-                    yield ModuleKey(side.task, module.name), text
+            for name, text in foreign_mains(self._client, side):
+                yield ModuleKey(side.task, name), text
 
     def read(self, wanted: Contents) -> Contents:
         """What is there of all that is named in ``wanted``."""
@@ -472,22 +549,52 @@ class Installation:
         """
         for obstacle in (*plan.obstacles, *self._busy()):  # it may have been started since the plan was made
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        if not plan.changes and not self._record.is_restart_due:
+        if plan.is_empty:
             return
-        known = self._record.before
-        self._record.before = plan.present if known is None else known.over(plan.present)
-        self._record.save()
         if makes_backup and plan.changes:
-            name = f"yumi_{datetime.now():%Y%m%d_%H%M%S}"
-            self._report(f"backup {name}")
-            where = self._client.backup(name, lambda state: self._report(f"backup {name}: {state}"))
-            self._record.backups += (name,)
-            self._record.save()
-            for path, content in self._client.read_tree(where, lambda each: self._report(f"download {each}")).items():
-                local = self._record.path.parent / name / PurePosixPath(path)
-                local.parent.mkdir(parents=True, exist_ok=True)
-                local.write_bytes(content)
+            self._back_up()
+            self._refuse_if_busy()  # a backup takes minutes
+        self._keep(plan.wanted)
         self._apply(plan.wanted)
+
+    def _back_up(self) -> None:
+        """Have the controller make a backup, and download it beside the record.
+
+        Raises:
+            RobotNotReady: what was downloaded is not a backup.
+        """
+        name = f"yumi_{datetime.now():%Y%m%d_%H%M%S}"
+        self._report(f"backup {name}")
+        where = self._client.backup(name, lambda state: self._report(f"backup {name}: {state}"))
+        tree = self._client.read_tree(where, lambda each: self._report(f"download {each}"))
+        if not any(path.upper().startswith(_BACKUP_INFO) for path in tree):
+            raise RobotNotReady(
+                f"Nothing was changed: what is in {where} is not a backup, it has no {_BACKUP_INFO}; make one on the "
+                "FlexPendant (Backup and Restore), and say --no-backup."
+            )
+        folder = self._record.path.parent
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        for path, content in tree.items():
+            local = folder / name / PurePosixPath(path)
+            local.parent.mkdir(parents=True, exist_ok=True)
+            local.write_bytes(content)
+        self._record.backups += (name,)
+
+    def _keep(self, wanted: Contents) -> None:
+        """Record what is there now; what an earlier record has of the same is older, and was before us.
+
+        A program of another that is there now is as its owner wants it, whatever an earlier record has of it.
+        """
+        present, known = self.read(wanted), self._record.before
+        if known is not None:
+            others = {key: text for key, text in present.modules.items() if text and wanted.modules[key] is None}
+            present = Contents(modules=others).over(known.over(present))
+        self._record.before = present
+        self._record.save()
+
+    def _refuse_if_busy(self) -> None:
+        for obstacle in self._busy():
+            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
 
     def roll_back(self) -> None:
         """Make everything as it was before the first installation, from wherever that has been interrupted.
@@ -496,12 +603,10 @@ class Installation:
             CommandRefused: this machine has no record.
             RobotNotReady: a program runs, the mode is wrong, or what was read back is not what was there.
         """
-        before = self._record.before
-        if before is None:
-            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
-        for obstacle in self._busy():
-            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        self._apply(before)
+        before = self._recorded()
+        self._refuse_if_busy()
+        wanted, _ = _without_loss(self.read(before), before)
+        self._apply(wanted)
         self._record.close()
 
     def remove(self, plan: Plan) -> None:
@@ -515,9 +620,12 @@ class Installation:
             return
         for obstacle in (*plan.obstacles, *self._busy()):
             raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        self._record.before = plan.present
+        if not plan.changes:
+            return
+        self._record.before = plan.wanted  # so that one that is interrupted goes on removing
         self._record.save()
         self._apply(plan.wanted)
+        self._record.close()
 
     def _apply(self, wanted: Contents) -> None:
         """Change what differs from ``wanted``: it goes on from wherever an earlier one was interrupted."""
@@ -529,6 +637,8 @@ class Installation:
                 self._client.unload_module(module.task, module.name)
         self._apply_cfg(present, wanted)
         if self._record.is_restart_due:
+            for obstacle in self._busy():  # a user may have begun to work with it
+                raise RobotNotReady(f"The controller was not restarted, which is due: {obstacle}; then go on.")
             self._client.wait_for_restart(self._report)
             self._record.is_restart_due = False
             self._record.save()

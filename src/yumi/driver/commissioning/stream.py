@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
+from yumi.driver.commissioning.modules import foreign_mains
 from yumi.driver.panel import ControllerPanel
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.egm.codec import JointCodec
@@ -98,13 +99,17 @@ def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Si
 
 @contextmanager
 def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda text: None) -> Iterator[None]:
-    """Position streams of both arms for the time of the block; motors and program are as before afterwards.
+    """Position streams of both arms for the time of the block; afterwards motors and program are on or off as before.
 
-    The motors go on, and the program starts at main; the arms do not move.
+    Where no program runs, the motors go on and the program starts at main, with its variables as they begin; its
+    pointers stay where it stops. The arms do not move.
 
     Raises:
-        RobotNotReady: the mode, a stop or the program prevents it.
+        RobotNotReady: a task has another program than the state machine, and nothing was switched; or the mode, a stop
+            or the program prevents it.
     """
+    for side in Side:
+        _refuse_other_program(client, side)
     panel = ControllerPanel(client, clock)
 
     def quietly(action: Callable[[], object]) -> None:
@@ -132,6 +137,20 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
         client.pulse_signal(START_STREAM)
         undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
         yield
+
+
+def _refuse_other_program(client: RwsClient, side: Side) -> None:
+    """Refuse a task where a start at main would run something else than the state machine."""
+    try:
+        client.symbol(side.task, MAIN, "current_state")
+    except ControllerRefused as error:
+        raise RobotNotReady(
+            f"{side.task} has no state machine of this package, so nothing is started there; load it: yumi install."
+        ) from error
+    for name, _ in foreign_mains(client, side):
+        raise RobotNotReady(
+            f"{side.task} has another program: its module {name} has a main, so nothing is started; save and remove it."
+        )
 
 
 def _state(client: RwsClient, side: Side) -> MachineState | None:
