@@ -32,7 +32,7 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.control.tool_path import SPEED, Waypoint
+from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
     JointTrajectory,
@@ -497,6 +497,8 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
 
+        On a line ``speed`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
+
         Raises:
             CommandRefused: a pose is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
@@ -514,8 +516,15 @@ class MotionExecutor:
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
             return self.move(positions, speed, acceleration)
+        scale = checked_scale("speed", speed) or 1.0
         paths = {
-            side: Path(tools[side], (Waypoint(pose),), line_speed or SPEED, acceleration=acceleration or 1.0)
+            side: Path(
+                tools[side],
+                (Waypoint(pose),),
+                scale * (line_speed or SPEED),
+                scale * TURNING,
+                acceleration=acceleration or 1.0,
+            )
             for side, pose in poses.items()
         }
         return self.follow_path(tuple(paths), planned(paths, self.limits))

@@ -379,6 +379,8 @@ class Handlers:
                     )
             try:
                 speed, acceleration = request.speed_scale, request.acceleration
+                if request.is_pose and request.speed is not None and not request.is_linear:
+                    raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
                 if request.is_pose:
                     tools = {side: access.manager.tcp(side) for side in goals}
                     motions = access.mover.move_tools(
