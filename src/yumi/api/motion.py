@@ -572,6 +572,7 @@ class MotionExecutor:
             self._check_follows(side)
         for side in sides:
             self._take_over(side, name)
+            self._streaming.pop(side, None)
         plans = plan(self._control.call(Commands.commanded_positions, *sides))
         most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
@@ -646,14 +647,17 @@ class MotionExecutor:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
         known = (controller, snapshot.session, snapshot.activation)
+        if is_jog and self._motions.is_open(side):
+            self._check_follows(side)
+            raise _other_motion(side)
         if self._streaming.get(side) == known and snapshot.is_commanded:
             return snapshot.session, False
         if controller == CARTESIAN_CONTROLLER:
             self._check_has(side, controller)
         self._check_follows(side)
         is_jogged = self.commanding(side) in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
-        if is_jog and (self._motions.is_open(side) or (not is_jogged and self.is_moving(side))):
-            raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+        if is_jog and not is_jogged and self.is_moving(side):
+            raise _other_motion(side)
         self._take_over(side, controller)
         snapshot = self._control.snapshot(side)
         self._streaming[side] = (controller, snapshot.session, snapshot.activation)
@@ -749,6 +753,10 @@ class MotionExecutor:
             self._motions.forget(motions)
             raise
         return motions
+
+
+def _other_motion(side: Side) -> CommandRefused:
+    return CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
 
 
 def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
