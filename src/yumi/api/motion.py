@@ -613,6 +613,8 @@ class MotionExecutor:
     def jog(self, side: Side, speeds: Sequence[float]) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
 
+        The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes.
+
         Returns:
             Whether its controllers were switched for it.
 
@@ -625,7 +627,8 @@ class MotionExecutor:
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
         session, is_new = self._begin_stream(side, JOG_CONTROLLER, is_jog=True)
-        write_speeds(self._speeds[side], session, joints(speeds))
+        if not is_new:
+            write_speeds(self._speeds[side], session, joints(speeds))
         return is_new
 
     def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool:
@@ -640,7 +643,8 @@ class MotionExecutor:
         if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
             raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
         session, is_new = self._begin_stream(side, CARTESIAN_CONTROLLER, is_jog=True)
-        self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
+        if not is_new:
+            self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
         return is_new
 
     def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:

@@ -390,3 +390,14 @@ def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobo
     with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
         robot.executor.jog_tool(Side.RIGHT, twist, tool, is_in_tool=False)
     assert robot.tool_goals[Side.RIGHT].read() == written
+
+
+def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds = (0.1, *ZERO[1:])
+    assert robot.executor.jog(Side.RIGHT, speeds)
+    assert robot.speeds[Side.RIGHT].read() is None  # the key may have been let go meanwhile
+    assert not robot.executor.jog(Side.RIGHT, speeds)
+    newest = robot.speeds[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].velocity == speeds

@@ -237,6 +237,16 @@ def test_motion_of_a_page_ends_when_it_loses_control(driver: FakeDriver, way: st
     run(story, may_operate=True)
 
 
+async def held(page: Page, condition: Callable[[], object], **jog: Any) -> None:
+    """A key is held until the condition is true: the first message only takes the arm over."""
+    for _ in range(300):
+        await page.send(arm="right", **jog)
+        if condition():
+            return
+        await asyncio.sleep(0.033)
+    raise AssertionError("the condition did not come true")
+
+
 def speeds_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
     newest = driver.robot.speeds[side].read()
     return None if newest is None else newest[1].velocity
@@ -253,13 +263,12 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
-            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
-            await eventually(lambda: speeds_of(driver) == tuple(SPEEDS))
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
             await page.send(type="jog_joints", arm="right", hold=1, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
-            await page.send(type="jog_tool", arm="right", hold=2, linear=[0.0, 0.0, 0.1])
-            await eventually(lambda: twist_of(driver) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0))
+            up = [0.0, 0.0, 0.1]
+            await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
             assert driver.robot.control.switches[-1].activate == (CARTESIAN_CONTROLLER,)
         # The page is closed: the arm stops, and follows again what it followed before.
         await eventually(lambda: twist_of(driver) == ZERO)
