@@ -453,11 +453,13 @@ class MotionExecutor:
         acceleration: float | None,
         *,
         others_stay: bool = False,
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
         Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's. With
-        ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
+        ``others_stay`` joints that a goal by name leaves out stay where they were sent last. ``check`` is called right
+        before the motion is sent, and raises where it is not wanted any more.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
@@ -472,6 +474,7 @@ class MotionExecutor:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
         limits = {side: self._limits_of_goals(side, speed, acceleration) for side in checked}
+        check()
         motions = {side: self._motions.begin(side) for side in checked}
         commands = [
             ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
@@ -494,6 +497,7 @@ class MotionExecutor:
         line_speed: float | None,
         *,
         is_linear: bool,
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
 
@@ -515,7 +519,7 @@ class MotionExecutor:
             positions: dict[Side, Position] = {
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
-            return self.move(positions, speed, acceleration)
+            return self.move(positions, speed, acceleration, check=check)
         scale = checked_scale("speed", speed) or 1.0
         paths = {
             side: Path(
@@ -527,7 +531,7 @@ class MotionExecutor:
             )
             for side, pose in poses.items()
         }
-        return self.follow_path(tuple(paths), planned(paths, self.limits))
+        return self.follow_path(tuple(paths), planned(paths, self.limits), check)
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
@@ -546,7 +550,10 @@ class MotionExecutor:
         return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda starts: plans)
 
     def follow_path(
-        self, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+        self,
+        sides: Sequence[Side],
+        plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Have arms follow paths of their tools that are planned from where they stand, beginning at the same moment.
 
@@ -562,10 +569,14 @@ class MotionExecutor:
         moving = [side for side in sides if self.is_moving(side)]
         for motion in self.stop(moving):
             motion.wait(LAST_STOP)
-        return self._follow_plans(CARTESIAN_CONTROLLER, sides, plan)
+        return self._follow_plans(CARTESIAN_CONTROLLER, sides, plan, check)
 
     def _follow_plans(
-        self, name: str, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+        self,
+        name: str,
+        sides: Sequence[Side],
+        plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Have a controller of each arm follow what ``plan`` makes of where the arms stand."""
         for side in sides:
@@ -574,6 +585,7 @@ class MotionExecutor:
             self._take_over(side, name)
             self._streaming.pop(side, None)
         plans = plan(self._control.call(Commands.commanded_positions, *sides))
+        check()
         most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}

@@ -112,6 +112,7 @@ class Mover(Protocol):
         acceleration: float | None,
         *,
         others_stay: bool = False,
+        check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
     def move_tools(
@@ -123,6 +124,7 @@ class Mover(Protocol):
         line_speed: float | None,
         *,
         is_linear: bool,
+        check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
@@ -384,12 +386,18 @@ class Handlers:
                 if request.is_pose:
                     tools = {side: access.manager.tcp(side) for side in goals}
                     motions = access.mover.move_tools(
-                        goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear
+                        goals,
+                        tools,
+                        speed,
+                        acceleration,
+                        request.speed,
+                        is_linear=request.is_linear,
+                        check=caller.check,
                     )
                 elif request.is_linear or request.speed is not None:
                     raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
                 else:
-                    motions = access.mover.move(goals, speed, acceleration, others_stay=True)
+                    motions = access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise

@@ -401,3 +401,13 @@ def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
     assert newest[1].velocity == speeds
+
+
+def test_motion_that_is_not_wanted_any_more_is_not_sent(robot: FakeRobot) -> None:
+    def gone() -> None:
+        raise RobotNotReady("Who asked for it is gone.")
+
+    with pytest.raises(RobotNotReady, match="is gone"):
+        robot.executor.move({Side.RIGHT: RIGHT}, None, None, check=gone)
+    assert robot.control.commands == []
+    assert not robot.motions.is_open(Side.RIGHT)
