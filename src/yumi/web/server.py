@@ -1,6 +1,7 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
-Who may do what: a page of this machine sees the robot; through another interface only with the token. A page of a
+Who may do what: a page of this machine sees the robot; through another interface,
+and where a real robot is operated, only with the token. A page of a
 foreign origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot,
 after it has taken control: a virtual one always, a real one where the server was started to operate it and the page is
 opened on the same machine.
@@ -98,7 +99,7 @@ class ViewSettings:
         host: address to listen on.
         port: to listen on; 0 takes a free one.
         may_operate: whether a real robot may be operated from this machine.
-        token: what pages must show; needed where another machine can reach the server.
+        token: what pages must show; needed where another machine can reach the server, or a real robot is operated.
         recording: to be shown instead of a robot.
     """
 
@@ -112,6 +113,10 @@ class ViewSettings:
     def __post_init__(self) -> None:
         if not is_loopback(self.host) and not self.token:
             raise SettingsError(f"On {self.host} other machines reach the page; it needs a token.")
+        if self.may_operate and not self.token:
+            raise SettingsError(
+                "Every user of this machine reaches the page; to operate a real robot it needs a token."
+            )
 
 
 def is_loopback(host: str) -> bool:

@@ -79,10 +79,11 @@ class Site:
     def __init__(self, server: ViewServer, session: aiohttp.ClientSession) -> None:
         self.server, self.session = server, session
         self.base = f"http://127.0.0.1:{server.port}"
+        self.cookie = {"Cookie": "yumi_view_token=secret"}  # aiohttp keeps no cookies of bare addresses; a browser does
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[Page]:
-        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base}) as socket:
+        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base, **self.cookie}) as socket:
             yield Page(socket)
 
     async def status(self, path: str, **headers: str) -> int:
@@ -92,6 +93,8 @@ class Site:
 
 def run(story: Callable[[Site], Coroutine[Any, Any, None]], **settings: Any) -> None:
     async def main() -> None:
+        if settings.get("may_operate"):
+            settings["token"] = "secret"
         site = ViewServer(ViewSettings(port=0, **settings))
         await site.start()
         try:
@@ -175,6 +178,18 @@ def test_other_machines_need_the_token(driver: FakeDriver) -> None:
         assert site.server.url.endswith("/?token=secret")
 
     run(story, host="0.0.0.0", token="secret")
+
+
+def test_page_that_may_operate_a_real_robot_needs_the_token_on_this_machine_too(driver: FakeDriver) -> None:
+    with pytest.raises(SettingsError, match="needs a token"):
+        ViewSettings(may_operate=True)
+
+    async def story(site: Site) -> None:
+        assert await site.status("/") == 403
+        assert await site.status("/", **site.cookie) == 200
+        assert site.server.url.endswith("/?token=secret")
+
+    run(story, may_operate=True)
 
 
 def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
@@ -355,7 +370,7 @@ def test_too_many_pages_are_refused(driver: FakeDriver) -> None:
 
 def test_recording_is_served_and_nothing_is_operated() -> None:
     async def story(site: Site) -> None:
-        async with site.session.get(f"{site.base}/recording.json") as reply:
+        async with site.session.get(f"{site.base}/recording.json", headers=site.cookie) as reply:
             assert await reply.json() == {"name": "x.mcap"}
         async with site.page() as page:
             assert (await page.until("view"))["is_recording"]
