@@ -233,8 +233,11 @@ class Operator:
         self._link = await DriverLink.open(self._live.robot)
         self._jogging = asyncio.create_task(self._jog_on())
 
-    async def close(self) -> None:
-        """Stop what moves for this page, and give the arms back to the controllers that commanded them."""
+    async def close(self, *, gives_back: bool = False) -> None:
+        """Stop what moves for this page; the arms hold then.
+
+        With ``gives_back`` the controllers that commanded them do so again, which may move them: a person must want it.
+        """
         link, self._link = self._link, None
         if self._jogging is not None:
             self._jogging.cancel()
@@ -246,12 +249,14 @@ class Operator:
             with suppress(YumiError):  # at once; without it the arm stops 0.1 s later by itself
                 await link.ask(self._held.jog.at_rest)
         await link.close()
-        if self._before:
+        if gives_back and self._before:
             with suppress(YumiError):  # the driver has ended, or EGM has: no controller commands there
                 await _give_back(self._live, self._before)
 
     def ask(self, number: int, request: Request) -> None:
         """Have the driver carry out a request; the page gets its steps and its end under ``number``."""
+        if isinstance(request, SwitchControllers):
+            self._before.pop(request.arm, None)  # what was active before a jog is not wanted again
         task = asyncio.create_task(self.carry_out(number, request))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

@@ -309,7 +309,7 @@ class ViewServer:
             await self._take_control(page)
             return
         if isinstance(message, GiveBack):
-            await self._release(page, "")
+            await self._release(page, "", gives_back=True)
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
@@ -348,7 +348,9 @@ class ViewServer:
             self._operator = page, operator
         self._introduce_all()
 
-    async def _release(self, page: _Page | None, reason: str, unless: _Page | None = None) -> None:
+    async def _release(
+        self, page: _Page | None, reason: str, unless: _Page | None = None, *, gives_back: bool = False
+    ) -> None:
         """Take control from a page, or from the one that has it; what moves for it is stopped."""
         async with self._switching:
             if self._operator is None or self._operator[0] is unless or page not in (None, self._operator[0]):
@@ -357,7 +359,7 @@ class ViewServer:
             self._operator = None
             if reason and holder in self._pages:
                 holder.send({"type": "refused", "sentence": reason})
-            await operator.close()
+            await operator.close(gives_back=gives_back)
         self._introduce_all()
 
     async def _stop_egm(self, page: _Page, message: Ask) -> None:

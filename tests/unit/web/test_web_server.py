@@ -272,7 +272,8 @@ def twist_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
     return None if newest is None else newest[1].twist
 
 
-def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver) -> None:
+@pytest.mark.parametrize("is_given_back", [True, False])
+def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver, is_given_back: bool) -> None:
     driver.robot.control.on_command = driver.robot.rest  # it is taken over from standstill
 
     async def story(site: Site) -> None:
@@ -285,9 +286,14 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             up = [0.0, 0.0, 0.1]
             await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
             assert driver.robot.control.switches[-1].activate == (CARTESIAN_CONTROLLER,)
-        # The page is closed: the arm stops, and follows again what it followed before.
+            if is_given_back:  # the arm stops, and follows again what it followed before
+                await page.send(type="give_back")
+                await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+        # The page is closed: the arm stops, and holds.
         await eventually(lambda: twist_of(driver) == ZERO)
-        await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+        await eventually(lambda: not driver.server.client_count)
+        last = GOAL_CONTROLLER if is_given_back else CARTESIAN_CONTROLLER
+        assert driver.robot.control.switches[-1].activate == (last,)
 
     run(story, may_operate=True)
 
