@@ -648,7 +648,8 @@ class EndpointServer:
                 client.subscription = asyncio.create_task(self._publish(client, request))
                 continue
             is_work = not isinstance(request, _AT_ONCE)
-            if client.pending >= MAX_PENDING or (is_work and self._work >= MAX_WORK):
+            is_full = client.pending >= MAX_PENDING and not isinstance(request, StopEgm)  # which is never refused
+            if is_full or (is_work and self._work >= MAX_WORK):
                 sentence = "The driver carries out too many requests already; wait for their answers."
                 client.send(_refused(request.id, sentence))
                 continue

@@ -15,6 +15,7 @@ import pytest
 from fake_driver import FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
+from yumi.driver import endpoint_server
 from yumi.errors import SettingsError
 from yumi.robot.joints import ZERO, Side
 from yumi.web import live, server
@@ -356,6 +357,18 @@ def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDri
             await page.until("state")
             await page.send(type="jog_joints", arm="right", hold=2, speeds=SPEEDS)
             assert (await page.until("jog_refused"))["hold"] == 2
+
+    run(story, may_operate=True)
+
+
+def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"]
+            assert (await page.ask("stop_egm"))["type"] == "done"
 
     run(story, may_operate=True)
 
