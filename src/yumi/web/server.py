@@ -316,7 +316,8 @@ class ViewServer:
         if isinstance(message, Ask) and isinstance(message.request, StopEgm) and not why_not and operator is None:
             await self._stop_egm(page, message)  # who may operate may stop at any time
             return
-        if operator is None:
+        is_stop = isinstance(message, Ask) and isinstance(message.request, StopEgm)
+        if operator is None or (why_not and not is_stop):
             sentence = why_not or "Take control first."
             failure = failure_of(CommandRefused(sentence))
             if isinstance(message, Ask | Inject):

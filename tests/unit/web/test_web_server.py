@@ -146,6 +146,29 @@ def test_page_says_why_there_is_no_robot_and_finds_it_when_it_comes(monkeypatch:
     run(story)
 
 
+def test_page_that_has_control_asks_for_nothing_but_a_stop_once_it_may_not_operate(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            site.server._live.why_not = "The driver is gone."
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"] == "The driver is gone."
+            assert (await page.ask("stop_egm"))["type"] == "done"
+
+    run(story, may_operate=True)
+
+
+def test_robot_is_looked_for_anew_after_no_page_was_open(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        for _ in range(2):
+            async with site.page() as page:
+                await page.until("state")
+                site.server._live.is_virtual = True
+            await eventually(lambda: site.server._live.why_not)
+            assert not site.server._live.is_virtual
+
+    run(story)
+
+
 def test_foreign_pages_and_names_are_refused(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         assert await site.status("/", Host="evil.example") == 403
