@@ -32,7 +32,7 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import Snapshot, TrajectoryFeedback
-from yumi.control.tool_path import SPEED, Waypoint
+from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
     JointTrajectory,
@@ -453,11 +453,13 @@ class MotionExecutor:
         acceleration: float | None,
         *,
         others_stay: bool = False,
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
         Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's. With
-        ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
+        ``others_stay`` joints that a goal by name leaves out stay where they were sent last. ``check`` is called right
+        before the motion is sent, and raises where it is not wanted any more.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
@@ -472,6 +474,7 @@ class MotionExecutor:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
         limits = {side: self._limits_of_goals(side, speed, acceleration) for side in checked}
+        check()
         motions = {side: self._motions.begin(side) for side in checked}
         commands = [
             ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
@@ -494,8 +497,11 @@ class MotionExecutor:
         line_speed: float | None,
         *,
         is_linear: bool,
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
+
+        On a line ``speed`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
 
         Raises:
             CommandRefused: a pose is impossible; nothing moves.
@@ -513,12 +519,19 @@ class MotionExecutor:
             positions: dict[Side, Position] = {
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
-            return self.move(positions, speed, acceleration)
+            return self.move(positions, speed, acceleration, check=check)
+        scale = checked_scale("speed", speed) or 1.0
         paths = {
-            side: Path(tools[side], (Waypoint(pose),), line_speed or SPEED, acceleration=acceleration or 1.0)
+            side: Path(
+                tools[side],
+                (Waypoint(pose),),
+                scale * (line_speed or SPEED),
+                scale * TURNING,
+                acceleration=acceleration or 1.0,
+            )
             for side, pose in poses.items()
         }
-        return self.follow_path(tuple(paths), planned(paths, self.limits))
+        return self.follow_path(tuple(paths), planned(paths, self.limits), check)
 
     def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
@@ -537,7 +550,10 @@ class MotionExecutor:
         return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda starts: plans)
 
     def follow_path(
-        self, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+        self,
+        sides: Sequence[Side],
+        plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Have arms follow paths of their tools that are planned from where they stand, beginning at the same moment.
 
@@ -553,17 +569,23 @@ class MotionExecutor:
         moving = [side for side in sides if self.is_moving(side)]
         for motion in self.stop(moving):
             motion.wait(LAST_STOP)
-        return self._follow_plans(CARTESIAN_CONTROLLER, sides, plan)
+        return self._follow_plans(CARTESIAN_CONTROLLER, sides, plan, check)
 
     def _follow_plans(
-        self, name: str, sides: Sequence[Side], plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]
+        self,
+        name: str,
+        sides: Sequence[Side],
+        plan: Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]],
+        check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Have a controller of each arm follow what ``plan`` makes of where the arms stand."""
         for side in sides:
             self._check_follows(side)
         for side in sides:
             self._take_over(side, name)
+            self._streaming.pop(side, None)
         plans = plan(self._control.call(Commands.commanded_positions, *sides))
+        check()
         most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
@@ -603,6 +625,8 @@ class MotionExecutor:
     def jog(self, side: Side, speeds: Sequence[float]) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
 
+        The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes.
+
         Returns:
             Whether its controllers were switched for it.
 
@@ -615,7 +639,8 @@ class MotionExecutor:
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
         session, is_new = self._begin_stream(side, JOG_CONTROLLER, is_jog=True)
-        write_speeds(self._speeds[side], session, joints(speeds))
+        if not is_new:
+            write_speeds(self._speeds[side], session, joints(speeds))
         return is_new
 
     def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool:
@@ -630,21 +655,25 @@ class MotionExecutor:
         if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
             raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
         session, is_new = self._begin_stream(side, CARTESIAN_CONTROLLER, is_jog=True)
-        self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
+        if not is_new:
+            self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
         return is_new
 
     def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
         snapshot = self.snapshot(side)
         known = (controller, snapshot.session, snapshot.activation)
+        if is_jog and self._motions.is_open(side):
+            self._check_follows(side)
+            raise _other_motion(side)
         if self._streaming.get(side) == known and snapshot.is_commanded:
             return snapshot.session, False
         if controller == CARTESIAN_CONTROLLER:
             self._check_has(side, controller)
         self._check_follows(side)
         is_jogged = self.commanding(side) in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
-        if is_jog and (self._motions.is_open(side) or (not is_jogged and self.is_moving(side))):
-            raise CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+        if is_jog and not is_jogged and self.is_moving(side):
+            raise _other_motion(side)
         self._take_over(side, controller)
         snapshot = self._control.snapshot(side)
         self._streaming[side] = (controller, snapshot.session, snapshot.activation)
@@ -740,6 +769,10 @@ class MotionExecutor:
             self._motions.forget(motions)
             raise
         return motions
+
+
+def _other_motion(side: Side) -> CommandRefused:
+    return CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
 
 
 def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:

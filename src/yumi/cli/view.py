@@ -39,7 +39,7 @@ _READY_TIMEOUT = 60.0
     "--listen",
     default="127.0.0.1",
     show_default=True,
-    help="Address to listen on; another one than this machine's own takes a token, which is printed with the address.",
+    help="Address to listen on; another one than this machine's own takes a token, as --operate does.",
 )
 @click.option(
     "--logs",
@@ -84,12 +84,13 @@ def view(
         elif robot and not _has_driver(robot):
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_driver(robot, logs, is_over, () if operate else ("--no-bringup",)))
+        may_operate = operate and not virtual  # a virtual one is operated anyway
         settings = ViewSettings(
             robot=robot,
             host=listen,
             port=port,
-            may_operate=operate,
-            token="" if is_loopback(listen) else secrets.token_urlsafe(18),
+            may_operate=may_operate,
+            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
         )
         asyncio.run(_serve(settings, is_over))

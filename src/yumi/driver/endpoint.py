@@ -136,7 +136,8 @@ class Move(Request, frozen=True):
 class Jog(Request, frozen=True):
     """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
 
-    The first one takes the arm over from standstill. A client that goes away, or asks no more, stops the arm.
+    The first one only takes the arm over from standstill; the next one moves it. A client that goes away, or asks no
+    more, stops the arm.
     """
 
     arm: Arm

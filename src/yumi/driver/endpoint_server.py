@@ -112,6 +112,7 @@ class Mover(Protocol):
         acceleration: float | None,
         *,
         others_stay: bool = False,
+        check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
     def move_tools(
@@ -123,6 +124,7 @@ class Mover(Protocol):
         line_speed: float | None,
         *,
         is_linear: bool,
+        check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
@@ -379,15 +381,23 @@ class Handlers:
                     )
             try:
                 speed, acceleration = request.speed_scale, request.acceleration
+                if request.is_pose and request.speed is not None and not request.is_linear:
+                    raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
                 if request.is_pose:
                     tools = {side: access.manager.tcp(side) for side in goals}
                     motions = access.mover.move_tools(
-                        goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear
+                        goals,
+                        tools,
+                        speed,
+                        acceleration,
+                        request.speed,
+                        is_linear=request.is_linear,
+                        check=caller.check,
                     )
                 elif request.is_linear or request.speed is not None:
                     raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
                 else:
-                    motions = access.mover.move(goals, speed, acceleration, others_stay=True)
+                    motions = access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise
@@ -638,7 +648,8 @@ class EndpointServer:
                 client.subscription = asyncio.create_task(self._publish(client, request))
                 continue
             is_work = not isinstance(request, _AT_ONCE)
-            if client.pending >= MAX_PENDING or (is_work and self._work >= MAX_WORK):
+            is_full = client.pending >= MAX_PENDING and not isinstance(request, StopEgm)  # which is never refused
+            if is_full or (is_work and self._work >= MAX_WORK):
                 sentence = "The driver carries out too many requests already; wait for their answers."
                 client.send(_refused(request.id, sentence))
                 continue

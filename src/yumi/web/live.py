@@ -47,10 +47,12 @@ STALE = 0.15
 
 log = logging.getLogger(__name__)
 
+_LOOKED_FOR = "The driver is being looked for."
 _EVENTS = 200  # of the driver's log that a new page gets
 _SEARCH = 1.0  # [s] between two attempts to find a driver
 _STAND = 3.0  # [s] after its end a jogged arm stands
 _POLL = 0.05  # [s]
+_LAST_ANSWER = 0.3  # [s] the driver has for the end of a jog, before its connection is closed
 _JUST_NOW = 0.5  # [s] so long ago an arm may have been jogged that moves
 
 _Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
@@ -128,7 +130,7 @@ class LiveRobot:
 
     def __init__(self, robot: str, on_state: Callable[[bytes], None], on_change: Callable[[], None]) -> None:
         self.robot = robot
-        self.why_not = "The driver is being looked for."
+        self.why_not = _LOOKED_FOR
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self._on_state, self._on_change = on_state, on_change
@@ -163,7 +165,7 @@ class LiveRobot:
                 finally:
                     await link.close()
             except Exception as error:
-                sentence = _failure(error).message
+                sentence, self.is_virtual = _failure(error).message, False
                 if sentence != self.why_not:
                     self.why_not, self._state = sentence, None
                     self._on_change()
@@ -182,7 +184,7 @@ class LiveRobot:
                 self._on_change()
             self._on_state(msgspec.json.encode(StateMessage(raw, events)))
             if not self._watched.is_set():
-                self._state = None
+                self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return
 
 
@@ -233,8 +235,11 @@ class Operator:
         self._link = await DriverLink.open(self._live.robot)
         self._jogging = asyncio.create_task(self._jog_on())
 
-    async def close(self) -> None:
-        """Stop what moves for this page, and give the arms back to the controllers that commanded them."""
+    async def close(self, *, gives_back: bool = False) -> None:
+        """Stop what moves for this page; the arms hold then.
+
+        With ``gives_back`` the controllers that commanded them do so again, which may move them: a person must want it.
+        """
         link, self._link = self._link, None
         if self._jogging is not None:
             self._jogging.cancel()
@@ -242,16 +247,20 @@ class Operator:
             task.cancel()
         if link is None:
             return
-        if self._held is not None and time.monotonic() - self._held.time < _JUST_NOW:
-            with suppress(YumiError):  # at once; without it the arm stops 0.1 s later by itself
-                await link.ask(self._held.jog.at_rest)
-        await link.close()
-        if self._before:
+        try:
+            if self._held is not None and time.monotonic() - self._held.time < _JUST_NOW:
+                with suppress(YumiError, asyncio.TimeoutError):  # at once; without it the arm stops 0.1 s later
+                    await asyncio.wait_for(link.ask(self._held.jog.at_rest), _LAST_ANSWER)
+        finally:
+            await link.close()
+        if gives_back and self._before:
             with suppress(YumiError):  # the driver has ended, or EGM has: no controller commands there
                 await _give_back(self._live, self._before)
 
     def ask(self, number: int, request: Request) -> None:
         """Have the driver carry out a request; the page gets its steps and its end under ``number``."""
+        if isinstance(request, SwitchControllers):
+            self._before.pop(request.arm, None)  # what was active before a jog is not wanted again
         task = asyncio.create_task(self.carry_out(number, request))
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)

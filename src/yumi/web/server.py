@@ -1,6 +1,7 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
-Who may do what: a page of this machine sees the robot; through another interface only with the token. A page of a
+Who may do what: a page of this machine sees the robot; through another interface,
+and where a real robot is operated, only with the token. A page of a
 foreign origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot,
 after it has taken control: a virtual one always, a real one where the server was started to operate it and the page is
 opened on the same machine.
@@ -98,7 +99,7 @@ class ViewSettings:
         host: address to listen on.
         port: to listen on; 0 takes a free one.
         may_operate: whether a real robot may be operated from this machine.
-        token: what pages must show; needed where another machine can reach the server.
+        token: what pages must show; needed where another machine can reach the server, or a real robot is operated.
         recording: to be shown instead of a robot.
     """
 
@@ -112,6 +113,10 @@ class ViewSettings:
     def __post_init__(self) -> None:
         if not is_loopback(self.host) and not self.token:
             raise SettingsError(f"On {self.host} other machines reach the page; it needs a token.")
+        if self.may_operate and not self.token:
+            raise SettingsError(
+                "Every user of this machine reaches the page; to operate a real robot it needs a token."
+            )
 
 
 def is_loopback(host: str) -> bool:
@@ -304,14 +309,15 @@ class ViewServer:
             await self._take_control(page)
             return
         if isinstance(message, GiveBack):
-            await self._release(page, "")
+            await self._release(page, "", gives_back=True)
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
         if isinstance(message, Ask) and isinstance(message.request, StopEgm) and not why_not and operator is None:
             await self._stop_egm(page, message)  # who may operate may stop at any time
             return
-        if operator is None:
+        is_stop = isinstance(message, Ask) and isinstance(message.request, StopEgm)
+        if operator is None or (why_not and not is_stop):
             sentence = why_not or "Take control first."
             failure = failure_of(CommandRefused(sentence))
             if isinstance(message, Ask | Inject):
@@ -343,7 +349,9 @@ class ViewServer:
             self._operator = page, operator
         self._introduce_all()
 
-    async def _release(self, page: _Page | None, reason: str, unless: _Page | None = None) -> None:
+    async def _release(
+        self, page: _Page | None, reason: str, unless: _Page | None = None, *, gives_back: bool = False
+    ) -> None:
         """Take control from a page, or from the one that has it; what moves for it is stopped."""
         async with self._switching:
             if self._operator is None or self._operator[0] is unless or page not in (None, self._operator[0]):
@@ -352,7 +360,7 @@ class ViewServer:
             self._operator = None
             if reason and holder in self._pages:
                 holder.send({"type": "refused", "sentence": reason})
-            await operator.close()
+            await operator.close(gives_back=gives_back)
         self._introduce_all()
 
     async def _stop_egm(self, page: _Page, message: Ask) -> None:

@@ -11,11 +11,12 @@ import fake_robot
 import yumi
 from fake_robot import FakeRobot
 from unit.robot.test_robot_kinematics import rad
+from yumi.api import motion
 from yumi.api.cartesian import FINGERTIPS, Frames, planned, pose, pose_from, poses_from, posture_for, postures_of
 from yumi.api.cartesian import Path as ToolPathOfArm
 from yumi.api.motion import GOAL_CONTROLLER
 from yumi.api.robot import Arm
-from yumi.control.tool_path import Waypoint
+from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
@@ -116,3 +117,19 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
         arm.servo_twist((0.0, 0.0, 0.1), frame="moon")
     with pytest.raises(CommandRefused, match="not finite"):
         arm.servo_twist((0.0, 0.0, nan))
+
+
+def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    paths: dict[Side, ToolPathOfArm] = {}
+
+    def refuse(asked: dict[Side, ToolPathOfArm], limits: object) -> None:
+        paths.update(asked)
+        raise CommandRefused("Enough.")
+
+    monkeypatch.setattr(motion, "planned", refuse)
+    goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY)}
+    for line_speed, speed in ((None, SPEED), (0.4, 0.4)):
+        with pytest.raises(CommandRefused, match="Enough"):
+            FakeRobot().executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
+        assert paths[Side.RIGHT].speed == 0.25 * speed
+        assert paths[Side.RIGHT].turning == 0.25 * TURNING

@@ -22,7 +22,7 @@ from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ResultCode
 from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.joints import CHAIN_AXES, ZERO, Side, home, joint_names
+from yumi.robot.joints import CHAIN_AXES, ZERO, Pose, Side, home, joint_names
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
@@ -377,3 +377,37 @@ def test_driver_with_ros_keeps_no_fault_and_logs_nothing(caplog: pytest.LogCaptu
     with pytest.raises(GoalNotReached, match="feedback lost"):
         motion.wait()
     assert (motions.fault(Side.RIGHT), caplog.text) == (None, "")
+
+
+def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    twist = (0.1, *ZERO[1:])
+    tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    for _ in range(2):
+        robot.executor.jog_tool(Side.RIGHT, twist, tool, is_in_tool=False)
+    written = robot.tool_goals[Side.RIGHT].read()
+    robot.motions.begin(Side.RIGHT)  # as a line does, by the same controller
+    with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
+        robot.executor.jog_tool(Side.RIGHT, twist, tool, is_in_tool=False)
+    assert robot.tool_goals[Side.RIGHT].read() == written
+
+
+def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds = (0.1, *ZERO[1:])
+    assert robot.executor.jog(Side.RIGHT, speeds)
+    assert robot.speeds[Side.RIGHT].read() is None  # the key may have been let go meanwhile
+    assert not robot.executor.jog(Side.RIGHT, speeds)
+    newest = robot.speeds[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].velocity == speeds
+
+
+def test_motion_that_is_not_wanted_any_more_is_not_sent(robot: FakeRobot) -> None:
+    def gone() -> None:
+        raise RobotNotReady("Who asked for it is gone.")
+
+    with pytest.raises(RobotNotReady, match="is gone"):
+        robot.executor.move({Side.RIGHT: RIGHT}, None, None, check=gone)
+    assert robot.control.commands == []
+    assert not robot.motions.is_open(Side.RIGHT)

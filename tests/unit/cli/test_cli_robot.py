@@ -158,6 +158,7 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
         (("right", "home", "--pose"), "A pose is x y z [m], and w x y z", 2),
         (("right", "home", "--linear"), "--linear and --speed are for poses", 2),
         (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "9"), "not in the range", 2),
+        (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "0.1"), "A speed of the tool is for a straight line", 1),
     ],
 )
 def test_impossible_goal_is_refused_and_changes_nothing(

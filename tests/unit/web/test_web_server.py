@@ -15,6 +15,7 @@ import pytest
 from fake_driver import FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
+from yumi.driver import endpoint_server
 from yumi.errors import SettingsError
 from yumi.robot.joints import ZERO, Side
 from yumi.web import live, server
@@ -79,10 +80,11 @@ class Site:
     def __init__(self, server: ViewServer, session: aiohttp.ClientSession) -> None:
         self.server, self.session = server, session
         self.base = f"http://127.0.0.1:{server.port}"
+        self.cookie = {"Cookie": "yumi_view_token=secret"}  # aiohttp keeps no cookies of bare addresses; a browser does
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[Page]:
-        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base}) as socket:
+        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base, **self.cookie}) as socket:
             yield Page(socket)
 
     async def status(self, path: str, **headers: str) -> int:
@@ -92,6 +94,8 @@ class Site:
 
 def run(story: Callable[[Site], Coroutine[Any, Any, None]], **settings: Any) -> None:
     async def main() -> None:
+        if settings.get("may_operate"):
+            settings["token"] = "secret"
         site = ViewServer(ViewSettings(port=0, **settings))
         await site.start()
         try:
@@ -142,6 +146,29 @@ def test_page_says_why_there_is_no_robot_and_finds_it_when_it_comes(monkeypatch:
     run(story)
 
 
+def test_page_that_has_control_asks_for_nothing_but_a_stop_once_it_may_not_operate(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            site.server._live.why_not = "The driver is gone."
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"] == "The driver is gone."
+            assert (await page.ask("stop_egm"))["type"] == "done"
+
+    run(story, may_operate=True)
+
+
+def test_robot_is_looked_for_anew_after_no_page_was_open(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        for _ in range(2):
+            async with site.page() as page:
+                await page.until("state")
+                site.server._live.is_virtual = True
+            await eventually(lambda: site.server._live.why_not)
+            assert not site.server._live.is_virtual
+
+    run(story)
+
+
 def test_foreign_pages_and_names_are_refused(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         assert await site.status("/", Host="evil.example") == 403
@@ -175,6 +202,18 @@ def test_other_machines_need_the_token(driver: FakeDriver) -> None:
         assert site.server.url.endswith("/?token=secret")
 
     run(story, host="0.0.0.0", token="secret")
+
+
+def test_page_that_may_operate_a_real_robot_needs_the_token_on_this_machine_too(driver: FakeDriver) -> None:
+    with pytest.raises(SettingsError, match="needs a token"):
+        ViewSettings(may_operate=True)
+
+    async def story(site: Site) -> None:
+        assert await site.status("/") == 403
+        assert await site.status("/", **site.cookie) == 200
+        assert site.server.url.endswith("/?token=secret")
+
+    run(story, may_operate=True)
 
 
 def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
@@ -237,6 +276,16 @@ def test_motion_of_a_page_ends_when_it_loses_control(driver: FakeDriver, way: st
     run(story, may_operate=True)
 
 
+async def held(page: Page, condition: Callable[[], object], **jog: Any) -> None:
+    """A key is held until the condition is true: the first message only takes the arm over."""
+    for _ in range(300):
+        await page.send(arm="right", **jog)
+        if condition():
+            return
+        await asyncio.sleep(0.033)
+    raise AssertionError("the condition did not come true")
+
+
 def speeds_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
     newest = driver.robot.speeds[side].read()
     return None if newest is None else newest[1].velocity
@@ -247,23 +296,28 @@ def twist_of(driver: FakeDriver, side: Side = Side.RIGHT) -> Any:
     return None if newest is None else newest[1].twist
 
 
-def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver) -> None:
+@pytest.mark.parametrize("is_given_back", [True, False])
+def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: FakeDriver, is_given_back: bool) -> None:
     driver.robot.control.on_command = driver.robot.rest  # it is taken over from standstill
 
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
-            await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
-            await eventually(lambda: speeds_of(driver) == tuple(SPEEDS))
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
             await page.send(type="jog_joints", arm="right", hold=1, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
-            await page.send(type="jog_tool", arm="right", hold=2, linear=[0.0, 0.0, 0.1])
-            await eventually(lambda: twist_of(driver) == (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0))
+            up = [0.0, 0.0, 0.1]
+            await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=2, linear=up)
             assert driver.robot.control.switches[-1].activate == (CARTESIAN_CONTROLLER,)
-        # The page is closed: the arm stops, and follows again what it followed before.
+            if is_given_back:  # the arm stops, and follows again what it followed before
+                await page.send(type="give_back")
+                await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+        # The page is closed: the arm stops, and holds.
         await eventually(lambda: twist_of(driver) == ZERO)
-        await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+        await eventually(lambda: not driver.server.client_count)
+        last = GOAL_CONTROLLER if is_given_back else CARTESIAN_CONTROLLER
+        assert driver.robot.control.switches[-1].activate == (last,)
 
     run(story, may_operate=True)
 
@@ -330,6 +384,18 @@ def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDri
     run(story, may_operate=True)
 
 
+def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"]
+            assert (await page.ask("stop_egm"))["type"] == "done"
+
+    run(story, may_operate=True)
+
+
 def test_too_many_pages_are_refused(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         sockets = [
@@ -346,7 +412,7 @@ def test_too_many_pages_are_refused(driver: FakeDriver) -> None:
 
 def test_recording_is_served_and_nothing_is_operated() -> None:
     async def story(site: Site) -> None:
-        async with site.session.get(f"{site.base}/recording.json") as reply:
+        async with site.session.get(f"{site.base}/recording.json", headers=site.cookie) as reply:
             assert await reply.json() == {"name": "x.mcap"}
         async with site.page() as page:
             assert (await page.until("view"))["is_recording"]

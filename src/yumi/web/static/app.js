@@ -9,6 +9,7 @@ const MAX_ANGULAR = 1.0; // [rad/s]
 const JOG_PERIOD = 33; // [ms] between two messages while a key is held; without them the arm stops after 0.1 s
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
+const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
 
 const at = (id) => document.getElementById(id);
 const make = (tag, properties = {}, ...children) => {
@@ -44,8 +45,12 @@ function connect() {
   };
 }
 
+/** Send to the server; whether it was sent: a person must not think that a stop was. */
 function send(message) {
-  if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  const isOpen = socket && socket.readyState === WebSocket.OPEN;
+  if (isOpen) socket.send(JSON.stringify(message));
+  else if (message.type !== "seen") toast(NOT_SENT);
+  return isOpen;
 }
 
 function take(message) {
@@ -87,7 +92,10 @@ async function ask(message, button) {
   number += 1;
   const id = number;
   const end = new Promise((resolve, reject) => pending.set(id, { resolve, reject }));
-  send({ ...message, id });
+  if (!send({ ...message, id })) {
+    pending.delete(id);
+    return null;
+  }
   if (button) button.setAttribute("aria-busy", "true");
   try {
     const result = await end;
