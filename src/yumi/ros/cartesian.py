@@ -27,7 +27,7 @@ from yumi.control.controllers.cartesian import CartesianController, pose_goal, t
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
 from yumi.control.tool_path import Waypoint, check_pose, plan_path
 from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, YumiError
@@ -183,6 +183,8 @@ class TargetPoseTopic(_ToolTopic):
             number(values, "line.turning"),
             acceleration=number(values, "line.acceleration"),
         )
+        if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
+            raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
         call(
             Commands.send_commands,
             ControllerCommand(side, self.controller, FollowTrajectory(plan, next(self._numbers))),
