@@ -7,7 +7,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from geometry_msgs.msg import PoseStamped
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped
 from test_ros_command_topics import Node, commanded
 
 from unit.robot.test_robot_kinematics import rad
@@ -17,7 +18,7 @@ from yumi.control.loop import Commands, ControllerCommand
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
-from yumi.ros.cartesian import RobotFrames, TargetPoseTopic
+from yumi.ros.cartesian import RobotFrames, ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
@@ -82,3 +83,19 @@ def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, contr
     topic.take(pose(0.02))
     assert len(control.commands) == (not is_stopped)
     assert all(each.startswith("Target refused: the right arm was stopped, or") for each in node.warnings)
+
+
+@pytest.mark.parametrize(("kind", "noun"), [(ServoPoseTopic, "Pose"), (ServoTwistTopic, "Velocity")])
+@pytest.mark.parametrize(
+    ("sec", "nanosec", "is_old"),
+    [(0, 0, False), (1000, 30_000_000, False), (999, 970_000_000, False), (1001, 0, False), (999, 940_000_000, True)],
+)
+def test_what_comes_too_late_on_a_stream_is_refused(
+    node: Node, control: Control, kind: Any, noun: str, sec: int, nanosec: int, is_old: bool
+) -> None:
+    message = pose() if kind is ServoPoseTopic else TwistStamped()
+    message.header.stamp = Time(sec=sec, nanosec=nanosec)  # it is 1000.050 s
+    make(kind, node, control).take(message)
+    assert (control.buffers[Side.RIGHT].tool_goals.read() is None) is is_old
+    sentence = f"{noun} refused: its stamp is 0.11 s old, and twist.timeout is 0.1 s; compare the clocks"
+    assert [each[: len(sentence)] for each in node.warnings] == ([sentence] if is_old else [])
