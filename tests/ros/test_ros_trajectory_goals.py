@@ -51,6 +51,7 @@ class Lone:
         answers: dict[Any, Any] = {
             Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
             Commands.list_controllers: (INACTIVE, ACTIVE),
+            Commands.list_parameters: (),
         }
         if self.refusal and command is Commands.check_commands:
             raise CommandRefused(self.refusal)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, radians, sin
+from math import hypot, pi, radians, sin
 
 import numpy as np
 import pytest
@@ -179,6 +179,27 @@ def test_a_stream_beyond_reach_slides_along_its_end() -> None:
     out, back = places[round(4.0 / CYCLE) - 1], places[-1]
     assert (out - places[0]) @ (1.0, -1.0, 0.6) > 0.05
     assert (back - out) @ (-1.0, 1.0, -0.6) > 0.05  # it does not stay there
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.15])
+def test_a_tool_that_a_stream_has_turned_once_round_stays_turned(tilt: float) -> None:
+    bench = CartesianBench(Side.RIGHT, rad((20, -90, -110, 10, 30, 60, -200)))
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+
+    def turned(now: float) -> ToolGoal:
+        angle = 2.0 * pi * min(1.0, now / 4.5)
+        turn = multiply(quaternion_of((tilt * sin(angle), 0.0, 0.0)), quaternion_of((0.0, 0.0, angle)))
+        return pose_goal(0, Pose(begin.position, multiply(begin.orientation, turn)))
+
+    before = len(bench.rig.cycles)
+    bench.stream(7.0, turned)
+    sent = bench.sent[before - 3 :]
+    assert sent[-1][6] == pytest.approx(radians(160.0), abs=0.02)
+    assert np.max(np.abs(sent[-1] - sent[-500])) < 0.01
+    speeds = np.diff(sent[100:1000, 6]) / CYCLE
+    assert np.max(speeds) - np.min(speeds) < 0.05 + 3.0 * tilt
+    assert np.max(np.abs(np.diff(sent[100:1000], 2, axis=0))) / CYCLE**2 < 0.5 + 10.0 * tilt  # nothing jerks it
+    assert max(shares(sent)) < LIMIT
 
 
 def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:

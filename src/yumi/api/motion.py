@@ -31,7 +31,7 @@ from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, 
 from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
-from yumi.control.shared_state import Snapshot, TrajectoryFeedback
+from yumi.control.shared_state import INTERRUPTED, Snapshot, TrajectoryFeedback
 from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
@@ -584,8 +584,12 @@ class MotionExecutor:
         for side in sides:
             self._take_over(side, name)
             self._streaming.pop(side, None)
+        before = {side: self._control.snapshot(side).command_epoch for side in sides}
         plans = plan(self._control.call(Commands.commanded_positions, *sides))
         check()
+        for side, epoch in before.items():  # planning takes a while
+            if self._control.snapshot(side).command_epoch != epoch:
+                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(side.word)}")
         most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}

@@ -51,6 +51,11 @@ CAUSES = {
 }
 """The likely cause of each problem, for a sentence."""
 
+INTERRUPTED = (
+    "the {} arm was stopped, or another controller took it over, while the motion was planned; give the goal again."
+)
+"""Why a motion is refused that was planned for another EGM session or another activation."""
+
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
@@ -124,6 +129,11 @@ class Snapshot:
     def is_commanded(self) -> bool:
         """Whether a controller that commands the arm is active."""
         return self.activation > 0
+
+    @property
+    def command_epoch(self) -> tuple[int, int]:
+        """What changes when EGM begins anew or another controller commands: session and activation."""
+        return self.session, self.activation
 
 
 def read_snapshot(buffer: Buffer[Snapshot]) -> Snapshot:

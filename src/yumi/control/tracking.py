@@ -13,6 +13,7 @@ that this would ask too much of is brought there as fast as its limits allow (:f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import exp, inf, isnan
 from typing import NamedTuple
 
@@ -57,15 +58,15 @@ def _fading_gains(interval: float, memory: float) -> _Gains:
 class _Track:
     """The goals of one joint; ``top`` is its highest speed [rad/s], ``strength`` its highest acceleration [rad/s²]."""
 
-    __slots__ = ("_last", "_rate", "_strength", "_surprise", "_top", "acceleration", "position", "velocity")
+    __slots__ = ("_strength", "_surprise", "_top", "acceleration", "last", "position", "rate", "velocity")
 
     def __init__(self, top: float, strength: float) -> None:
         self._top, self._strength = top, strength
         self.rest_at(0.0)
 
     def rest_at(self, position: float) -> None:
-        self.position = self._last = position
-        self.velocity = self.acceleration = self._rate = self._surprise = 0.0
+        self.position = self.last = position
+        self.velocity = self.acceleration = self.rate = self._surprise = 0.0
 
     def add(self, goal: float, gains: _Gains) -> None:
         """The next goal [rad], ``gains.interval`` after the last one."""
@@ -77,35 +78,35 @@ class _Track:
             self.position += gains.position * wrong
             self.velocity += gains.velocity * wrong
             self.acceleration += gains.acceleration * wrong
-        self._last = goal
+        self.last = goal
         self.velocity = max(-self._top, min(self._top, self.velocity))
         self.acceleration = max(-self._strength, min(self._strength, self.acceleration))
 
     def add_motion(self, goal: float, velocity: float, gains: _Gains) -> None:
         """The next goal [rad], with its velocity [rad/s]."""
         gain = gains.position * (velocity - self.velocity) / gains.interval - gains.position * self.acceleration
-        self.position = self._last = goal
-        self.velocity = self._rate = max(-self._top, min(self._top, velocity))
+        self.position = self.last = goal
+        self.velocity = self.rate = max(-self._top, min(self._top, velocity))
         self.acceleration = max(-self._strength, min(self._strength, self.acceleration + gain))
         self._surprise = 0.0
 
     def _begins_anew(self, goal: float, dt: float) -> bool:
         """Whether the goal set out with a new speed; one that only jumped takes the prediction with it."""
-        way, before = goal - self._last, self._surprise
+        way, before = goal - self.last, self._surprise
         # The last step knows a hard acceleration at once, the filter is not misled by a goal that came late.
-        surprise = min(way - self._rate * dt, way - self.velocity * dt, key=abs)
-        late = _UNPUNCTUAL * max(abs(self._rate), abs(self.velocity))
+        surprise = min(way - self.rate * dt, way - self.velocity * dt, key=abs)
+        late = _UNPUNCTUAL * max(abs(self.rate), abs(self.velocity))
         if abs(surprise) < _RESOLUTION + late + _HARDER * self._strength * dt * dt:
             self._surprise = 0.0
             if dt > _SHORTEST:
-                self._rate = way / dt
+                self.rate = way / dt
             return False
         self._surprise = surprise
         if surprise * before <= 0.0 or abs(way) > self._top * dt:
             self.position += surprise
             return False
         self.position, self.velocity, self.acceleration = goal, way / dt, 0.0
-        self._rate, self._surprise = way / dt, 0.0
+        self.rate, self._surprise = way / dt, 0.0
         return True
 
 
@@ -134,6 +135,22 @@ class TargetPredictor:
         self.goal, self._time, self._period = position, -inf, 0.0
         for track, value in zip(self._tracks, position, strict=True):
             track.rest_at(value)
+
+    def rebase(self, change: Callable[[Setpoint], Setpoint]) -> None:
+        """Count positions from elsewhere; ``change`` says what a motion is there."""
+        tracks = self._tracks
+        now = change(
+            Setpoint(
+                joints([t.position for t in tracks]),
+                joints([t.velocity for t in tracks]),
+                joints([t.acceleration for t in tracks]),
+            )
+        )
+        last = change(Setpoint(joints([t.last for t in tracks]), joints([t.rate for t in tracks])))
+        self.goal = change(Setpoint(self.goal)).position
+        for track, *motion, place, rate in zip(tracks, *now, *last[:2], strict=True):
+            track.position, track.velocity, track.acceleration = motion
+            track.last, track.rate = place, rate
 
     def add(self, goal: Joints, velocity: Joints, time: float) -> None:
         """The next goal.
@@ -197,6 +214,13 @@ class TrackingFilter:
         """Begin again, at ``position`` [rad] with ``velocity`` [rad/s], (7,)."""
         self._now = Setpoint(position, velocity)
         self._is_chasing = [False] * JOINT_COUNT
+
+    def rebase(self, change: Callable[[Setpoint], Setpoint], mixed: range) -> None:
+        """Count positions from elsewhere; ``change`` says what a motion is there, ``mixed`` which joints it mixes."""
+        self._now = change(self._now)
+        is_chasing = any(self._is_chasing[index] for index in mixed)
+        for index in mixed:
+            self._is_chasing[index] = is_chasing
 
     def step(self, target: Setpoint, dt: float, scale: float = 1.0) -> Setpoint:
         """Go on for ``dt`` [s] > 0, with at most ``scale`` times the joints' speeds; where the joints are then.

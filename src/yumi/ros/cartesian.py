@@ -10,6 +10,7 @@ topic                    type                       what it does
 
 The tool is the one in use (``set_tool``; tool0 where none was set). ``frame_id`` is any frame of the robot, as on
 ``/tf``; empty is the robot's base. A velocity is seen from its frame; one in a frame of this arm's tool turns with it.
+What comes on a stream with a stamp older than the parameter ``twist.timeout`` is refused; without a stamp it is new.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
@@ -27,7 +28,7 @@ from yumi.control.controllers.cartesian import CartesianController, pose_goal, t
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
 from yumi.control.tool_path import Waypoint, check_pose, plan_path
 from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, YumiError
@@ -41,6 +42,8 @@ from yumi.settings import number
 
 _BASE = Pose((0.0, 0.0, 0.0), IDENTITY)
 _FIRST_NUMBER = 2**41  # numbers of these motions, beside those of actions and scripts
+_YOUNG = 0.01  # [s] no timeout is shorter
+_ASKED_FOR = 1.0  # [s] for so long a timeout that was asked for is believed
 
 
 class RobotFrames:
@@ -153,6 +156,36 @@ class _ToolTopic(CommandTopic):
             raise CommandRefused(f"{self.noun} refused: {error}") from error
         return pose
 
+    def take(self, message: Any) -> None:
+        try:
+            super().take(message)
+        except YumiError as error:  # the control process has ended
+            self._refusals.warn(str(error))
+
+
+class _StreamTopic(_ToolTopic):
+    """A stream, of which a message that is too old is refused."""
+
+    _timeout, _asked_at = 0.0, -inf
+
+    def _check_age(self, message: Any, time: float) -> None:
+        """Refuse what has been under way for longer than a velocity counts."""
+        stamp = message.header.stamp
+        if not (stamp.sec or stamp.nanosec):
+            return
+        age = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp.sec + stamp.nanosec * 1e-9)
+        if age <= _YOUNG:
+            return
+        if not abs(time - self._asked_at) < _ASKED_FOR:
+            infos = self._control.call(Commands.list_parameters, self._side, self.controller)
+            self._timeout = number({it.parameter.name: it.value for it in infos}, "twist.timeout")
+            self._asked_at = time
+        if age > self._timeout:
+            raise CommandRefused(
+                f"{self.noun} refused: its stamp is {age:.2f} s old, and twist.timeout is {self._timeout:g} s; compare "
+                "the clocks of the machines, or leave the stamp empty."
+            )
+
 
 class TargetPoseTopic(_ToolTopic):
     """Poses to move to on straight lines."""
@@ -183,34 +216,32 @@ class TargetPoseTopic(_ToolTopic):
             number(values, "line.turning"),
             acceleration=number(values, "line.acceleration"),
         )
+        if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
+            raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
         call(
             Commands.send_commands,
             ControllerCommand(side, self.controller, FollowTrajectory(plan, next(self._numbers))),
         )
 
-    def take(self, message: Any) -> None:
-        try:
-            super().take(message)
-        except YumiError as error:  # the control process has ended
-            self._refusals.warn(str(error))
 
-
-class ServoPoseTopic(_ToolTopic):
+class ServoPoseTopic(_StreamTopic):
     """Poses of a stream."""
 
     topic, type, noun = "servo_pose", PoseStamped, "Pose"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._check_age(message, time)
         tool = self._frames.tcp(self._side)
         self._goals.write(pose_goal(snapshot.session, self._pose(message), tool, time=time))
 
 
-class ServoTwistTopic(_ToolTopic):
+class ServoTwistTopic(_StreamTopic):
     """Velocities of a stream."""
 
     topic, type, noun = "servo_twist", TwistStamped, "Velocity"
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._check_age(message, time)
         side, frame = self._side, message.header.frame_id
         linear, angular = message.twist.linear, message.twist.angular
         vectors: list[Vector] = [(linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)]

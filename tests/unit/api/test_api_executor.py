@@ -19,10 +19,10 @@ from yumi.control.events import (
     SessionLost,
 )
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.trajectory import ResultCode
+from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
 from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
-from yumi.robot.joints import CHAIN_AXES, ZERO, Pose, Side, home, joint_names
+from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
@@ -259,6 +259,21 @@ def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
     robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)], Side.LEFT: [(1.0, LEFT, [0.0] * 7)]})
     plans = [order.message.plan for order in robot.control.commands if isinstance(order.message, FollowTrajectory)]
     assert [(plan.side, plan.start) for plan in plans] == [(Side.RIGHT, 100.1), (Side.LEFT, 100.1)]
+
+
+@pytest.mark.parametrize("change", [{"session": 2}, {"activation": 9}])
+def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot, change: dict[str, int]) -> None:
+    robot.control.on_command = robot.rest
+
+    def plan(_: object) -> dict[Side, ArmPlan]:
+        before = robot.control.snapshots[Side.RIGHT]
+        robot.control.snapshots[Side.RIGHT] = replace(before, **change)  # type: ignore[arg-type]
+        points = (TrajectoryPoint(1.0, RIGHT),)
+        return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
+
+    with pytest.raises(CommandRefused, match="the right arm was stopped, or another controller took it over"):
+        robot.executor.follow_path((Side.RIGHT,), plan)
+    assert not any(isinstance(each.message, FollowTrajectory) for each in robot.control.commands)
 
 
 @pytest.mark.parametrize(

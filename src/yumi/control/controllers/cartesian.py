@@ -9,6 +9,7 @@ them down; a joint at the end of its range stays there, and the elbow gives way 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import dist, hypot, inf, isnan, nan, pi, tau
 from typing import NamedTuple
 
@@ -35,6 +36,7 @@ from yumi.robot.joints import (
     JointLimits,
     Joints,
     Pose,
+    Quaternion,
     Side,
     joints,
 )
@@ -120,13 +122,30 @@ _PERIODS = 2.2  # without a pose for so many of its periods a stream has ended
 _LEARNING = 0.2  # weight of one interval in the learned period
 _QUIET = 1.0  # [s] after which a stream that rests has ended
 _MOST_LOCKED = 3
+_FARTHEST_TURN = pi / 2  # [rad] the target's orientation counts from itself again beyond that
+
+
+def _nearer(turn: Sequence[float], last: Sequence[float]) -> Sequence[float]:
+    """A rotation vector, or the turn the other way round to the same orientation where that is nearer to ``last``."""
+    size = hypot(*turn)
+    if size < 1e-6:
+        return turn
+    other = [(1.0 - tau / size) * value for value in turn]
+    return min((turn, other), key=lambda each: dist(each, last))
+
+
+def _turned(back: Quaternion, numbers: Joints, last: Joints) -> Joints:
+    """A target's numbers whose orientation is turned by ``back``, as the turn that is nearer to ``last``."""
+    x, y, z, u, v, w, angle = numbers
+    turn = rotation_vector(multiply(back, quaternion_of((u, v, w))))
+    return joints([x, y, z, *_nearer(turn, last[3:6]), angle])
 
 
 class _Stream:
     """The motion of one arm along a stream, from where its joints are commanded to be.
 
-    The target's seven numbers are the tool's place [m], its orientation as a rotation vector from where the stream
-    began, and the arm angle [rad]; they share filters with streams of joints.
+    The target's seven numbers are the tool's place [m], its orientation as a rotation vector from where it
+    was at most half a turn before, and the arm angle [rad]; they share filters with streams of joints.
     """
 
     def __init__(
@@ -189,22 +208,42 @@ class _Stream:
     def _numbers(self, pose: Pose, angle: float) -> Joints:
         """A pose and an arm angle as the target has them, without jumps at half a turn."""
         w, x, y, z = self._anchor
-        turn = rotation_vector(multiply((w, -x, -y, -z), pose.orientation))
-        last = self._target[3:6]
-        size = hypot(*turn)
-        if size > 1e-6:
-            # A turn the other way round is the same orientation; the one nearer to the last goes on.
-            x, y, z = turn
-            less, more = 1.0 - tau / size, 1.0 + tau / size
-            other, further = (less * x, less * y, less * z), (more * x, more * y, more * z)
-            turn = min((turn, other, further), key=lambda each: dist(each, last))
+        turn = _nearer(rotation_vector(multiply((w, -x, -y, -z), pose.orientation)), self._target[3:6])
         bend = (angle - self._target[6] + pi) % tau - pi
         return joints([*pose.position, *turn, self._target[6] + bend])
+
+    def _anchor_here(self) -> None:
+        """Count turns from the target's orientation on: far from where they count from, they are ambiguous."""
+        x, y, z, *turn, angle = self._target
+        u, v, w = turn
+        self._anchor, back = self._pose.orientation, quaternion_of((u, v, w), -1.0)
+        size = hypot(*self._anchor)
+        w, u, v, q = self._anchor
+        self._anchor = (w / size, u / size, v / size, q / size)
+        self._target = (x, y, z, 0.0, 0.0, 0.0, angle)
+
+        def seen_from_here(motion: Setpoint) -> Setpoint:
+            here = _turned(back, motion.position, ZERO)
+            small = 1e-4
+            rows = list(zip(*motion, strict=True))
+            after, before = (
+                _turned(back, joints([p + dt * (v + 0.5 * dt * a) for p, v, a in rows]), here) for dt in (small, -small)
+            )
+            sides = list(zip(before, here, after, strict=True))
+            velocity, acceleration = list(motion.velocity), list(motion.acceleration)
+            velocity[3:6] = [(last - first) / (2.0 * small) for first, _, last in sides[3:6]]
+            acceleration[3:6] = [(first - 2.0 * now + last) / small**2 for first, now, last in sides[3:6]]
+            return Setpoint(here, joints(velocity), joints(acceleration))
+
+        self._filter.rebase(seen_from_here, range(3, 6))
+        self.predictor.rebase(seen_from_here)
 
     def step(self, state: ArmState, delay: float, timeout: float, scale: float) -> ArmCommand:
         """Go on for ``state.dt``; at most ``scale`` times the speeds."""
         dt = state.dt
         if dt > 0.0:
+            if hypot(*self._target[3:6]) > _FARTHEST_TURN:
+                self._anchor_here()
             before = self._pose, self._target[6]
             self._now = wrist_of(self._side, self._joints.position)
             if self._is_twist:

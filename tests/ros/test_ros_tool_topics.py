@@ -1,0 +1,101 @@
+"""What topics of the tool refuse because it is too late for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, TwistStamped
+from test_ros_command_topics import Node, commanded
+
+from unit.robot.test_robot_kinematics import rad
+from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
+from yumi.control.controllers.cartesian import CartesianController
+from yumi.control.loop import Commands, ControllerCommand
+from yumi.robot.description import robot_description
+from yumi.robot.joints import YUMI_LIMITS, Pose, Side
+from yumi.robot.kinematics import IDENTITY, tool0_to_body
+from yumi.ros.cartesian import RobotFrames, ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
+
+pytestmark = pytest.mark.ros
+POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
+TOOL = Pose((0.0, 0.0, 0.0), IDENTITY)
+
+
+class Control:
+    """A right arm that stands."""
+
+    def __init__(self) -> None:
+        self.now = commanded(POSTURE, goal_kind=GoalKind.TOOL)
+        self.buffers = {Side.RIGHT: SimpleNamespace(tool_goals=MemoryBuffer(), goals=MemoryBuffer())}
+        self.commands: list[ControllerCommand] = []
+        self.parameters = CartesianController(Side.RIGHT, MemoryBuffer(), MemoryBuffer()).parameters(())
+        self.is_stopped_meanwhile = False
+
+    def snapshot(self, _: Side) -> Any:
+        return self.now
+
+    def call(self, command: Any, *args: Any) -> Any:
+        if command is Commands.list_parameters:
+            return tuple(ParameterInfo(each, each.default) for each in self.parameters)
+        if command is Commands.commanded_positions:
+            if self.is_stopped_meanwhile:
+                self.now = replace(self.now, session=self.now.session + 1)
+            return {Side.RIGHT: POSTURE}
+        self.commands += args
+        return None
+
+
+@pytest.fixture
+def node() -> Node:
+    return Node()
+
+
+@pytest.fixture
+def control() -> Control:
+    return Control()
+
+
+def make(kind: Any, node: Node, control: Control) -> Any:
+    """A topic of the right arm's Cartesian controller."""
+    frames = RobotFrames(robot_description(), "", lambda _: TOOL, lambda _: None)
+    return kind(node, Side.RIGHT, control, lambda: 12.5, "cartesian_controller", frames)
+
+
+def pose(up: float = 0.0) -> Any:
+    """Where the tool is, or higher."""
+    here, message = tool0_to_body(Side.RIGHT, POSTURE), PoseStamped()
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = here.position
+    place.z += up
+    turn.w, turn.x, turn.y, turn.z = here.orientation
+    return message
+
+
+@pytest.mark.parametrize("is_stopped", [False, True])
+def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, control: Control, is_stopped: bool) -> None:
+    topic = make(TargetPoseTopic, node, control)
+    topic.limits = YUMI_LIMITS
+    control.is_stopped_meanwhile = is_stopped
+    topic.take(pose(0.02))
+    assert len(control.commands) == (not is_stopped)
+    assert all(each.startswith("Target refused: the right arm was stopped, or") for each in node.warnings)
+
+
+@pytest.mark.parametrize(("kind", "noun"), [(ServoPoseTopic, "Pose"), (ServoTwistTopic, "Velocity")])
+@pytest.mark.parametrize(
+    ("sec", "nanosec", "is_old"),
+    [(0, 0, False), (1000, 30_000_000, False), (999, 970_000_000, False), (1001, 0, False), (999, 940_000_000, True)],
+)
+def test_what_comes_too_late_on_a_stream_is_refused(
+    node: Node, control: Control, kind: Any, noun: str, sec: int, nanosec: int, is_old: bool
+) -> None:
+    message = pose() if kind is ServoPoseTopic else TwistStamped()
+    message.header.stamp = Time(sec=sec, nanosec=nanosec)  # it is 1000.050 s
+    make(kind, node, control).take(message)
+    assert (control.buffers[Side.RIGHT].tool_goals.read() is None) is is_old
+    sentence = f"{noun} refused: its stamp is 0.11 s old, and twist.timeout is 0.1 s; compare the clocks"
+    assert [each[: len(sentence)] for each in node.warnings] == ([sentence] if is_old else [])
