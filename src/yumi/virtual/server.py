@@ -7,8 +7,9 @@ is published at once.
 from __future__ import annotations
 
 import gc
+import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -30,6 +31,7 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
 from yumi.rws.types import EventType
+from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
@@ -42,6 +44,7 @@ from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
+log = logging.getLogger(__name__)
 
 
 def world_settings(
@@ -199,6 +202,7 @@ class VirtualController:
         self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
         self._faults = FaultInjection(self.world, self._service)
         self._background = Background()
+        self._last_fault = ""
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
             task.background = self._background.submit
@@ -231,8 +235,7 @@ class VirtualController:
                 while not is_over.is_set():
                     inboxes = {side: link.receive() for side, link in self._links.items()}
                     with self._lock:
-                        departures = self.world.exchange(inboxes)
-                        self._service.advance(self._clock.now())
+                        departures = self._cycle(inboxes)
                     for side, datagram, is_foreign in departures:
                         try:
                             self._follow_device(side)
@@ -249,6 +252,23 @@ class VirtualController:
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
+
+    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
+        """One cycle; a fault of this program stops RAPID, and the controller goes on."""
+        try:
+            departures = self.world.exchange(inboxes)
+            self._service.advance(self._clock.now())
+        except Exception as error:
+            controller, sentence = self.world.controller, f"{type(error).__name__}: {error}"
+            if sentence == self._last_fault and not controller.execution.is_running:  # in every cycle
+                return []
+            self._last_fault = sentence
+            log.exception("A fault of the virtual controller stops RAPID.")
+            controller.events.append(20999, "System error", sentence, EventType.ERROR)
+            with suppress(Exception):  # what is broken may be what stops
+                controller.execution.stop("RAPID has been stopped by a fault of the virtual controller.")
+            return []
+        return departures
 
     def _follow_device(self, side: Side) -> None:
         """Send an arm's datagrams where its UDPUC device says: another one may be chosen, or act after a restart.

@@ -18,8 +18,8 @@ from yumi.rapid.parser import parse_module
 from yumi.robot.joints import CYCLE
 from yumi.virtual.rws import symbols as rws_rapid
 from yumi.virtual.rws.operations import Call, Router
-from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, parsed
-from yumi.virtual.world import World
+from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController, parsed
+from yumi.virtual.world import World, WorldSettings
 
 
 @pytest.fixture
@@ -128,3 +128,22 @@ def test_robot_that_is_faster_or_slower_than_real_time_begins_its_cycles_accordi
         clock.advance(0.1 * CYCLE / speed)
         pace.wait()
     assert clock.now() - begin == pytest.approx(4 * CYCLE / speed)
+
+
+def test_fault_in_a_cycle_stops_rapid_and_is_logged_once_but_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    virtual = VirtualController(WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1")
+    controller, over, cycles = virtual.world.controller, Event(), []
+    controller.set_motors(True)
+    controller.start_rapid()
+
+    def fail(_: object) -> None:
+        cycles.append(1)
+        if len(cycles) == 3:
+            over.set()
+        raise ZeroDivisionError("a slip")
+
+    monkeypatch.setattr(virtual.world, "exchange", fail)
+    virtual.run(over, lambda port: None)
+    faults = [each for each in controller.events.entries() if each.title == "System error"]
+    assert (len(cycles), controller.execution.is_running) == (3, False)
+    assert [each.description for each in faults] == ["ZeroDivisionError: a slip"]
