@@ -20,7 +20,7 @@ from threading import Lock, Thread
 from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
-from yumi.egm.udp import UdpClient
+from yumi.egm.udp import UdpClient, resolve
 from yumi.errors import NoConnection, RapidError
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.ast import Module
@@ -73,7 +73,7 @@ def world_settings(
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
         robot_name=robot_name,
-        egm_host=egm_host,
+        egm_host=resolve(egm_host),  # once, since looking a name up takes longer than a cycle
         egm_ports=egm_ports,
         workpieces=workpieces,
         gripper_modules=grippers,
@@ -210,6 +210,7 @@ class VirtualController:
         self._destinations: dict[Side, tuple[str, int]] = {}
         self._links: dict[Side, UdpClient] = {}
         self._foreign_links: dict[Side, UdpClient] = {}
+        self._no_destination: dict[Side, str] = {}
         for side in self.world.arms:
             self._follow_device(side)
 
@@ -237,13 +238,7 @@ class VirtualController:
                     with self._lock:
                         departures = self._cycle(inboxes)
                     for side, datagram, is_foreign in departures:
-                        try:
-                            self._follow_device(side)
-                        except NoConnection as error:
-                            with self._lock:
-                                self.world.controller.events.append(
-                                    41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
-                                )
+                        if not self._has_destination(side):
                             continue
                         (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
@@ -270,11 +265,26 @@ class VirtualController:
             return []
         return departures
 
+    def _has_destination(self, side: Side) -> bool:
+        """Follow an arm's device; why nothing can be sent is logged once."""
+        try:
+            self._follow_device(side)
+        except (NoConnection, OSError, ValueError, OverflowError) as error:
+            if self._no_destination.get(side) != str(error):
+                self._no_destination[side] = str(error)
+                with self._lock:
+                    self.world.controller.events.append(
+                        41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
+                    )
+            return False
+        self._no_destination.pop(side, None)
+        return True
+
     def _follow_device(self, side: Side) -> None:
         """Send an arm's datagrams where its UDPUC device says: another one may be chosen, or act after a restart.
 
         Raises:
-            NoConnection: the device names a host that is not known.
+            NoConnection: the device names no address or port, or there is no way to it.
         """
         destination = self.world.egm_destination(side)
         if destination == self._destinations.get(side):
