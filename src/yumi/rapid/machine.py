@@ -131,7 +131,7 @@ class Frame:
             self.waiting = None
             if self._wait_slot is not None and self._convert is not None:
                 self.slots[self._wait_slot] = self._convert(end.value)
-        except RapidRuntimeError:
+        except (RapidRuntimeError, ArithmeticError):
             self.waiting = None
             raise
 
@@ -199,6 +199,10 @@ class Frame:
             self.step = self.code.spans[self.step - 1].start
 
 
+def _too_large(error: ArithmeticError) -> RapidRuntimeError:
+    return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
+
+
 DEEPEST_STACK = 250
 STEPS_BETWEEN_CLOCK_READS = 8  # reading it takes as long as a step; after an instruction it is read at once
 
@@ -240,6 +244,8 @@ class Machine:
                     frame.poll()
                 except RapidRuntimeError as error:
                     self._recover(error)
+                except ArithmeticError as error:
+                    self._recover(_too_large(error))
                 else:
                     if frame.waiting is not None:
                         return
@@ -272,7 +278,7 @@ class Machine:
         except Propagated as passed:
             self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:
-            self._recover(RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}."))
+            self._recover(_too_large(error))
 
     def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""

@@ -80,3 +80,8 @@ def test_text_behind_a_value_makes_it_no_value(text: str, type_: str) -> None:
     assert bench.read("ok") == "FALSE"
     with pytest.raises(RapidSyntaxError, match="where the end of the text is allowed"):
         parse_expression(text)
+
+
+@pytest.mark.parametrize("call", ['StrDigCmp("\u00b2",EQ,"2")', 'StrDigCmp("2",EQ,"\u0662")'])
+def test_digits_of_other_scripts_make_no_number(call: str) -> None:
+    assert error_of(f"flag := {call};", "VAR bool flag;") == "ERR_INT_NOTVAL"
