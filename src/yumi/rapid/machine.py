@@ -131,9 +131,12 @@ class Frame:
             self.waiting = None
             if self._wait_slot is not None and self._convert is not None:
                 self.slots[self._wait_slot] = self._convert(end.value)
-        except (RapidRuntimeError, ArithmeticError):
+        except RapidRuntimeError:
             self.waiting = None
             raise
+        except ArithmeticError as error:
+            self.waiting = None
+            raise _too_large(error) from error
 
     def abandon(self) -> None:
         """Close the instruction under way, if there is one."""
@@ -244,8 +247,6 @@ class Machine:
                     frame.poll()
                 except RapidRuntimeError as error:
                     self._recover(error)
-                except ArithmeticError as error:
-                    self._recover(_too_large(error))
                 else:
                     if frame.waiting is not None:
                         return
