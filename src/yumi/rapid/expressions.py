@@ -7,6 +7,7 @@ waits) is called before the statement goes on; operands to the left of it are ke
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -56,6 +57,7 @@ from yumi.rapid.types import (
     is_numeric,
     one,
     resolved,
+    single,
     unary_operation,
 )
 
@@ -273,6 +275,11 @@ class Expressions:
             left = replace(left, type=DNUM)
         elif right.is_literal and resolved(left.type) == DNUM:
             right = replace(right, type=DNUM)
+        # Beside a num it is as exact as one.
+        elif left.is_literal and not right.is_literal and resolved(right.type) == NUM:
+            left = _rounded(left, node.left)
+        elif right.is_literal and not left.is_literal and resolved(left.type) == NUM:
+            right = _rounded(right, node.right)
         found = binary_operation(node.operator, left.type, right.type)
         if found is None:
             types = f"{described(left.type)} and {described(right.type)}"
@@ -397,6 +404,16 @@ class Expressions:
         if not isinstance(resolved(compiled.type), SignalType):
             return compiled
         return _level(compiled.evaluate, NUM)
+
+
+def _rounded(literal: Compiled, node: s.Expression) -> Compiled:
+    """A literal in the single precision of a num."""
+    evaluate = literal.evaluate
+    if isinstance(node, s.Literal) and not isinstance(node.value, str):
+        with suppress(RapidRuntimeError):  # too large: an error where it is executed
+            value = single(node.value)
+            return Compiled(lambda frame: value, NUM)
+    return Compiled(lambda frame: single(evaluate(frame)), NUM)
 
 
 def _level(signal: Evaluate, type_: Type) -> Compiled:

@@ -134,6 +134,9 @@ class Frame:
         except RapidRuntimeError:
             self.waiting = None
             raise
+        except ArithmeticError as error:
+            self.waiting = None
+            raise _too_large(error) from error
 
     def abandon(self) -> None:
         """Close the instruction under way, if there is one."""
@@ -197,6 +200,10 @@ class Frame:
         self.abandon()
         if self.step > 0 and not self.is_interrupted:
             self.step = self.code.spans[self.step - 1].start
+
+
+def _too_large(error: ArithmeticError) -> RapidRuntimeError:
+    return RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}.")
 
 
 DEEPEST_STACK = 250
@@ -272,7 +279,7 @@ class Machine:
         except Propagated as passed:
             self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:
-            self._recover(RapidRuntimeError("ERR_NUM_LIMIT", f"A number in the expression is too large: {error}."))
+            self._recover(_too_large(error))
 
     def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""

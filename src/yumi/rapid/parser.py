@@ -713,6 +713,7 @@ def _mistake(error: UnexpectedInput, text: str) -> Mistake:
     groups = {word: members for word, members in GROUPS.items() if names >= members}
     rest = names.difference(*groups.values())
     words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
+    words = words or ["the end of the text"]
     allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
     return Mistake(f"found {found} where {allowed} is allowed.", line, column)
 

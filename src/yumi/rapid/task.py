@@ -161,6 +161,7 @@ class Task:
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
         self._prepared: Prepared | None = None
+        self._failures: list[Exception] = []  # of what happened outside of the task's time
 
     @property
     def execution(self) -> Execution:
@@ -333,6 +334,7 @@ class Task:
     def _begin(self, routine: UserRoutine) -> None:
         self._machine.undo_all(STEPS_OF_UNDO)
         self._machine.interrupts.clear()
+        self._failures.clear()
         self._booked.clear()
         initialise_variables(self.program)
         self._machine.enter(routine, (), None)
@@ -413,12 +415,18 @@ class Task:
     def _pass_to(self, time: float) -> None:
         self.now = time
         try:
+            if self._failures:
+                raise self._failures.pop(0)
             self.timers.perform(time)
             if self.is_running:
                 self._machine.interrupts.time_passed(time)
                 self._machine.run()
-        except Exception as error:  # one that RAPID has no number for: whatever a program does, the controller goes on
+        except Exception as error:  # outside of a statement: whatever a program does, the controller goes on
             frame = self._machine.frames[-1] if self._machine.frames else None
+            if isinstance(error, RapidRuntimeError) and frame is not None:
+                self.note_error(error)
+                self.failed(error, frame)
+                return
             where = "no routine" if frame is None else self._where(frame)
             what = f"{type(error).__name__}: {error}"
             sentence = f"{self.name} stopped in {where}, with a system error, which is the virtual controller's: {what}"
@@ -429,6 +437,16 @@ class Task:
             else:
                 self._halt(EventKind.ERROR, sentence, frame)
                 frame.rewind()
+
+    def attempt(self, action: Callable[[], None]) -> None:
+        """Do what the program has ordered for later, at a place on the path; an error stops the task when it goes on.
+
+        Not at once, since the arm is on its way meanwhile.
+        """
+        try:
+            action()
+        except Exception as error:  # what the task makes of it, `_pass_to` says
+            self._failures.append(error)
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Latch the interrupts that an I/O signal's change orders; lost while the task is not started."""

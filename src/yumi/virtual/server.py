@@ -7,8 +7,9 @@ is published at once.
 from __future__ import annotations
 
 import gc
+import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +20,7 @@ from threading import Lock, Thread
 from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
-from yumi.egm.udp import UdpClient
+from yumi.egm.udp import UdpClient, resolve
 from yumi.errors import NoConnection, RapidError
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.ast import Module
@@ -30,6 +31,7 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
 from yumi.rws.types import EventType
+from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
@@ -42,6 +44,7 @@ from yumi.virtual.sockets import LocalNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
+log = logging.getLogger(__name__)
 
 
 def world_settings(
@@ -70,7 +73,7 @@ def world_settings(
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
         robot_name=robot_name,
-        egm_host=egm_host,
+        egm_host=resolve(egm_host),  # once, since looking a name up takes longer than a cycle
         egm_ports=egm_ports,
         workpieces=workpieces,
         gripper_modules=grippers,
@@ -199,6 +202,7 @@ class VirtualController:
         self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
         self._faults = FaultInjection(self.world, self._service)
         self._background = Background()
+        self._last_fault = ""
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
             task.background = self._background.submit
@@ -206,6 +210,7 @@ class VirtualController:
         self._destinations: dict[Side, tuple[str, int]] = {}
         self._links: dict[Side, UdpClient] = {}
         self._foreign_links: dict[Side, UdpClient] = {}
+        self._no_destination: dict[Side, str] = {}
         for side in self.world.arms:
             self._follow_device(side)
 
@@ -231,16 +236,9 @@ class VirtualController:
                 while not is_over.is_set():
                     inboxes = {side: link.receive() for side, link in self._links.items()}
                     with self._lock:
-                        departures = self.world.exchange(inboxes)
-                        self._service.advance(self._clock.now())
+                        departures = self._cycle(inboxes)
                     for side, datagram, is_foreign in departures:
-                        try:
-                            self._follow_device(side)
-                        except NoConnection as error:
-                            with self._lock:
-                                self.world.controller.events.append(
-                                    41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
-                                )
+                        if not self._has_destination(side):
                             continue
                         (self._foreign_links if is_foreign else self._links)[side].send(datagram)
                     pace.wait()
@@ -250,11 +248,43 @@ class VirtualController:
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()
 
+    def _cycle(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
+        """One cycle; a fault of this program stops RAPID, and the controller goes on."""
+        try:
+            departures = self.world.exchange(inboxes)
+            self._service.advance(self._clock.now())
+        except Exception as error:
+            controller, sentence = self.world.controller, f"{type(error).__name__}: {error}"
+            if sentence == self._last_fault and not controller.execution.is_running:  # in every cycle
+                return []
+            self._last_fault = sentence
+            log.exception("A fault of the virtual controller stops RAPID.")
+            controller.events.append(20999, "System error", sentence, EventType.ERROR)
+            with suppress(Exception):  # what is broken may be what stops
+                controller.execution.stop("RAPID has been stopped by a fault of the virtual controller.")
+            return []
+        return departures
+
+    def _has_destination(self, side: Side) -> bool:
+        """Follow an arm's device; why nothing can be sent is logged once."""
+        try:
+            self._follow_device(side)
+        except (NoConnection, OSError, ValueError, OverflowError) as error:
+            if self._no_destination.get(side) != str(error):
+                self._no_destination[side] = str(error)
+                with self._lock:
+                    self.world.controller.events.append(
+                        41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
+                    )
+            return False
+        self._no_destination.pop(side, None)
+        return True
+
     def _follow_device(self, side: Side) -> None:
         """Send an arm's datagrams where its UDPUC device says: another one may be chosen, or act after a restart.
 
         Raises:
-            NoConnection: the device names a host that is not known.
+            NoConnection: the device names no address or port, or there is no way to it.
         """
         destination = self.world.egm_destination(side)
         if destination == self._destinations.get(side):

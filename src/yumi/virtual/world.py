@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from ipaddress import IPv4Address
 
+from yumi.errors import NoConnection
 from yumi.robot.arms import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
@@ -17,6 +19,7 @@ from yumi.virtual.controller.system import System, delivered_system
 from yumi.virtual.controller.units import ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
+from yumi.virtual.sockets import is_loopback
 
 _PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
 _ADD_IN = "StateMachine Core"
@@ -24,6 +27,9 @@ _ADD_IN = "StateMachine Core"
 
 _NOWHERE = "127.0.0.1", 9
 """The discard port."""
+
+LARGEST_PORT = 65535
+_DIGITS_OF_PORT = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +97,7 @@ class World:
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
         self.network = EgmNetwork(self.cycle_time)
+        self._egm_host = settings.egm_host
         options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
         self.controller = Irc5(
             tuple(self._units.values()),
@@ -134,11 +141,28 @@ class World:
         return datagrams
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
-        """Address and port of the UDPUC device the arm sends its datagrams to."""
+        """Address and port of the UDPUC device the arm sends its datagrams to.
+
+        Programs may change the device (WriteCfgData), and clients too: an address elsewhere than on this machine
+        stands for the host of the settings, the only other one anything is sent to. Names are not looked up.
+
+        Raises:
+            NoConnection: the device names no IP address, or no port.
+        """
         device = self.controller.effective.find("SIO", "COM_TRP", self._units[side].egm_device)
         if device is None:  # from the factory: EGM cannot be set up, so that nothing is sent
             return _NOWHERE
-        return device.attributes["RemoteAdress"], int(device.attributes["RemotePortNumber"])
+        host, port = device.attributes.get("RemoteAdress", ""), device.attributes.get("RemotePortNumber", "")
+        if not (port.isascii() and port.isdigit() and len(port) <= _DIGITS_OF_PORT and 1 <= int(port) <= LARGEST_PORT):
+            raise NoConnection(f"The UDPUC device {device.name} has the port '{port}'; use 1 to {LARGEST_PORT}.")
+        if host == self._egm_host or is_loopback(host):
+            return host, int(port)
+        try:
+            IPv4Address(host)
+        except ValueError as error:
+            sentence = f"The UDPUC device {device.name} has the address '{host}'; use an IP address, such as 10.0.0.2."
+            raise NoConnection(sentence) from error
+        return self._egm_host, int(port)
 
 
 def _arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:

@@ -3,6 +3,9 @@
 import pytest
 from rapid_bench import error_of, evaluated, started
 
+from yumi.rapid.errors import RapidSyntaxError
+from yumi.rapid.parser import parse_expression
+
 
 @pytest.mark.parametrize(
     ("expression", "value"),
@@ -69,3 +72,16 @@ def test_string_becomes_a_value_of_the_variables_type() -> None:
         'ok := StrToVal("[1, 2,3E1]", p); fine1 := StrToVal("x", p);', "VAR bool ok; VAR bool fine1; VAR pos p;"
     )
     assert (bench.read("ok"), bench.read("p"), bench.read("fine1")) == ("TRUE", "[1,2,30]", "FALSE")
+
+
+@pytest.mark.parametrize(("text", "type_"), [("1,5", "num"), ("5;", "num"), ("[1,2,3]x", "pos")])
+def test_text_behind_a_value_makes_it_no_value(text: str, type_: str) -> None:
+    bench = started(f'ok := StrToVal("{text}", v);', f"VAR bool ok := TRUE; VAR {type_} v;")
+    assert bench.read("ok") == "FALSE"
+    with pytest.raises(RapidSyntaxError, match="where the end of the text is allowed"):
+        parse_expression(text)
+
+
+@pytest.mark.parametrize("call", ['StrDigCmp("\u00b2",EQ,"2")', 'StrDigCmp("2",EQ,"\u0662")'])
+def test_digits_of_other_scripts_make_no_number(call: str) -> None:
+    assert error_of(f"flag := {call};", "VAR bool flag;") == "ERR_INT_NOTVAL"

@@ -85,3 +85,16 @@ def test_module_cannot_unload_itself() -> None:
     bench = started('UnLoad "M.mod";')
     assert bench.stop.error == "ERR_UNLOAD"
     assert "The module 'M' is executing" in bench.stop.sentence
+
+
+def test_task_has_ten_files_open_at_most() -> None:
+    body = r'FOR i FROM 1 TO 12 DO Open "HOME:/f"+ValToStr(i), f{i}\Write; n := i; ENDFOR'
+    bench = started(body, "VAR iodev f{12}; VAR num n;")
+    assert (bench.stop.error, bench.read("n")) == ("ERR_FILEOPEN", "10")
+    assert "10 files open already" in bench.stop.sentence
+
+
+def test_file_that_is_closed_leaves_room_for_another() -> None:
+    body = r'FOR i FROM 1 TO 30 DO Open "HOME:/f", f\Write; Close f; n := i; ENDFOR'
+    bench = started(body, "VAR iodev f; VAR num n;")
+    assert (bench.stop.error, bench.read("n")) == ("", "30")

@@ -147,3 +147,11 @@ def test_expression_that_does_not_fit_is_refused(statement: str, sentence: str) 
     with pytest.raises(RapidReferenceError, match=r"M, line 4: ") as caught:
         bench.task.move_pp_to_main()
     assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("condition", "value"),
+    [("n = 0.3", "TRUE"), ("0.3 = n", "TRUE"), ("-n = -0.3", "TRUE"), ("n > 0.3", "FALSE"), ("d = 0.3", "TRUE")],
+)
+def test_literal_beside_a_num_is_as_exact_as_one(condition: str, value: str) -> None:
+    assert evaluated(condition, "bool", "VAR num n := 0.3; VAR dnum d := 0.3;") == value

@@ -201,3 +201,19 @@ def test_late_binding_of_what_is_not_provided_stops_there() -> None:
 def test_names_of_robotware_are_known_without_regard_to_case() -> None:
     assert started("Confl \\Off; ERROR TRYNEXT;").stop.error == "NOT_PROVIDED"
     assert started("ConfM \\Off;").stop.error == "ERR_REFUNKPRC"
+
+
+def test_number_that_grows_too_large_while_an_instruction_waits_is_an_error_of_the_program(
+    library: InstructionSet,
+) -> None:
+    @library.instruction("Overflow", "")
+    def overflow(call: Call) -> Wait:
+        yield None
+        raise OverflowError("math range error")
+
+    bench = started("Overflow; ERROR n := 1; TRYNEXT;", "VAR num n;", library)
+    bench.run(0.01)
+    assert bench.read("n") == "1"
+    bench = started("Overflow;", library=library)
+    bench.run(0.01)
+    assert bench.stop.error == "ERR_NUM_LIMIT"

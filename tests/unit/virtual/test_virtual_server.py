@@ -15,11 +15,11 @@ from lark import UnexpectedInput
 from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
-from yumi.robot.joints import CYCLE
+from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.rws import symbols as rws_rapid
 from yumi.virtual.rws.operations import Call, Router
-from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, parsed
-from yumi.virtual.world import World
+from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController, parsed
+from yumi.virtual.world import World, WorldSettings
 
 
 @pytest.fixture
@@ -128,3 +128,39 @@ def test_robot_that_is_faster_or_slower_than_real_time_begins_its_cycles_accordi
         clock.advance(0.1 * CYCLE / speed)
         pace.wait()
     assert clock.now() - begin == pytest.approx(4 * CYCLE / speed)
+
+
+def test_fault_in_a_cycle_stops_rapid_and_is_logged_once_but_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    virtual = VirtualController(WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1")
+    controller, over, cycles = virtual.world.controller, Event(), []
+    controller.set_motors(True)
+    controller.start_rapid()
+
+    def fail(_: object) -> None:
+        cycles.append(1)
+        if len(cycles) == 3:
+            over.set()
+        raise ZeroDivisionError("a slip")
+
+    monkeypatch.setattr(virtual.world, "exchange", fail)
+    virtual.run(over, lambda port: None)
+    faults = [each for each in controller.events.entries() if each.title == "System error"]
+    assert (len(cycles), controller.execution.is_running) == (3, False)
+    assert [each.description for each in faults] == ["ZeroDivisionError: a slip"]
+
+
+def test_device_without_an_address_is_logged_once_and_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    virtual = VirtualController(WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1")
+    controller, over, cycles = virtual.world.controller, Event(), []
+
+    def departures(_: object) -> list[tuple[Side, bytes, bool]]:
+        controller.effective.change("SIO", "COM_TRP", "ROB_L", {"RemotePortNumber": "70000"})
+        cycles.append(1)
+        if len(cycles) == 3:
+            over.set()
+        return [(Side.LEFT, b"datagram", False)]
+
+    monkeypatch.setattr(virtual.world, "exchange", departures)
+    virtual.run(over, lambda port: None)
+    sentences = [each.description for each in controller.events.entries() if each.code == 41830]
+    assert sentences == ["The UDPUC device ROB_L has the port '70000'; use 1 to 65535."]

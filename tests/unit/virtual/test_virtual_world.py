@@ -2,6 +2,7 @@
 
 import pytest
 
+from yumi.errors import NoConnection
 from yumi.robot.joints import CYCLE, Joints, Side, home
 from yumi.virtual.mechanics.gripper import Workpiece
 from yumi.virtual.world import World, WorldSettings
@@ -18,6 +19,30 @@ def test_world_sends_where_the_settings_say() -> None:
     world = World(WorldSettings(egm_host="10.0.0.2", egm_ports={Side.LEFT: 7001}))
     assert world.egm_destination(Side.LEFT) == ("10.0.0.2", 7001)
     assert world.egm_destination(Side.RIGHT) == ("10.0.0.2", 6512)
+
+
+@pytest.mark.parametrize(
+    ("given", "host"),
+    [("127.0.0.1", "127.0.0.1"), ("localhost", "localhost"), ("10.0.0.2", "10.0.0.2"), ("192.0.2.9", "10.0.0.2")],
+)
+def test_device_that_was_changed_leads_to_this_machine_or_to_the_host_of_the_settings(given: str, host: str) -> None:
+    world = World(WorldSettings(egm_host="10.0.0.2"))
+    world.controller.effective.change("SIO", "COM_TRP", "ROB_L", {"RemoteAdress": given, "RemotePortNumber": "7000"})
+    assert world.egm_destination(Side.LEFT) == (host, 7000)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *(("RemotePortNumber", port) for port in ("", "0", "-1", "65536", "9" * 5000, "x", "\u0661")),
+        *(("RemoteAdress", host) for host in ("", "example.org", "10.0.0", "::g")),
+    ],
+)
+def test_device_without_a_usable_address_has_no_destination(name: str, value: str) -> None:
+    world = World()
+    world.controller.effective.change("SIO", "COM_TRP", "ROB_L", {name: value})
+    with pytest.raises(NoConnection, match="The UDPUC device ROB_L has the"):
+        world.egm_destination(Side.LEFT)
 
 
 def test_world_has_what_the_settings_put_into_it() -> None:

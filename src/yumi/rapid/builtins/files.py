@@ -9,6 +9,8 @@ from __future__ import annotations
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary, WeakSet
 
 from yumi.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes, whole
 from yumi.rapid.devices import Disk, Entry
@@ -16,6 +18,9 @@ from yumi.rapid.errors import RapidRuntimeError, RapidValueError
 from yumi.rapid.library import Call, Library
 from yumi.rapid.parser import format_value, parse_value
 from yumi.rapid.types import LONGEST_STRING
+
+if TYPE_CHECKING:
+    from yumi.rapid.task import Task
 
 FILES = Library(RAWBYTES)
 EOF_NUM = 9.998e36
@@ -43,7 +48,10 @@ class OpenFile:
         is_readable, is_writable, is_binary: what Open has asked for.
     """
 
-    __slots__ = ("_disk", "_unwritten", "content", "is_binary", "is_readable", "is_writable", "path", "position")
+    __slots__ = (
+        *("__weakref__", "_disk", "_unwritten", "content", "is_binary"),
+        *("is_readable", "is_writable", "path", "position"),
+    )
 
     def __init__(self) -> None:
         self._disk: Disk | None = None
@@ -148,6 +156,9 @@ def _file(call: Call, name: str = "IODevice", *, to_read: bool = False, to_write
 
 # Opening and closing ----------------------------------------------------------------------------------------------
 
+_opened: WeakKeyDictionary[Task, WeakSet[OpenFile]] = WeakKeyDictionary()
+"""What each task has opened; closed ones have no path."""
+
 
 @FILES.instruction(
     "Open",
@@ -167,6 +178,9 @@ def open_file(call: Call) -> None:
         raise RapidRuntimeError("ERR_FILEOPEN", sentence)
     if file.path:
         raise RapidRuntimeError("ERR_FILEOPEN", f"Open: {call.reference('IODevice').name} is open; Close closes it.")
+    opened = _opened.setdefault(call.task, WeakSet())
+    if sum(bool(each.path) for each in opened) >= MOST_OPEN:
+        raise RapidRuntimeError("ERR_FILEOPEN", f"Open: the task has {MOST_OPEN} files open already; Close closes one.")
     disk = call.task.host.devices.disk
     is_reading = call.present("Read")
     is_new = call.present("Write") or not (is_reading or call.present("Append"))
@@ -179,6 +193,7 @@ def open_file(call: Call) -> None:
     except OSError as error:
         raise RapidRuntimeError("ERR_FILEOPEN", f"Open: {error}") from error
     file.open(disk, path, content)
+    opened.add(file)
     file.is_binary = call.present("Bin")
     file.is_readable = not (call.present("Write") or (call.present("Append") and not call.present("Bin")))
     file.is_writable = not is_reading

@@ -128,7 +128,7 @@ def other_base(call: Call) -> str:
 def _digits(call: Call, name: str) -> int:
     """A stringdig: a whole number from 0 to 4294967295, as DeviceNet and cfg files have them."""
     text: str = call[name]
-    if not text.isdigit():
+    if not (text.isascii() and text.isdigit()):
         raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name}: '{text}' is not a whole number in digits.")
     if int(text) > LARGEST_DIGITS:
         raise RapidRuntimeError("ERR_INT_MAXVAL", f"{call.name} takes up to {LARGEST_DIGITS}, not {text}.")

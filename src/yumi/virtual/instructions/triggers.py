@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -69,6 +70,8 @@ class TriggerInstructions:
         if name is None:
             raise RapidRuntimeError(FATAL, rf"{call.name} needs one of \DOp, \GOp and \AOp.")
         value, delay = call["SetValue"], call.get("DODelay", 0.0)
+        if call.present("DOp"):
+            value = 1.0 if value else 0.0
 
         def act(move: Call) -> None:
             if delay > 0.0:
@@ -212,14 +215,17 @@ class TriggerInstructions:
             if passage.run.length == 0.0:
                 action(call)
                 continue
-            run.triggers.append(Trigger(passage, at, event.lead + event.time, lambda action=action: action(call)))  # type: ignore[misc]
+            happens = partial(call.task.attempt, partial(action, call))
+            run.triggers.append(Trigger(passage, at, event.lead + event.time, happens))
 
     def set_at_end(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
         """MoveLDO, MoveJAO and their like: a signal is set at the end, in the middle of a corner there."""
 
         def move(call: Call) -> Wait:
-            value = call.get("DValue", call.get("Value", 0.0))
-            event = Event(lambda _: call.task.write_signal(call["Signal"].name, value))
+            value, name = call.get("DValue", call.get("Value", 0.0)), call["Signal"].name
+            if call.name.upper().endswith("DO"):
+                value = 1.0 if value else 0.0
+            event = Event(lambda _: call.task.write_signal(name, value))
             attach: Callable[[Passage], None] = lambda passage: self._attach(call, passage, [event])  # noqa: E731
             yield from self._motion.passed(call, build(call), attach)
 

@@ -271,6 +271,9 @@ def circle(
     if mode is CircleMode.PATH:
         relative_end = rotations_about(-sweep * normal[None])[0] @ to_rotation
     turn = rotation_vectors((rotation.T @ relative_end)[None])[0]
+    if mode is CircleMode.PATH:  # as the tool turns in the object on the shortest way, beside its turn with the path
+        own = rotation_vectors((rotation.T @ to_rotation)[None])[0]
+        turn = _with_turns(turn, own - sweep * (rotation.T @ normal))
 
     def place(shares: Array) -> tuple[Array, Array, Array]:
         angles = shares[:, None] * sweep
@@ -286,6 +289,14 @@ def circle(
         return points, rotations, angle + shares * (to_angle - angle)
 
     return place
+
+
+def _with_turns(vector: Array, near: Array) -> Array:
+    """The rotation vector of the same rotation, with as many whole turns as bring it near another one [rad]."""
+    angle = float(np.linalg.norm(vector))
+    axis = vector / angle if angle > _NO_LENGTH else near / max(float(np.linalg.norm(near)), _NO_LENGTH)
+    turns = round((float(near @ axis) - angle) / (2.0 * pi))
+    return np.asarray(vector + axis * (turns * 2.0 * pi))
 
 
 class CircleMode(Enum):

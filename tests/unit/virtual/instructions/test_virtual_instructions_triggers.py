@@ -5,11 +5,13 @@ import pytest
 from drawn_path import Array, Drawing, at, from_line
 from instruction_bench import InstructionBench
 
+from yumi.rapid.program import EventKind
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.signals import Signal
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 BEGIN = r"ConfL\Off; point:=CRobT(\Tool:=tool0\WObj:=wobj0); "
+TRIGGER_DO = r"TriggIO event,5\DOp:=done,{}; TriggL Offs(point,0,0,-50),v200,event,fine,tool0;"
 TURN = "MoveL{} Offs(point,0,0,-100),v200,z20,tool0{}; MoveL Offs(point,100,0,-100),v200,fine,tool0;"
 
 
@@ -215,3 +217,28 @@ def test_cleared_path_is_not_gone_on_with(bench: InstructionBench) -> None:
     lowest = np.min(drawing.points[:, 2]) - drawing.points[0][2]
     assert -60.0 < lowest < -20.0
     assert drawing.points[-1] == pytest.approx(drawing.points[0], abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    "body",
+    ["MoveLDO Offs(point,0,0,-50),v200,fine,tool0,done,5;", TRIGGER_DO.format(5)],
+)
+def test_digital_output_on_the_path_is_set_by_any_number_but_zero(bench: InstructionBench, body: str) -> None:
+    bench.run(BEGIN + body)
+    assert (bench.failure, bench.signals.get("done").value) == ("", 1.0)
+
+
+@pytest.mark.parametrize(("error", "name"), [(KeyError("done"), "ERR_SIG_NOT_VALID"), (TypeError("a slip"), "")])
+def test_error_at_a_place_on_the_path_stops_the_program_not_the_controller(
+    bench: InstructionBench, monkeypatch: pytest.MonkeyPatch, error: Exception, name: str
+) -> None:
+    def fail(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(bench.host, "write_signal", fail)
+    bench.run(BEGIN + "MoveLDO Offs(point,0,0,-50),v200,fine,tool0,done,1; number:=3;")
+    stop = bench.host.events[-1]
+    assert (stop.kind, stop.error, bench.read("number")) == (EventKind.ERROR, name, "0")
+    assert stop.sentence.startswith("T_ROB_R stopped in Program/main, line ")
+    bench.run("number:=7;")
+    assert bench.read("number") == "7"

@@ -108,6 +108,22 @@ def test_circle_runs_through_its_points() -> None:
     assert np.max(drawing.speeds) == pytest.approx(100.0, rel=0.02)
 
 
+@pytest.mark.parametrize(
+    "targets",
+    [
+        "Offs(point,25,25,0),Offs(point,50,0,0)",
+        "Offs(point,25,0,-25),Offs(point,0,0,-50)",
+        "Offs(point,30,30,0),Offs(point,42.7,-27.2,0)",
+        "Offs(point,30,-30,0),Offs(point,42.7,27.2,0)",
+    ],
+    ids=["half", "half upright", "230 degrees", "230 degrees back"],
+)
+def test_tool_does_not_turn_on_a_long_arc_between_targets_of_one_orientation(targets: str) -> None:
+    drawing = drawn(f"point:=CRobT(); MoveC {targets},v100,fine,tool0;")
+    turns = drawing.frames[:, :3, :3] @ drawing.frames[0, :3, :3].T
+    assert np.min(np.trace(turns, axis1=1, axis2=2)) > 3.0 - 1e-5
+
+
 def test_joint_move_turns_all_joints_in_proportion() -> None:
     drawing = drawn("point:=CRobT(); MoveJ Offs(point,80,-60,-60),v200,fine,tool0;")
     joints = np.array(drawing.joints)

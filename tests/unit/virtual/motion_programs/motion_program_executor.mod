@@ -39,7 +39,7 @@ MODULE motion_program_exec
         VAR robtarget at:=[[350,0,300],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
         steps{1}:=[1,at,at,300];
         steps{2}:=[2,Offs(at,0,80,0),at,200];
-        steps{3}:=[3,at,Offs(at,-40,40,0),150];
+        steps{3}:=[3,at,Offs(at,-40,40,0),40];
         steps{4}:=[2,Offs(at,0,0,50),at,100];
     ENDPROC
 ENDMODULE
