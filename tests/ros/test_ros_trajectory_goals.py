@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from threading import Thread
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -31,6 +32,9 @@ INACTIVE = ControllerInfo("lone", "tests/One", State.INACTIVE, ("a/position",), 
 ACTIVE = ControllerInfo("other", "tests/One", State.ACTIVE, ("a/position",), ("a/position",))
 
 
+UPSAMPLING = SimpleNamespace(parameter=SimpleNamespace(name="positions_upsampling.enable"), value=False)
+
+
 class Lone:
     """An action whose controllers take everything, unless there is a ``refusal``, and tell nothing."""
 
@@ -51,7 +55,7 @@ class Lone:
         answers: dict[Any, Any] = {
             Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
             Commands.list_controllers: (INACTIVE, ACTIVE),
-            Commands.list_parameters: (),
+            Commands.list_parameters: (UPSAMPLING,),
         }
         if self.refusal and command is Commands.check_commands:
             raise CommandRefused(self.refusal)
