@@ -10,6 +10,7 @@
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     │   └── StopNotConfirmed     a person stopped it, or a collision: look at the robot, then confirm the stop
+    ├── PlanNotFound         no way leads there: take a goal with more room about it
     ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
@@ -67,6 +68,10 @@ class RobotNotReady(YumiError):
 
 class StopNotConfirmed(RobotNotReady):
     """An emergency stop, a guard stop or a collision waits for a person's confirmation; nothing was changed."""
+
+
+class PlanNotFound(YumiError):
+    """No way was found: the goal, or all ways to it, are too near to something, or time ran out."""
 
 
 class GoalNotReached(YumiError):

@@ -27,7 +27,7 @@ OK, WARN, ERROR = diagnostics.OK, diagnostics.WARN, diagnostics.ERROR
 
 
 def threshold(subject: str, quantity: str) -> tuple[float, float]:
-    """The defaults: [Hz] or [µs]."""
+    """Like the defaults, narrower where they are wide: [Hz] or [µs]."""
     if "periodicity" in quantity:
         return (124.0, 248.0) if "deviation" in quantity else (5.0, 10.0)
     return (1000.0, 2000.0) if "mean" in quantity else (100.0, 200.0)

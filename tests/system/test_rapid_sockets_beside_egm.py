@@ -66,21 +66,21 @@ def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) ->
             for port in ports[2:]
             for _ in range(CONNECTIONS)
         ]
-        exchanges = _exchanged(arms, clients, seconds)
+        answered = _exchanged(arms, clients, seconds)
     gaps = [after - before for arm in arms for before, after in zip(arm.times, arm.times[1:], strict=False)]
     tell(
-        f"{exchanges / seconds:.0f} exchanges/s over {len(clients)} connections; EGM cycle mean "
+        f"{sum(answered) / seconds:.0f} exchanges/s over {len(clients)} connections; EGM cycle mean "
         f"{statistics.mean(gaps) * 1e3:.3f} ms, longest {max(gaps) * 1e3:.1f} ms"
     )
     for arm in arms:
         assert arm.numbers == list(range(arm.numbers[0], arm.numbers[0] + len(arm.numbers))), "a cycle is missing"
         assert len(arm.numbers) > 0.95 * (seconds - 1.0) / CYCLE
-    assert exchanges > 0.25 * 2 * CONNECTIONS * seconds / CYCLE  # nearly all on a machine that is quiet
+    assert min(answered) > 0.5 * max(answered) > 0  # no connection is kept waiting for the others
 
 
-def _exchanged(arms: list[Arm], clients: list[socket.socket], seconds: float) -> int:
-    """How many requests were answered, each client sending its next one when it has the answer."""
-    count, requests = 0, dict.fromkeys(clients, 0)
+def _exchanged(arms: list[Arm], clients: list[socket.socket], seconds: float) -> list[int]:
+    """How many requests of each client were answered, which sends its next one when it has the answer."""
+    requests = dict.fromkeys(clients, 0)
     with selectors.DefaultSelector() as selector:
         for arm in arms:
             selector.register(arm.socket, selectors.EVENT_READ, arm)
@@ -99,6 +99,5 @@ def _exchanged(arms: list[Arm], clients: list[socket.socket], seconds: float) ->
                 (answer,) = struct.unpack(">I", client.recv(4))
                 assert answer == requests[client] + 1
                 requests[client] = answer
-                count += 1
                 client.sendall(struct.pack(">I", answer))
-    return count
+    return list(requests.values())

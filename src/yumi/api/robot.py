@@ -651,7 +651,7 @@ class Robot:
         right: Position | Pose | None = None,
         left: Position | Pose | None = None,
         timeout: float = 30.0,
-        speed: float = 1.0,
+        speed_scale: float = 1.0,
         seed: int = 0,
     ) -> Plan:
         """Plan a motion around the robot itself and the declared boxes; nothing moves before :meth:`execute`.
@@ -661,7 +661,7 @@ class Robot:
                 frame, which is reached in a posture near the present one; None lets it stand.
             left: the same for the left arm.
             timeout: how long to look for a way [s].
-            speed: share of the joints' speeds, above 0 up to 1.
+            speed_scale: share of the joints' speeds, above 0 up to 1.
             seed: of the random numbers; the same one finds the same way.
 
         Raises:
@@ -683,7 +683,7 @@ class Robot:
                 for side, goal in goals.items()
             },
             timeout=timeout,
-            speed=speed,
+            speed_scale=speed_scale,
             seed=seed,
         )
 

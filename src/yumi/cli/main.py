@@ -21,8 +21,8 @@ from yumi.cli.answer import answer
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
+from yumi.cli.moveit import moveit_config
 from yumi.cli.options import ROS_ARGUMENTS
-from yumi.cli.plan import moveit_config
 from yumi.cli.rapid import rapid
 from yumi.cli.record import record
 from yumi.cli.up import up

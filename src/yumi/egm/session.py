@@ -280,6 +280,8 @@ class SensorSession(Generic[Message]):
         if is_accepted:
             return True
         self._count_old(-ahead)
+        if message == last.message:  # a copy is no other session
+            return False
         before = self._candidate
         if not self._is_new_session(message, now):
             return False

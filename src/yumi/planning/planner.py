@@ -3,8 +3,8 @@
 ::
 
     planner = Planner(obstacles=(Obstacle("box", Pose((0.4, 0.0, 0.1), IDENTITY), (0.2, 0.2, 0.2)),))
-    plan = planner.plan({Side.RIGHT: here}, {Side.RIGHT: there}, {Side.LEFT: resting})
-    robot.follow(right=plan.points[Side.RIGHT])
+    plan = planner.plan({Side.RIGHT: here, Side.LEFT: resting}, {Side.RIGHT: there})
+    robot.execute(plan)
 
 A path is found by RRT-Connect and shortened, rounded and timed by TOPP-RA within the joints' speeds and accelerations;
 then its time law is smoothed, so that the joints' jerks are kept, too. The way through space stays the one that was
@@ -14,7 +14,7 @@ checked. Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import islice, product
@@ -28,7 +28,7 @@ import yaml
 from numpy.typing import NDArray
 
 from yumi.control.trajectory import TrajectoryPoint, spline_through
-from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
 from yumi.planning.scene import GROUPS, planning_description, semantic_description
 from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
@@ -48,10 +48,6 @@ _POINT = 0.02  # between two points of the result [s]
 _ARM_ANGLES = (0.0, 0.35, -0.35, 0.7, -0.7, 1.2, -1.2, 1.9, -1.9, pi)  # tried for a pose, from that of the start [rad]
 _GOALS = 12  # postures of a pose that are tried
 _ATTEMPTS = 4  # with other random numbers: a tree that grew into a corner is given up
-
-
-class PlanNotFound(YumiError):
-    """No way was found: the goal, or all ways to it, are too near to something, or time ran out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,9 +107,8 @@ class Planner:
         goal: Mapping[Side, Goal],
         *,
         timeout: float = 30.0,
-        speed: float = 1.0,
+        speed_scale: float = 1.0,
         seed: int = 0,
-        is_over: Callable[[], bool] = lambda: False,
     ) -> Plan:
         """A motion of the arms in ``goal`` that keeps clear of everything, or an error.
 
@@ -121,9 +116,8 @@ class Planner:
             start: where both arms are [rad]; one without a goal stays there.
             goal: joint positions [rad], or the pose of tool0 in the body frame, by arm.
             timeout: how long to look for a way [s].
-            speed: share of the joints' speeds, above 0 up to 1.
+            speed_scale: share of the joints' speeds, above 0 up to 1.
             seed: of the random numbers; the same one finds the same way.
-            is_over: asked now and then; planning ends when it is.
 
         Raises:
             CommandRefused: the start or the goal is impossible, out of range or too near to something.
@@ -141,7 +135,7 @@ class Planner:
         self._scene.setJointPositions(self._full(start))  # where an arm without a goal stays
         path = None
         for attempt, target in enumerate([*islice(free, _ATTEMPTS)] * _ATTEMPTS):
-            if time.monotonic() - begin > timeout or is_over():
+            if time.monotonic() - begin > timeout:
                 break
             rrt = RRT(
                 self._scene,
@@ -173,7 +167,7 @@ class Planner:
                 f"No way was found in {time.monotonic() - begin:.1f} s: every one that was tried comes too near to the "
                 "robot itself or to a box. Take a goal with more room about it, or plan in two steps."
             )
-        timed = self._timed(group, path, speed, seed)
+        timed = self._timed(group, path, speed_scale, seed)
         points = {}
         for side in sides:
             own = [names.index(name) for name in joint_names(side)]
@@ -181,11 +175,6 @@ class Planner:
                 TrajectoryPoint(at, *(tuple(row[own].tolist()) for row in rows)) for at, *rows in timed
             )
         return Plan(dict(start), points, timed[-1][0], time.monotonic() - begin, clearance)
-
-    def distance(self, positions: Mapping[Side, Joints]) -> float:
-        """Of the two parts that are nearest to each other, by the limiter's shapes [m]; not of upper arm and body."""
-        pairs = self._collisions.nearest(positions, 20)
-        return next(each.distance for each in pairs if not (each.part.endswith("upper arm") and each.other == "body"))
 
     def is_free(self, positions: Mapping[Side, Joints]) -> bool:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
@@ -272,7 +261,7 @@ class Planner:
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
         return together
 
-    def _timed(self, group: str, path: Any, speed: float, seed: int) -> list[tuple[float, Array, Array, Array]]:
+    def _timed(self, group: str, path: Any, speed_scale: float, seed: int) -> list[tuple[float, Array, Array, Array]]:
         """Time, positions [rad], velocities and accelerations along a path, as fast as the joints may."""
         from roboplan import core  # noqa: PLC0415
         from roboplan.toppra import PathParameterizerTOPPRA, SplineFittingMode, TOPPRAOptions  # noqa: PLC0415
@@ -281,7 +270,7 @@ class Planner:
         short = core.PathShortcutter(self._scene, options).shortcut(path)
         toppra = PathParameterizerTOPPRA(self._scene, group)
         rounded = TOPPRAOptions(
-            dt=_DT, mode=SplineFittingMode.LinearBlend, velocity_scale=speed, max_blend_deviation=_CORNER
+            dt=_DT, mode=SplineFittingMode.LinearBlend, velocity_scale=speed_scale, max_blend_deviation=_CORNER
         )
         way = np.array(toppra.generate(short, rounded).positions)
         names = self._scene.getJointGroupInfo(group).joint_names
@@ -318,7 +307,7 @@ class Planner:
                 *(
                     float(np.max(np.abs(rate) / most)) ** (1.0 / order)
                     for order, (rate, most) in enumerate(
-                        zip(rates[1:], (velocity * speed, acceleration, jerk), strict=True), 1
+                        zip(rates[1:], (velocity * speed_scale, acceleration, jerk), strict=True), 1
                     )
                 ),
             )
@@ -333,7 +322,7 @@ class Planner:
         points = [TrajectoryPoint(at, *(tuple(each.tolist()) for each in row)) for at, *row in rows]
         for segment in spline_through(points).segments:
             times = np.linspace(0.0, segment.end - segment.begin, 5)
-            for order, most in enumerate((velocity * speed, acceleration, jerk), 1):
+            for order, most in enumerate((velocity * speed_scale, acceleration, jerk), 1):
                 for row, limit in zip(segment.rows, most.tolist(), strict=True):
                     rate = np.abs(np.polynomial.Polynomial(row).deriv(order)(times)).max()
                     stretch = max(stretch, (float(rate) / limit) ** (1.0 / order))

@@ -175,6 +175,25 @@ def test_session_goes_on_with_the_very_next_datagram_of_a_robot_that_stood_still
     assert (session.number, session.is_resumed) == (1, True)
 
 
+def test_copy_of_the_last_datagram_does_not_end_the_session_of_a_robot_that_stood_still_with_us(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert accept(session, 10, now=0.001) is None
+    assert session.close_if_silent(2.0)
+    assert accept(session, 11, now=2.0) == 11
+    assert (session.number, session.is_resumed) == (1, True)
+
+
+def test_very_next_datagram_is_late_when_one_of_another_session_has_come(
+    session: SensorSession[JointReport],
+) -> None:
+    accept(session, 10)
+    assert session.close_if_silent(0.3)
+    assert session.accept([datagram(0, 1000.35)], 0.3) is None
+    assert accept(session, 11, now=0.301) is None
+
+
 def test_session_begins_anew_after_a_silence_when_the_robot_had_stopped_its_clock(
     session: SensorSession[JointReport],
 ) -> None:

@@ -92,12 +92,6 @@ def is_without_motion(call: Call) -> bool:
     return False
 
 
-@INFORMATION.function("IsStopStateEvent", r"\switch PPMoved | \switch PPToMain", "bool")
-def has_pointer_moved(call: Call) -> bool:
-    """Whether the program pointer was moved since the last start; PP to main alone moves it here."""
-    return bool(call.task.now == getattr(call.task, "started_at", call.task.now))
-
-
 # Tasks ------------------------------------------------------------------------------------------------------------
 
 
