@@ -41,6 +41,7 @@ from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     ACTIVITY,
     LATCHED,
+    SERVICES,
     activity,
     controller_state,
     filled,
@@ -119,7 +120,7 @@ class ControllerManagerServices:
         list_group = MutuallyExclusiveCallbackGroup()  # of their own: a list never waits for a slow change
 
         def serve(kind: Any, name: str, answer: Callable[[Any, Any], Any], group: Any) -> None:
-            node.create_service(kind, f"~/{name}", answer, callback_group=group)
+            node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=group)
 
         for name, (kind, call) in changes.items():
             if kind is not None:

@@ -28,7 +28,7 @@ from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names, prefixed
 from yumi.ros.executors import TimerThread
-from yumi.ros.messages import LATCHED, stamp
+from yumi.ros.messages import LATCHED, SERVICES, stamp
 
 WhyNot = Callable[[], str | None]
 """Why a gripper may not move now; None when it may."""
@@ -260,7 +260,7 @@ class GripperServices:
                 response.message, response.success = str(error), False
             return response
 
-        self._node.create_service(kind, f"~/{name}", answer, callback_group=self._group)
+        self._node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=self._group)
 
     def _serve_motion(self, name: str, action: Callable[[], None], sentence: str) -> None:
         """Serve what moves the fingers; refused while something else moves them."""

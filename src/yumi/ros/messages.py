@@ -20,7 +20,7 @@ from control_msgs.msg import InterfaceValue, JointTrajectoryControllerState
 from controller_manager_msgs.msg import ControllerState, HardwareComponentState, HardwareInterface
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from lifecycle_msgs.msg import State as LifecycleState
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -43,6 +43,9 @@ from yumi.rws.types import EventType
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """A late subscriber gets the newest message."""
+
+SERVICES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""So many calls may wait for their answer; of more than 10, ROS 2's default, it would lose some without a word."""
 
 _NS = 1_000_000_000
 

@@ -40,7 +40,17 @@ from yumi.driver.state_machine import LOWEST, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 from yumi.ros.executors import TimerThread
-from yumi.ros.messages import GPIO_STATES, LATCHED, gpio_states, mass_of, mode_of, pose_of, robot_state, side_of
+from yumi.ros.messages import (
+    GPIO_STATES,
+    LATCHED,
+    SERVICES,
+    gpio_states,
+    mass_of,
+    mode_of,
+    pose_of,
+    robot_state,
+    side_of,
+)
 
 CheckArms = Callable[[Iterable[Side]], None]
 """Raises CommandRefused where one of some arms has been deactivated."""
@@ -135,7 +145,8 @@ class RobotManagerServices:
                 self._on_change()
             return response
 
-        self._node.create_service(kind, f"~/{name}", answer, callback_group=self._callback_groups[group])
+        callbacks = self._callback_groups[group]
+        self._node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=callbacks)
 
 
 def _without_request(call: Callable[[], str], _: Any) -> str:
@@ -278,7 +289,11 @@ class SpeedScaleInterface:
         self._published = 0.0
         timers.every(_POLL_PERIOD, "speed_scale", self._publish)
         node.create_service(
-            SetSpeedScale, "~/set_speed_scale", self._set, callback_group=MutuallyExclusiveCallbackGroup()
+            SetSpeedScale,
+            "~/set_speed_scale",
+            self._set,
+            qos_profile=SERVICES,
+            callback_group=MutuallyExclusiveCallbackGroup(),
         )
 
     def _publish(self) -> None:

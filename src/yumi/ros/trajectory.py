@@ -47,6 +47,7 @@ from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     LATCHED,
+    SERVICES,
     Stamps,
     feedback_message,
     how_to_activate,
@@ -75,7 +76,7 @@ class TrajectoryQuery:
         self._feedback = feedback
         self._clock = clock
         self._followed: tuple[int, Plans] = (0, {})
-        node.create_service(QueryTrajectoryState, "~/query_state", self.answer)
+        node.create_service(QueryTrajectoryState, "~/query_state", self.answer, qos_profile=SERVICES)
 
     def note(self, number: int, plans: Plans) -> None:
         """The controllers have accepted ``plans`` as goal ``number``."""
