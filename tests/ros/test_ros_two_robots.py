@@ -298,6 +298,23 @@ def test_frames_of_both_robots_are_apart_and_where_another_forward_kinematics_ha
     assert all(name.startswith(("cell1/yumi", "cell1/gripper", "cell2/b_")) for name in cells.frames)
 
 
+def test_both_fingertips_are_where_pinocchio_has_them(cells: Cells) -> None:
+    pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[checks]")
+    for cell, prefix in PREFIXES.items():
+        value = cells.call(f"/{cell}/robot_state_publisher/get_parameters", GetParameters, names=["robot_description"])
+        model = pin.buildModelFromXML(value.values[0].string_value)
+        cells.wait(1.5)  # the robot stands
+        positions, data = pin.neutral(model), model.createData()
+        for name, position in cells.heard[cell].joints.items():
+            positions[model.joints[model.getJointId(name)].idx_q] = position
+        pin.framesForwardKinematics(model, data, positions)
+        base = data.oMf[model.getFrameId(f"{prefix}yumi_base")].inverse()
+        for side in "rl":
+            tips = f"{prefix}gripper_{side}_fingertips"
+            pose = (base * data.oMf[model.getFrameId(tips)]).homogeneous
+            assert cells.frame(f"{cell}/{tips}", f"{cell}/{prefix}yumi_base_link") == pytest.approx(pose, abs=1e-6)
+
+
 def test_each_header_that_leaves_names_a_frame_of_its_robot(cells: Cells) -> None:
     """That of /diagnostics is empty, as upstream's is: its parts are in no place."""
     cells.call("/cell2/yumi_robot_manager/start_egm")
