@@ -13,9 +13,9 @@ import pytest
 
 import yumi
 from browser import browser
-from flight import LOST, flown
+from flight import LOST, flown, write_flight_record
 from yumi.process.supervision import Command
-from yumi.recording.mcap import recorded_event, write_flight_record
+from yumi.recording.mcap import recorded_event
 from yumi.robot.joints import Joints, Side
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]

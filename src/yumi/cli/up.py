@@ -195,12 +195,12 @@ def run_driver(
         control, manager = parts.control, parts.manager
         front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
         stack.callback(front.stop)
-        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info)
+        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info, clock)
         stack.callback(records.close)
         if record:
             sources: dict[str, Source] = {STATE: manager.monitor.state}
             sources |= {f"{side.value}/gripper": partial(parts.signals.state, side) for side in Side}
-            records.record_all(record, time.time() - clock.now(), clock, sources)
+            records.record_all(record, time.time() - clock.now(), sources)
 
         motions = MotionRegistry(is_script=False)
         endpoint = _endpoint_of(parts, settings, motions, front)
