@@ -94,7 +94,7 @@ class FakeDriver:
         self.calibrated: list[Sequence[Side]] = []
         self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
         for side in Side:
-            self.robot.control.snapshots[side] = replace(self.robot.control.snapshots[side], sent=home(side))
+            self.robot.control.snapshots[side] = self.robot.control.snapshots[side]._replace(sent=home(side))
         access = DriverAccess(
             robot=ROBOT,
             manager=self.manager,  # type: ignore[arg-type]

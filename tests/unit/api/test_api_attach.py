@@ -248,7 +248,7 @@ def test_impossible_position_is_refused_and_changes_nothing(
 
 def test_arm_that_moves_is_left_to_who_moves_it(driver: FakeDriver, attached: RunningDriver) -> None:
     control = driver.robot.control
-    control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], velocity=(0.1,) * 7)
+    control.snapshots[Side.RIGHT] = control.snapshots[Side.RIGHT]._replace(velocity=(0.1,) * 7)
     with pytest.raises(CommandRefused, match=f"The right arm moves, commanded by {GOAL_CONTROLLER}; wait"):
         attached.move_to(right="home")
     assert control.commands == []

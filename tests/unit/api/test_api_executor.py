@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -128,7 +127,7 @@ def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> N
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], is_running=False)
+    robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(is_running=False)
     with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
         robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
     assert robot.control.commands == []
@@ -241,7 +240,7 @@ def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
 
 
 def test_arm_that_no_one_commands_needs_no_stop(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], activation=0)
+    robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(activation=0)
     assert robot.executor.stop((Side.LEFT,)) == ()
 
 
@@ -267,7 +266,7 @@ def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot,
 
     def plan(_: object) -> dict[Side, ArmPlan]:
         before = robot.control.snapshots[Side.RIGHT]
-        robot.control.snapshots[Side.RIGHT] = replace(before, **change)  # type: ignore[arg-type]
+        robot.control.snapshots[Side.RIGHT] = before._replace(**change)  # type: ignore[arg-type]
         points = (TrajectoryPoint(1.0, RIGHT),)
         return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
 
@@ -311,11 +310,11 @@ def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, poi
 def test_motion_knows_how_far_it_is(robot: FakeRobot) -> None:
     begin = robot.control.snapshots[Side.RIGHT]
     goal = (RIGHT[0] + 1.0, *RIGHT[1:])
-    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = begin._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: goal}, 0.5, 0.5)
     whole = motion.remaining
     assert motion.progress == 0.0
-    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.5, *RIGHT[1:]))
+    robot.control.snapshots[Side.RIGHT] = begin._replace(position=(RIGHT[0] + 0.5, *RIGHT[1:]))
     half = motion.remaining
     assert motion.progress == pytest.approx(0.5)
     assert whole is not None
@@ -325,7 +324,7 @@ def test_motion_knows_how_far_it_is(robot: FakeRobot) -> None:
 
 
 def test_motion_takes_longer_when_the_speed_is_scaled_down(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
     before = motion.remaining
     robot.speed_scale = 0.1
@@ -369,9 +368,9 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
 
 def test_motion_that_ended_elsewhere_stays_as_far_as_it_was(robot: FakeRobot) -> None:
     begin = robot.control.snapshots[Side.RIGHT]
-    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = begin._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
-    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.3, *RIGHT[1:]))
+    robot.control.snapshots[Side.RIGHT] = begin._replace(position=(RIGHT[0] + 0.3, *RIGHT[1:]))
     assert motion.progress == pytest.approx(0.3)
     robot.end(robot.control.commands[0], GoalOutcome.STOPPED)
     assert motion.progress == pytest.approx(0.3)

@@ -134,7 +134,7 @@ class Irc5:
         self.installed.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
         self._stationary = self._outputs_of_standstill()
-        self._gripper_signals: dict[Side, dict[str, int]] = {}
+        self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
         self.execution = RapidExecution(

@@ -60,14 +60,16 @@ class LoadSupervision:
     def __init__(self, side: Side, model: ArmModel, position: Joints) -> None:
         self._dynamics = ArmDynamics(side, model.payload)
         self._model = model
-        self.torque = self._dynamics.torque(position)
+        self._state = MotionState(position)
+        self.torque = self._needed = self._dynamics.torque(position)
 
     def advance(self, state: MotionState, dt: float) -> Overload | None:
         """Follow the planned state during ``dt`` [s]; the joint that it overloads, or None."""
-        needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
+        if state != self._state:  # an arm that stands needs the same as before
+            self._state = state
+            self._needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
         fraction = 1.0 - exp(-dt / self._model.torque_time)
-        mean = tuple(old + (new - old) * fraction for old, new in zip(self.torque, needed, strict=True))
-        self.torque = cast("Joints", mean)
+        self.torque = _between(self.torque, self._needed, fraction)
         loads = [abs(torque) / limit for torque, limit in zip(self.torque, self._model.torque, strict=True)]
         if max(loads) <= 1.0:
             return None
@@ -96,12 +98,13 @@ class Servo:
         lag, left = self._model.lag, exp(-dt / self._model.lag) if self._model.lag > 0.0 else 0.0
         ramp = lag / dt
         # The lag's exact answer to a ramp from the last plan to this one, per joint:
-        # u - a·τ + (y - u_before + a·τ)·e^(-dt/τ) with the slope a = (u - u_before)/dt.
-        answer = tuple(
-            now - (now - before) * ramp + (lagged - before + (now - before) * ramp) * left
-            for now, before, lagged in zip(planned, self._planned, self._lagged, strict=True)
-        )
-        self._lagged = cast("Joints", answer)
+        # u - a·τ + (y - u_before + a·τ)·e^(-dt/τ) with the slope a = (u - u_before)/dt. Of an arm that stands, u.
+        if not planned == self._planned == self._lagged:
+            answer = [
+                now - (now - before) * ramp + (lagged - before + (now - before) * ramp) * left
+                for now, before, lagged in zip(planned, self._planned, self._lagged, strict=True)
+            ]
+            self._lagged = cast("Joints", tuple(answer))
         self._planned = planned
         self._time += dt
         self._past.append((self._time, self._lagged))
@@ -344,4 +347,6 @@ class VirtualArm:
 
 
 def _between(start: Joints, end: Joints, fraction: float) -> Joints:
-    return cast("Joints", tuple(x + (y - x) * fraction for x, y in zip(start, end, strict=True)))
+    if start == end:  # as of an arm that stands
+        return start
+    return cast("Joints", tuple([x + (y - x) * fraction for x, y in zip(start, end, strict=True)]))
