@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from yumi.control.path_timing import MotionLimits, demand, hermite, rounding
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.differential_kinematics import (
@@ -161,9 +162,7 @@ class ToolPath:
             return self._near(index, past, 0.0, 1.0, 0.0, line, line)
         zone = self._zones[corner]
         past = parameter - self._begins[corner]
-        share = (past + zone) / (2.0 * zone)
-        weight = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
-        gone = 2.0 * zone * share**4 * (2.5 - 3.0 * share + share * share)  # the weight's integral
+        weight, gone = rounding((past + zone) / (2.0 * zone), zone)
         before, after = self._lines[corner - 1], self._lines[corner]
         return self._near(corner, past - gone, gone, 1.0 - weight, weight, before, after)
 
@@ -318,7 +317,6 @@ _FINE = 0.003  # [s] between two looks at the way
 _KNOTS = 3  # cycles between two points of the plan: between them a spline is within a thousandth of a millimetre
 _ATTEMPTS = 40
 _SMOOTHING = 0.12  # [s] over which the speed along the way changes
-_ROUNDING = 1e-4  # [rad] of room that every joint has
 _SHARE = 0.9  # of the joints' limits: the limiter looks at what robot and reference add up to
 
 
@@ -339,9 +337,12 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
     tops = np.array([*(_SHARE * each for each in limits.velocity), 1.0])
     strengths = np.array([*(_SHARE * scale * each for each in limits.acceleration), strength])
     jerks = np.array([*(_SHARE * scale * each for each in limits.jerk), jerk])
+    braking = np.array([*limits.acceleration, strength]), np.array([*limits.jerk, jerk])
+    lower, upper = np.array([*limits.lower, -inf]), np.array([*limits.upper, inf])
+    most = MotionLimits(tops, strengths, jerks, lower, upper, braking, _SHARE)
 
-    slope = _hermite(fine, way.length, way.values, way.slopes, 1)
-    bend = _hermite(fine, way.length, way.values, way.slopes, 2)
+    slope = hermite(fine, way.length, way.values, way.slopes, 1)
+    bend = hermite(fine, way.length, way.values, way.slopes, 2)
     highest = np.min(tops / np.maximum(np.abs(slope), 1e-9), 1)
     highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(bend), 1e-9), 1)))
     width = max(int(_SMOOTHING / gap / 2.0), 1)
@@ -351,45 +352,26 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
         # The time that each look takes at this speed, as the parameter of the jerk-limited motion.
         times = np.concatenate([[0.0], np.cumsum(gap * 0.5 * (1.0 / speed[1:] + 1.0 / speed[:-1]))])
         pace = np.abs(slope) * speed[:, None]
-        most = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
+        strongest = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
         hardest = float(np.min(0.45 * jerks / np.maximum(np.max(pace, 0), 1e-9)))
-        ticks, clock = _start_and_end(float(times[-1]), most * slowing, hardest * slowing * slowing, cycle)
-        along = _hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
-        values = _hermite(along, way.length, way.values, way.slopes, 0)
-        # What the robot sees: differences from cycle to cycle, at rest before and after.
-        rest = [values[:1]] * 3, [values[-1:]] * 3
-        rows = np.concatenate([*rest[0], values, *rest[1]])
-        first = np.diff(rows, axis=0) / cycle
-        second, third = np.diff(first, axis=0) / cycle, np.diff(first, 2, axis=0) / cycle**2
-        # A joint that comes near the end of its range must be able to stop before it, as the limiter has it.
-        ranges = np.where(first[:, :7] > 0.0, limits.upper - rows[1:, :7], rows[1:, :7] - limits.lower)
-        stoppable = speeds_to_stop(ranges + _ROUNDING, np.array(limits.acceleration), np.array(limits.jerk))
-        shares = (
-            np.maximum(np.max(np.abs(first) / tops, 1), np.max(np.abs(first[:, :7]) / (_SHARE * stoppable), 1)),
-            np.sqrt(np.max(np.abs(second) / strengths, 1)),
-            np.cbrt(np.max(np.abs(third) / jerks, 1)),
-        )
+        ticks, clock = _start_and_end(float(times[-1]), strongest * slowing, hardest * slowing * slowing, cycle)
+        along = hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
+        values = hermite(along, way.length, way.values, way.slopes, 0)
+        asked_for = demand(values, most)
         # Each of them belongs to a place on the way.
-        demand = np.maximum.reduce([shares[0][2:], shares[1][1:], shares[2]])
-        places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(demand)]), 0, count)
-        if float(np.max(demand)) <= 1.0:
+        places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(asked_for)]), 0, count)
+        if float(np.max(asked_for)) <= 1.0:
             break
         if attempt >= _ATTEMPTS // 2:
-            slowing /= min(float(np.max(demand)), 1.5) * 1.005
+            slowing /= min(float(np.max(asked_for)), 1.5) * 1.005
             continue
         asked = np.ones(count + 1)
-        np.maximum.at(asked, places, demand)
-        lower = speed / slowing / asked**1.2
-        highest = np.where(asked > 1.0, np.minimum(highest, lower), highest)
+        np.maximum.at(asked, places, asked_for)
+        slower = speed / slowing / asked**1.2
+        highest = np.where(asked > 1.0, np.minimum(highest, slower), highest)
     else:
         raise CommandRefused("Path refused: no motion along it keeps the joints' limits; take another path.")
     return values, ticks
-
-
-def speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
-    """As :func:`yumi.control.motion.speed_to_stop`, for arrays (n, 7) of all joints at once."""
-    slow = 3.0 * acceleration / jerk
-    return np.asarray(0.5 * acceleration * (np.sqrt(slow * slow + 8.0 * np.maximum(room, 0.0) / acceleration) - slow))
 
 
 def _smoothed(highest: Array, width: int) -> Array:
@@ -411,20 +393,6 @@ def _start_and_end(total: float, strength: float, jerk: float, cycle: float) -> 
     count = int(motion.duration / cycle) + 1
     ticks: Array = np.arange(count + 1, dtype=np.float64) * cycle
     return ticks, np.array([motion.at_time(min(tick, motion.duration))[0][0] for tick in ticks.tolist()])
-
-
-def _hermite(at: Array, nodes: Array, values: Array, slopes: Array, order: int) -> Array:
-    """Cubic pieces through values (n, k) with slopes at nodes (n,), or their ``order``th derivative, at places (m,)."""
-    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
-    width = (nodes[index + 1] - nodes[index])[:, None]
-    t = (at[:, None] - nodes[index][:, None]) / width
-    p, q, v, w = values[index], values[index + 1], slopes[index] * width, slopes[index + 1] * width
-    c2, c3 = 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w
-    if order == 0:
-        return np.asarray(p + t * (v + t * (c2 + t * c3)))
-    if order == 1:
-        return np.asarray((v + t * (2.0 * c2 + t * 3.0 * c3)) / width)
-    return np.asarray((2.0 * c2 + t * 6.0 * c3) / width**2)
 
 
 # ---- the whole plan
