@@ -10,6 +10,7 @@ from typing import Any, SupportsFloat
 from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused
+from yumi.robot.collision import Obstacle
 from yumi.robot.inverse_kinematics import (
     Configuration,
     Unreachable,
@@ -84,6 +85,21 @@ def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
     if isinstance(given, Pose) or (len(given) and isinstance(given[0], SupportsFloat)):
         return [given]  # type: ignore[list-item]
     return given  # type: ignore[return-value]
+
+
+def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) -> tuple[Obstacle, ...]:
+    """Boxes by name, each with the pose of its centre and its edges [m], as obstacles.
+
+    Raises:
+        CommandRefused: a pose or a size is none.
+    """
+    found = []
+    for name, (centre, size) in given.items():
+        length, width, height = _numbers(size, 3, f"the size of box {name[:40]!r}")
+        if min(length, width, height) <= 0.0:
+            raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
+        found.append(Obstacle(name, pose_from(centre), (length, width, height)))
+    return tuple(found)
 
 
 def _numbers(values: Any, count: int, name: str) -> list[float]:

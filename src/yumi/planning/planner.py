@@ -80,6 +80,9 @@ class Planner:
         obstacles: what stands around the robot.
         limits: of the joints; motions are planned for all of their speed, acceleration and jerk.
 
+    Attributes:
+        obstacles: as above.
+
     Raises:
         MissingPrerequisite: RoboPlan is not installed.
     """
@@ -94,7 +97,7 @@ class Planner:
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
             raise MissingPrerequisite("Planning needs RoboPlan; install yumi-ros2[planning].")
-        self._limits, self._obstacles, self._tools = limits, obstacles, tools
+        self._limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
         self._scenes: dict[float, Any] = {}
@@ -187,7 +190,7 @@ class Planner:
         from roboplan import core  # noqa: PLC0415 - an extra; nothing else needs it
 
         urdf = planning_description(
-            self._grippers, tools=self._tools, obstacles=self._obstacles, clearance=clearance, limits=self._limits
+            self._grippers, tools=self._tools, obstacles=self.obstacles, clearance=clearance, limits=self._limits
         )
         scene = self._scenes[clearance] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
         scene.importSrdf(semantic_description(with_fingers=False))
