@@ -55,7 +55,7 @@ class Arm:
         points = [Waypoint(each) for each in waypoints[:-1]] + [Waypoint(waypoints[-1], angle)]
         start = self.rig.manager.reference
         assert start is not None
-        plan = plan_path(SIDE, start, points, LIMITS, tool, speed)
+        plan = plan_path(SIDE, start, points, LIMITS, tool=tool, speed=speed)
         before = len(self.rig.events)
         self.rig.manager.receive("arm", FollowTrajectory(plan, 1), self.rig.line.state)
 
@@ -119,7 +119,7 @@ def hand_over() -> tuple[dict[Side, Joints], dict[Side, Joints]]:
         before[side] = posture_for(
             side, compose(poses(APART)[side.word], inverse(FINGERTIPS)), None, None, named_pose(side, "ready"), LIMITS
         )
-        line = plan_path(side, before[side], [Waypoint(poses(NEAR)[side.word])], LIMITS, FINGERTIPS, 0.05)
+        line = plan_path(side, before[side], [Waypoint(poses(NEAR)[side.word])], LIMITS, tool=FINGERTIPS, speed=0.05)
         together[side] = joints(line.spline.last.position)
     return before, together
 

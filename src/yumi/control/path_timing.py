@@ -121,9 +121,9 @@ class RoundedPath:
         self._lengths, self._begins = lengths, np.concatenate([[0.0], np.cumsum(lengths)])
         self.length = float(self._begins[-1])
         self._zones = np.zeros(len(corners))
-        bend = np.max(np.abs(np.diff(self._slopes, axis=0)), axis=1, initial=1e-9)
+        change = np.max(np.abs(np.diff(self._slopes, axis=0)), axis=1, initial=1e-9)
         halfway = rounding(0.5, 1.0)[1]
-        self._zones[1:-1] = np.minimum(0.5 * np.minimum(lengths[:-1], lengths[1:]), deviation / (halfway * bend))
+        self._zones[1:-1] = np.minimum(0.5 * np.minimum(lengths[:-1], lengths[1:]), deviation / (halfway * change))
 
     def sharpen(self, places: Array) -> bool:
         """Round the corners nearest to these parameters half as much; whether there is one that was rounded."""
@@ -138,7 +138,7 @@ class RoundedPath:
         line = np.clip(np.searchsorted(self._begins, parameters, side="right") - 1, 0, last)
         past = parameters - self._begins[line]
         slope = self._slopes[line]
-        position, bend = self._corners[line] + past[:, None] * slope, np.zeros_like(slope)
+        position, curvature = self._corners[line] + past[:, None] * slope, np.zeros_like(slope)
         corner = np.where(past < 0.5 * self._lengths[line], line, line + 1)
         near = np.abs(parameters - self._begins[corner]) < self._zones[corner]
         corner, zone = corner[near], self._zones[corner[near]]
@@ -148,8 +148,8 @@ class RoundedPath:
         before, after = self._slopes[corner - 1], self._slopes[np.minimum(corner, last)]
         position[near] = self._corners[corner] + (past[:, None] - gone) * before + gone * after
         slope[near] = (1.0 - weight) * before + weight * after
-        bend[near] = (15.0 * share**2 * (1.0 - share) ** 2 / zone)[:, None] * (after - before)
-        return position, slope, bend
+        curvature[near] = (15.0 * share**2 * (1.0 - share) ** 2 / zone)[:, None] * (after - before)
+        return position, slope, curvature
 
 
 def fastest_along(path: RoundedPath, limits: MotionLimits) -> tuple[Array, Array]:
@@ -200,12 +200,12 @@ def accelerating_law(path: RoundedPath, limits: MotionLimits, share: float) -> A
     """The parameter in each cycle on the fastest motion within speeds and a share of the accelerations."""
     count = max(int(path.length / _FINE), _FEWEST)
     fine, gap = np.linspace(0.0, path.length, count + 1), path.length / count
-    _, slope, bend = path.at(fine)
-    # With x the parameter's speed squared and u its acceleration: |slope u + bend x| <= acceleration.
+    _, slope, curvature = path.at(fine)
+    # With x the parameter's speed squared and u its acceleration: |slope u + curvature x| <= acceleration.
     size = np.maximum(np.abs(slope), 1e-12)
-    most, own = share * limits.acceleration / size, np.copysign(bend, bend * slope) / size
+    most, own = share * limits.acceleration / size, np.copysign(curvature, curvature * slope) / size
     highest = np.min((limits.velocity / size) ** 2, 1)
-    highest = np.minimum(highest, np.min(share * limits.acceleration / np.maximum(np.abs(bend), 1e-12), 1))
+    highest = np.minimum(highest, np.min(share * limits.acceleration / np.maximum(np.abs(curvature), 1e-12), 1))
     squared = highest.tolist()
     squared[0] = squared[-1] = 0.0
     for index in range(count - 1, -1, -1):

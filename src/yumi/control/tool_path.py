@@ -65,7 +65,7 @@ ZONE = 0.01
 """Corners of a path are rounded from so far before them [m], as RAPID's z10."""
 
 _SHARPEST = 1e-4  # [m] of a corner that is passed without a stop
-_BENDS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
+_ELBOW_TURNS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
 _ACCELERATION, _JERK = 2.5, 50.0  # of the tool [m/s²], [m/s³]
 _ROTATION_ACCELERATION, _ROTATION_JERK = 15.0, 300.0  # [rad/s²], [rad/s³]
 _TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
@@ -129,15 +129,15 @@ class ToolPath:
             way = tuple(b - a for a, b in zip(here.position, waypoint.tool.position, strict=True))
             w, x, y, z = here.orientation
             turn = rotation_vector(multiply((w, -x, -y, -z), waypoint.tool.orientation))
-            bend = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
-            length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(bend) / turning)
+            elbow = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
+            length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(elbow) / turning)
             if length < 1e-6:
                 continue
             x, y, z = (each / length for each in way)
             u, v, w = (each / length for each in turn)
-            self._lines.append(_Line(length, (x, y, z), (u, v, w), bend / length))
+            self._lines.append(_Line(length, (x, y, z), (u, v, w), elbow / length))
             self._points.append(waypoint.tool)
-            self._angles.append(angle + bend)
+            self._angles.append(angle + elbow)
         self._begins = [0.0]
         for line in self._lines:
             self._begins.append(self._begins[-1] + line.length)
@@ -190,7 +190,7 @@ class ToolPath:
 
 _LONGEST_STEP = 0.02  # [s] of joints at their speeds and the tool at its own
 _SHORTEST_STEP = 1e-6
-_STRAIGHT = 2e-4  # by so much the way may bend within a step, in the same unit
+_STRAIGHT = 2e-4  # by so much a step may be corrected, in the same unit
 _CONVERGED = 1e-11
 _FARTHEST_OFF = 0.1  # of a guess
 _TURNS_BACK = 1e-9
@@ -248,7 +248,7 @@ class _Equations:
 
         It is looked for across a direction, or at a parameter ``end``.
         """
-        bend, row = 0.0, across if end is None else np.eye(8)[7]
+        correction, row = 0.0, across if end is None else np.eye(8)[7]
         for _ in range(8):
             left, derivative = self.at(guess)
             off = 0.0 if end is None else end - guess[7]
@@ -259,9 +259,9 @@ class _Equations:
             size = float(np.max(np.abs(change)))
             if not size < _FARTHEST_OFF:
                 break
-            guess, bend = guess + change * self._unit, max(bend, size)
+            guess, correction = guess + change * self._unit, max(correction, size)
             if size < _CONVERGED:
-                return guess, bend
+                return guess, correction
         return guess, inf
 
 
@@ -280,12 +280,12 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
         is_last = bool(values[7] + step * slope[7] >= path.length)
         if is_last:
             step = min(step, max((path.length - values[7]) / slope[7], _SHORTEST_STEP))
-        after, bend = equations.solved(values + step * slope * unit, slope, path.length if is_last else None)
-        if bend > _STRAIGHT and step > _SHORTEST_STEP:
+        after, correction = equations.solved(values + step * slope * unit, slope, path.length if is_last else None)
+        if correction > _STRAIGHT and step > _SHORTEST_STEP:
             step *= 0.5
             continue
-        onward = slope if bend == inf else equations.slope(after, slope)
-        if bend == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
+        onward = slope if correction == inf else equations.slope(after, slope)
+        if correction == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
             raise _unreachable(side, path, values, "the arm is stretched out there, or has to fold over")
         outside = limits.outside(joints(after[:7].tolist()))
         if outside is not None:
@@ -296,7 +296,7 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
         found.append(values)
         slopes.append(slope)
         lengths.append(lengths[-1] + step)
-        if bend < 0.3 * _STRAIGHT:
+        if correction < 0.3 * _STRAIGHT:
             step = min(1.5 * step, _LONGEST_STEP)
     return _Followed(np.array(lengths), np.array(found), np.array(slopes) * unit)
 
@@ -342,9 +342,9 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
     most = MotionLimits(tops, strengths, jerks, lower, upper, braking, _SHARE)
 
     slope = hermite(fine, way.length, way.values, way.slopes, 1)
-    bend = hermite(fine, way.length, way.values, way.slopes, 2)
+    curvature = hermite(fine, way.length, way.values, way.slopes, 2)
     highest = np.min(tops / np.maximum(np.abs(slope), 1e-9), 1)
-    highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(bend), 1e-9), 1)))
+    highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(curvature), 1e-9), 1)))
     width = max(int(_SMOOTHING / gap / 2.0), 1)
     slowing, cycle = 1.0, CYCLE
     for attempt in range(_ATTEMPTS):
@@ -403,6 +403,7 @@ def plan_path(
     start: Joints,
     waypoints: Sequence[Waypoint],
     limits: JointLimits,
+    *,
     tool: Pose = _TOOL0,
     speed: float = SPEED,
     turning: float = TURNING,
@@ -439,9 +440,9 @@ def plan_path(
         if any(each.angle is not None for each in waypoints):
             raise
         # Where no arm angle is asked for, the elbow is free: it turns along the way, as little as helps.
-        for bend in _BENDS:
+        for elbow in _ELBOW_TURNS:
             turned = [
-                Waypoint(each.tool, now.angle + bend * number / len(waypoints))
+                Waypoint(each.tool, now.angle + elbow * number / len(waypoints))
                 for number, each in enumerate(waypoints, 1)
             ]
             path = ToolPath([here, *turned], speed, turning, zone)
