@@ -199,6 +199,7 @@ function show() {
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
       if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(word);
+      at("scene").dataset.handle = scene.handlePlace() ?? "";
     }
     showNearest();
     const unmeasured = ARMS.filter((name) => !state.arms[name].position && !state.arms[name].resting);

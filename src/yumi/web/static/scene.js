@@ -307,6 +307,14 @@ export class Scene {
     this.draw();
   }
 
+  /** Where the handle is on the canvas [pixels]; null while there is none. */
+  handlePlace() {
+    if (!this.gizmo.enabled) return null;
+    const middle = this.handle.position.clone().project(this.camera);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return [((middle.x + 1) * width) / 2, ((1 - middle.y) * height) / 2];
+  }
+
   get isDragged() {
     return this.gizmo.dragging;
   }
