@@ -204,9 +204,9 @@ class _Stream:
             x, y, z, roll, pitch, yaw, bend = self._twist
             here = self._pose
             turned = Pose(here.position, multiply(quaternion_of((roll, pitch, yaw), _SMALL), here.orientation))
-            later = self._numbers(turned, self._target[6])
-            turn = [(b - a) / _SMALL for a, b in zip(self._target[3:6], later[3:6], strict=True)]
-            self._rates = joints([x, y, z, *turn, bend])
+            target = self._numbers(turned, self._target[6])
+            rates = [(b - a) / _SMALL for a, b in zip(self._target[3:6], target[3:6], strict=True)]
+            self._rates = joints([x, y, z, *rates, bend])
             self._filter.begin(self._target, self._rates)
             self.predictor.rest_at(self._target)
         # A slow stream is one, too: its period says for how long it may be predicted.
