@@ -142,6 +142,10 @@ class MotionInstructions:
 
     def move_abs_j(self, call: Call) -> Wait:
         """MoveAbsJ."""
+        yield from self.passed(call, self.absolute_build(call))
+
+    def absolute_build(self, call: Call) -> Build:
+        """How MoveAbsJ and its like are planned."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"), is_displaced=False)
         target = call["ToJointPos"]
@@ -153,13 +157,18 @@ class MotionInstructions:
             end = chain_from_jointtarget(target, start, kinematics.limits)
             return joint_leg(kinematics, start, end, frames, speed, zone, entry)
 
-        yield from self.passed(call, build)
+        return build
 
     def move_ext_j(self, call: Call) -> Wait:
         """MoveExtJ: the seventh axis alone; robots of six axes have no other ones here."""
+        if call["ToJointPos"].extax[0] < NOT_PRESENT and self.arm.kinematics.reference is not None:
+            yield from self.passed(call, self.external_build(call))
+
+    def external_build(self, call: Call) -> Build:
+        """How MoveExtJ and its like are planned."""
         kinematics, zone = self.arm.kinematics, self.zone(call)
         frames = self.frames(_predefined(call, "tool0"), None)
-        fastest, time, external = call["Speed"].v_reax, call.get("T", 0.0), call["ToJointPos"].extax
+        fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
 
         def build(start: Joints, entry: Zone) -> Leg:
             robax, _ = jointtarget(start)
@@ -170,8 +179,7 @@ class MotionInstructions:
                 kinematics, start, end, frames, Speed(duration=time or turn / radians(fastest)), zone, entry
             )
 
-        if external[0] < NOT_PRESENT and kinematics.reference is not None:
-            yield from self.passed(call, build)
+        return build
 
     def move_j(self, call: Call) -> Wait:
         """MoveJ."""
@@ -487,7 +495,8 @@ def forbid_motion(library: Library) -> None:
         raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
 
     moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
-    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "TriggL", "TriggJ", "TriggC", "SearchL", "SearchC")
+    triggers = ("TriggL", "TriggJ", "TriggC", "TriggAbsJ", "TriggLIOs", "TriggJIOs", "SearchL", "SearchC", "SearchExtJ")
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "PathRecMoveBwd", "PathRecMoveFwd", "LoadId", *triggers)
     library.replace_implementations((*moves, *others), refuse)
 
 
