@@ -145,6 +145,7 @@ class Task:
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
+        planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
@@ -168,6 +169,7 @@ class Task:
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
         self.clock: Callable[[], float] = lambda: 0.0
         self.background: Callable[[Callable[[], Any]], Future[Any]] = at_once
+        self.planning: Callable[[Callable[[], Any]], Future[Any]] = at_once
         self.is_running = False
         system_data = {
             name.lower(): Variable(name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)

@@ -1,7 +1,7 @@
 r"""RAPID's moves: MoveAbsJ, MoveJ, MoveL, MoveC and MoveExtJ, where the robot is, and what a target means.
 
-A move is planned while the arm is on the one before it, so that the program is one move ahead of the arm: a move with a
-zone is done for the program when the arm begins it, a move to a stop point when the arm stands there.
+A move with a zone is done for the program shortly before the arm comes to the zone, so that the next one can be planned
+while the arm moves; a move to a stop point is done when the arm stands there.
 """
 
 from __future__ import annotations
@@ -259,7 +259,7 @@ class MotionInstructions:
                 yield None
             self._moved_at = call.task.now
             is_stop = passage.leg.zone.is_stop
-            while not is_concurrent and (not path.has_begun(passage) or (is_stop and not self.is_there(passage))):
+            while not is_concurrent and not (self.is_there(passage) if is_stop else path.is_due(passage)):
                 yield None
                 self.go_on()
         except GeneratorExit:
@@ -277,7 +277,7 @@ class MotionInstructions:
             path.restart_at(arm.planned)
         before = path.end
         start = arm.planned if before is None else before.end
-        work = call.task.background(lambda: _planned(arm.kinematics, build, start, before))
+        work = call.task.planning(lambda: _planned(arm.kinematics, build, start, before))
         while not work.done():
             yield None
         try:
@@ -366,7 +366,7 @@ class MotionInstructions:
         """CalcJointT: the jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
         kinematics = self.arm.kinematics
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["Rob_target"])
-        work = call.task.background(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
+        work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
         while not work.done():
             yield None
         if call.present("ErrorNumber"):
