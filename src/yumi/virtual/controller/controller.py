@@ -129,6 +129,7 @@ class Irc5:
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
+        self._report_rejected_signals()
         self._system = system
         self.configuration = configuration
         self.effective = Configuration()
@@ -425,11 +426,16 @@ class Irc5:
             else:
                 self._switch_motors_off(state, failure.sentence)
 
+    def _report_rejected_signals(self) -> None:
+        for sentence in self.signals.rejected:
+            self.events.append(80001, "Cross connection rejected", sentence, EventType.ERROR)
+
     def _use_configuration(self) -> None:
         """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
         self.started_at = self.time
         self.effective.become(self.configuration)
         self.signals.configure(self.effective)
+        self._report_rejected_signals()
         self._stationary = self._outputs_of_standstill()
         if self._discards_programs:
             for task in self.tasks.values():
