@@ -275,6 +275,7 @@ class MotionSettingInstructions:
             raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
         while not arm.is_stationary:
             yield None
+        arm.leave_path()  # it may stand elsewhere than where the stored path goes on
         arm.path.restore(self._stored.pop())
         self._unit.path_level = 1
 
