@@ -1,7 +1,7 @@
 ! @run 0.4
 ! @line table free
 ! @line Teil fehlt
-! @line Greifer offen: Band 3
+! @line Greifer auf: Band 3
 ! @line no text 7
 MODULE Messages
     ! texts in a file of the user, called by numbers
@@ -36,7 +36,7 @@ MODULE Messages
         Write file,"<?xml version=""1.0"" encoding=""iso-8859-1""?>";
         Write file,"<Resource Name=""cell_texts"" Language=""de"">";
         Write file,"<Text Name=""1""><Value>Teil fehlt</Value></Text>";
-        Write file,"<Text Name=""2""><Value>Greifer offen</Value></Text>";
+        Write file,"<Text Name=""2""><Value>Greifer auf</Value></Text>";
         Write file,"</Resource>";
         Close file;
     ENDPROC
