@@ -310,6 +310,11 @@ class VirtualArm:
         self._is_regaining = self.planned != there
         self._motion = travel(self._motion.state, there, self.model) if self._is_regaining else self.path
 
+    def leave_path(self) -> None:
+        """Stay where it is, at standstill, while the path becomes another one; `follow_path` goes there."""
+        if self._motion is self.path:
+            self._motion = Standstill(self.planned)
+
     def stop(self) -> None:
         """Decelerate any motion to standstill as fast as the drives allow, and hold; a path is kept."""
         if self._motion is self.path:
