@@ -24,8 +24,9 @@ from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delive
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
-from yumi.rws.client import OnProgress, RwsClient
+from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
+from yumi.rws.services.requests import OnProgress
 from yumi.rws.types import Code, ExecutionState, OperatingMode
 
 FOLDER = "HOME:/yumi/"

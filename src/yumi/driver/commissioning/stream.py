@@ -15,7 +15,8 @@ from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Joints, Side
-from yumi.rws.client import OnProgress, RwsClient
+from yumi.rws.client import RwsClient
+from yumi.rws.services.requests import OnProgress
 
 START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
 
