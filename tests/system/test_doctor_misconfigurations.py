@@ -129,6 +129,18 @@ def wrong_password(robot: Robot) -> None:
     robot.password = "wrong"
 
 
+def ungranted(robot: Robot) -> None:
+    users = robot.transport.adapter._users
+    users.granted = tuple(name for name in users.granted if name != "UAS_RAPID_CURRVALUE")
+
+
+def many_sessions(robot: Robot) -> None:
+    for _ in range(60):
+        client = robot.client()
+        client.connect()
+        client.register()
+
+
 def clock_off(robot: Robot) -> None:
     robot.now += 3600.0
 
@@ -175,6 +187,8 @@ CASES = [
     Case("nothing there", nothing_there, "reachable", "Nothing answers"),
     Case("wrong password", wrong_password, "login", "does not accept user 'Default User'"),
     Case("clock off", clock_off, "clock", "13:00:00 here", Verdict.NOTE),
+    Case("user without grants", ungranted, "grants", "the user lacks UAS_RAPID_CURRVALUE"),
+    Case("sessions nearly full", many_sessions, "sessions", "of 70 clients are logged in", Verdict.NOTE),
     Case("no gripper product", without_option("SmartGripper"), "gripper product", "is missing", Verdict.NOTE),
 ]
 
@@ -298,6 +312,21 @@ def test_cable_in_the_robots_network_is_fine() -> None:
 @pytest.mark.parametrize(("domain", "verdict"), [("0", "ok"), ("101", "ok"), ("150", "note"), ("x", "problem")])
 def test_ros_domain_is_looked_at(domain: str, verdict: str) -> None:
     assert of_machine(CABLE, environment={"ROS_DOMAIN_ID": domain})["ROS domain"].verdict.value == verdict
+
+
+@pytest.mark.parametrize(
+    ("variables", "verdict", "words"),
+    [
+        ({}, "ok", "as the driver sets it"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "ok", "LOCALHOST"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "note", "no other program finds the driver"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"}, "problem", "'LAN', which means SUBNET"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"}, "note", "overrules"),
+    ],
+)
+def test_ros_discovery_range_is_looked_at(variables: Mapping[str, str], verdict: str, words: str) -> None:
+    found = of_machine(CABLE, environment=variables)["ROS discovery"]
+    assert (found.verdict.value, words in found.found) == (verdict, True)
 
 
 def test_one_port_for_both_arms_and_a_taken_port_are_named() -> None:

@@ -86,7 +86,10 @@ class Users(Requests):
 
     def grants(self) -> tuple[str, ...]:
         """What the user is permitted, such as ``UAS_RAPID_EXECUTE``."""
-        return tuple(state.title for state in self._states("reading the grants", "/users/grants"))
+        states = self._states("reading the grants", "/users/grants")
+        return tuple(  # the title is the name, or "user-grant" with the name in a field
+            next((text for text in state.fields.values() if text.startswith("UAS_")), state.title) for state in states
+        )
 
     def log_in_remotely(self) -> None:
         """Take the rights of a remote user."""
