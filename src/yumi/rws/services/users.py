@@ -51,7 +51,7 @@ class Rmmp:
     """Who has the remote manual mode privilege, or asks for it.
 
     Attributes:
-        user: who; None for nobody.
+        user: who; None for no user.
         privilege: ``none``, ``pending modify``, ``modify`` or ``exec``.
         is_own: whether it is this client.
     """
