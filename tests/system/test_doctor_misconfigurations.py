@@ -26,6 +26,7 @@ from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.system import delivered_system
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
@@ -411,6 +412,30 @@ def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
     with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
         pass
     assert controller.controller_state is ControllerState.MOTORS_OFF
+
+
+def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
+    text = "MODULE Log\n  PERS num seen:=0;\n  PROC main()\n    seen:=1;\n  ENDPROC\nENDMODULE\n"
+    ours = delivered_system()
+    system = replace(
+        ours,
+        parameters=(*ours.parameters, 'SYS:CFG_1.0::\nCAB_TASKS:\n      -Name "T_LOG" -Type "NORMAL"\n'),
+        files={**ours.files, "HOME:/log.mod": text.encode()},
+        modules={"T_LOG": ("HOME:/log.mod",)},
+    )
+    yumi = VirtualYumi(WorldSettings(system=system))
+    with yumi.client() as client:
+        with streaming(client, yumi):
+            yumi.wait(0.5)
+            assert [task.name for task in client.tasks() if task.is_active] == ["T_ROB_R", "T_ROB_L"]
+        assert client.value("T_LOG", "Log", "seen") == 0.0
+        assert all(task.is_active for task in client.tasks())
+        # It would have run:
+        client.set_motors(True)
+        client.move_pp_to_main()
+        client.start_rapid()
+        yumi.wait(0.5)
+        assert client.value("T_LOG", "Log", "seen") == 1.0
 
 
 def test_stream_is_not_tried_where_the_program_is_a_problem() -> None:

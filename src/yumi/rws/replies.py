@@ -67,12 +67,13 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class TaskInfo:
-    """One RAPID task."""
+    """One RAPID task; a normal one is started by hand, a static or semistatic one starts with the controller."""
 
     name: str
     execution: TaskExecution
     is_active: bool
     is_motion_task: bool
+    starts_by_hand: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -228,6 +229,7 @@ def tasks(page: Page) -> tuple[TaskInfo, ...]:
             execution=member(TaskExecution, state.text("excstate")[:4].lower()),
             is_active=state.text("active").lower() == "on",
             is_motion_task=state.text("motiontask").lower() == "true",
+            starts_by_hand=state.fields.get("type", "norm").lower().startswith("norm"),
         )
         for state in page.of_type("rap-task-li")
     )
