@@ -44,7 +44,7 @@ def missed(driver: RunningDriver) -> tuple[int, int]:
 
 
 def move_for(driver: RunningDriver, seconds: float) -> tuple[int, int]:
-    """Move both arms to and fro; cycles that were missed, and all cycles."""
+    """Move both arms there and back; cycles that were missed, and all cycles."""
     before, end = missed(driver), time.monotonic() + seconds
     while time.monotonic() < end:
         driver.move_to(right=AWAY["right"], left=AWAY["left"])
