@@ -18,8 +18,8 @@ def test_completion_lists_what_a_script_needs_and_nothing_else() -> None:
 
 
 def test_name_that_is_not_there_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="module 'yumi' has no attribute 'connection'"):
-        _ = yumi.connection
+    with pytest.raises(AttributeError, match="module 'yumi' has no attribute 'no_such_name'"):
+        _ = yumi.no_such_name
 
 
 def test_package_is_the_command(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

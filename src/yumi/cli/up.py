@@ -39,7 +39,7 @@ from yumi.control.events import (
 )
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, Settings, read_controllers
@@ -276,6 +276,9 @@ def _endpoint_of(
         check_arms=front.check_arms,
         on_change=front.update_activity,
         namespace=settings.ros.root,
+        surroundings=surroundings_of(settings),
+        joints=manager.monitor.joints,
+        on_subscription=manager.monitor.read_joints,
     )
     return EndpointServer(access, front.log)
 
