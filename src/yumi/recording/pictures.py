@@ -188,7 +188,11 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
         panel.grid(alpha=0.3)
         panel.set(xlim=(-window, window), xlabel="time from the event [s]" if stop else "time from the last cycle [s]")
     headline = fill(stop.sentence if stop else f"{side.word.capitalize()} arm: nothing stopped a motion.", 55 * columns)
-    figure.suptitle(f"{headline}\nRed: the event. Grey: no datagrams recorded. Axes at rest are left out.", fontsize=10)
+    figure.suptitle(
+        f"{headline}\nRed: the event. Grey: no datagrams recorded. "
+        + ("Axes at rest are left out." if moved else "No axis moved."),
+        fontsize=10,
+    )
     figure.savefig(file, dpi=120)
 
 
