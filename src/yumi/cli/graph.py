@@ -160,7 +160,7 @@ def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
 
     \b
     Examples:
-      yumi echo r/joint_states
+      yumi echo r/joint_states              one message, as with ros2's --once
       yumi echo yumi_robot_manager/state --json
     """
     with graph() as node:

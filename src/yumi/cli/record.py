@@ -52,7 +52,7 @@ def show(file: Path, cycles: int, arm: str | None, picture: Path | None) -> None
     recording = read_recording(file)
     side = next((side for side in Side if side.word == arm), recording.arm)
     console = Console(soft_wrap=False)
-    console.print(recording_table(recording, side, cycles))
+    console.print(recording_table(recording, side, cycles, console.width))
     if picture:
         draw_recording(recording, side, picture)
         click.echo(f"Picture: {picture}")

@@ -14,7 +14,7 @@ from click.shell_completion import CompletionItem
 
 from yumi.api.attach import RunningDriver, attach
 from yumi.cli.options import SCALE, Measure
-from yumi.driver.endpoint import Arm, ArmReport, DriverState, MotionReport
+from yumi.driver.endpoint import Arm, ArmMode, ArmReport, DriverState, MotionReport
 from yumi.errors import SettingsError, YumiError
 from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
@@ -53,6 +53,7 @@ def in_shell_words(error: YumiError) -> YumiError:
     for service, shell in (
         ("call robot.recover()", "run `yumi start`, or `yumi recover` after a stop"),
         ("robot.recover()", "yumi recover"),
+        ("use yumi.degrees(...)", "add --degrees"),
         ("call recover", "run `yumi recover`"),
         ("(recover)", "(yumi recover)"),
         ("Call start_egm", "Run `yumi start`"),
@@ -131,7 +132,8 @@ def _state_lines(state: DriverState) -> list[str]:
 
 def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
     commanding = [each.name for each in state.controllers[word] if each.commands]
-    parts = [f"EGM {state.egm[word]}", arm.mode.value]
+    parts = [f"EGM {state.egm[word]}"]
+    parts += [arm.mode.value] if arm.mode is not ArmMode.NO_EGM else []
     parts += [f"commanded by {', '.join(commanding)}"] if commanding else []
     if arm.egm is not None and arm.egm.utilization is not None:
         parts.append(f"utilization {arm.egm.utilization:.0%}")

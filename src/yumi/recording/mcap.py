@@ -558,18 +558,22 @@ class Recorder:
         # The cycles that led to the event; not those of an earlier session.
         frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
         seconds = frames[-1].time - frames[0].time if frames else 0.0
-        follows = ""
-        try:
-            with RecordingWriter(file, time_of_day - event.time) as writer:
-                for frame in frames:
+        after: list[Frame] = []
+
+        def write(target: Path) -> None:
+            with RecordingWriter(target, time_of_day - event.time) as writer:
+                for frame in (*frames, *after):
                     writer.add_frame(side, frame)
                 writer.add_event(event)
-                # What has been written so far can be read, whatever happens to this process meanwhile.
-                self._is_over.wait(event.time + AFTER - self._clock.now())
-                for frame in self._recorders[side].since(memory.newest):
-                    if frame.time <= event.time + AFTER:
-                        writer.add_frame(side, frame)
-                        follows = f", and {max(0.0, frame.time - event.time):.1f} s after the stop,"
+
+        try:
+            write(file)  # at once: this process may end meanwhile
+            self._is_over.wait(event.time + AFTER - self._clock.now())
+            after += (each for each in self._recorders[side].since(memory.newest) if each.time <= event.time + AFTER)
+            if after:
+                whole = file.with_suffix(".part")
+                write(whole)
+                whole.replace(file)
             for oldest in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
                 oldest.unlink(missing_ok=True)  # the other arm's record makes room, too
         except (YumiError, OSError) as error:
@@ -578,6 +582,7 @@ class Recorder:
         except Exception as error:  # the thread pool would keep it to itself
             self._failures.note(f"Writing the flight record {file}", error)
             return
+        follows = f", and {max(0.0, after[-1].time - event.time):.1f} s after the stop," if after else ""
         self._report(f"The last {seconds:.1f} s of the {side.word} arm{follows} are in {file}: yumi record show {file}")
 
 

@@ -19,10 +19,11 @@ from yumi.recording.mcap import AFTER, STAGES, Recording
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 
-def recording_table(recording: Recording, side: Side, cycles: int) -> RenderableType:
+def recording_table(recording: Recording, side: Side, cycles: int, width: int = 120) -> RenderableType:
     """The last ``cycles`` of one arm until the event, with everything that is known of them.
 
-    Of the commands it shows the joint that is farthest ahead; the picture shows all.
+    Of the commands it shows the joint that is farthest ahead; the picture shows all. Where ``width`` characters have no
+    room for seven measured positions beside them, it shows that of this joint.
     """
     frames = recording.frames.get(side, ())
     if not frames:
@@ -39,21 +40,24 @@ def recording_table(recording: Recording, side: Side, cycles: int) -> Renderable
     )
     shown = [frame for frame in frames if frame.time <= zero][-cycles:]
     style = "bold red" if stop else "bold"
-    return Group(Text(headline, style=style), Text(summary), _cycles(shown, zero), _stages(frames))
+    return Group(Text(headline, style=style), Text(summary), _cycles(shown, zero, width), _stages(frames))
 
 
-def _cycles(frames: Sequence[Frame], zero: float) -> Table:
+def _cycles(frames: Sequence[Frame], zero: float, width: int) -> Table:
     table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
-    measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}"
+    has_room = width >= _ALL_AXES
+    measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}" if has_room else "measured (axis)"
     for name in ("cycle", "time", "dt", "follows", measured, "desired ahead (axis)", "sent ahead (axis)", "reply"):
         table.add_column(name, justify="right")
     for frame in frames:
+        positions = [f"{degrees(value):.1f}" for value in frame.position]
+        index = _farthest(frame.sent, frame.position)
         table.add_row(
             str(frame.number),
             f"{(frame.time - zero) * 1e3:.1f}",
             f"{frame.dt * 1e3:.2f}",
             "yes" if frame.is_running else "no",
-            " ".join(f"{degrees(value):.1f}" for value in frame.position),
+            " ".join(positions) if has_room else f"{positions[index]} ({CHAIN_AXES[index]})",
             "hold" if frame.desired is None else _ahead(frame.desired, frame.position),
             _ahead(frame.sent, frame.position),
             f"{frame.stages.reply * 1e6:.0f}",
@@ -79,10 +83,17 @@ def quantile(ascending: Sequence[float], share: float) -> float:
 
 def _ahead(command: Joints, position: Joints) -> str:
     """How far a command is ahead of the measured position, where it is farthest, with ABB's axis number [°]."""
-    distances = {axis: value - now for axis, value, now in zip(CHAIN_AXES, command, position, strict=True)}
-    axis = max(distances, key=lambda each: abs(distances[each]))
-    return f"{degrees(distances[axis]):+.2f} ({axis})"
+    index = _farthest(command, position)
+    return f"{degrees(command[index] - position[index]):+.2f} ({CHAIN_AXES[index]})"
 
+
+def _farthest(command: Joints, position: Joints) -> int:
+    """Index of the joint whose command is farthest from where it is."""
+    return max(range(len(position)), key=lambda index: abs(command[index] - position[index]))
+
+
+_ALL_AXES = 110
+"""So many characters wide is a line of the table with the positions of all axes."""
 
 GAP = 0.02
 """Where no cycle was recorded for so long, no line is drawn and the gap is marked [s]."""
@@ -177,7 +188,11 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
         panel.grid(alpha=0.3)
         panel.set(xlim=(-window, window), xlabel="time from the event [s]" if stop else "time from the last cycle [s]")
     headline = fill(stop.sentence if stop else f"{side.word.capitalize()} arm: nothing stopped a motion.", 55 * columns)
-    figure.suptitle(f"{headline}\nRed: the event. Grey: no datagrams recorded. Axes at rest are left out.", fontsize=10)
+    figure.suptitle(
+        f"{headline}\nRed: the event. Grey: no datagrams recorded. "
+        + ("Axes at rest are left out." if moved else "No axis moved."),
+        fontsize=10,
+    )
     figure.savefig(file, dpi=120)
 
 

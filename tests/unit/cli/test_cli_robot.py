@@ -176,6 +176,12 @@ def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
     assert "robot.recover()" not in sentence
 
 
+def test_degrees_that_were_not_called_so_are_refused_with_the_option(driver: FakeDriver) -> None:
+    sentence = refusal("move", "right", "20", "-110", "-135", "30", "0", "40", "0")
+    assert sentence.rstrip().endswith("20 looks like degrees: add --degrees.")
+    assert driver.robot.control.commands == []
+
+
 def test_switch_deactivates_what_commands_the_arm(driver: FakeDriver) -> None:
     run("switch", "right", STREAM_CONTROLLER)
     (switch,) = driver.robot.control.switches

@@ -91,6 +91,20 @@ def test_record_goes_on_after_the_event_until_it_is_in_the_middle_of_the_picture
     assert said[0].startswith("The last 0.2 s of the right arm, and 2.0 s after the stop, are in ")
 
 
+def test_record_is_complete_on_the_disk_before_it_goes_on(
+    recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records = Recorder(tmp_path / "flights", 3, recorders, said.append, SystemClock())
+    seen = []
+    monkeypatch.setattr(records._is_over, "wait", lambda seconds: seen.append(read_recording(*files(tmp_path))))
+    records.on_event(LOST, 0.25, EPOCH)
+    records.close()
+    assert seen[0].is_complete
+    assert seen[0].stop is not None
+    assert [frame.number for frame in seen[0].frames[RIGHT]] == list(range(1, 51))
+    assert len(files(tmp_path)) == 1
+
+
 def test_record_leaves_out_what_was_long_before(
     records: Recorder, recorders: dict[Side, FlightRecorder], tmp_path: Path
 ) -> None:

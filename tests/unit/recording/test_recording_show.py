@@ -43,6 +43,20 @@ def test_show_prints_the_event_and_the_cycles_before_it(runner: CliRunner, file:
     ]
 
 
+def test_show_needs_a_line_a_cycle_in_a_terminal_of_80_columns(
+    runner: CliRunner, file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = runner.invoke(main, ["record", "show", str(file), "--cycles", "3"]).output.splitlines()
+    rows = [line for line in lines if line.startswith("│") and "yes" in line]
+    number = lines.index(rows[0])
+    assert lines[number : number + 3] == rows
+    assert lines[number + 3].startswith("└")
+    assert all(len(line) <= 80 for line in lines)
+    # ABB's axis 6 is the last of the chain, and the farthest behind in this motion.
+    assert rows[0].split("│")[5].strip().endswith("(6)")
+
+
 def test_show_prints_where_the_time_of_a_cycle_goes(runner: CliRunner, file: Path) -> None:
     output = runner.invoke(main, ["record", "show", str(file)]).output
     stages = {line.split("│")[1].strip(): line.split("│")[2].strip() for line in output.splitlines() if "│" in line}

@@ -103,6 +103,9 @@ class GoalEnded:
     outcome: GoalOutcome
     sentence: str
 
+    def __str__(self) -> str:
+        return f"Motion {self.identity}: {self.sentence}."
+
 
 class JointGoalController(Controller):
     """Takes an arm to one goal at a time; a new one replaces it, from whatever the joints do then.
