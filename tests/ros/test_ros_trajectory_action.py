@@ -138,8 +138,10 @@ def test_joints_may_be_left_out_where_the_parameter_allows_it(right: Goals, egm:
     assert not right.send(trajectory).accepted
     egm.until(egm.hears("it leaves out yumi_joint_1_r, yumi_joint_2_r"))
     assert set_parameter(egm, f"/r/{SINGLE}", "allow_partial_joints_goal", boolean(True)).successful
-    assert right.result(right.send(trajectory)).status == GoalStatus.STATUS_SUCCEEDED
-    assert set_parameter(egm, f"/r/{SINGLE}", "allow_partial_joints_goal", boolean(False)).successful
+    try:
+        assert right.result(right.send(trajectory)).status == GoalStatus.STATUS_SUCCEEDED
+    finally:
+        assert set_parameter(egm, f"/r/{SINGLE}", "allow_partial_joints_goal", boolean(False)).successful
     assert position(egm) == pytest.approx([*begin[:6], begin[6] + 0.2], abs=0.01)
 
 

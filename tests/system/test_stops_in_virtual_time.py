@@ -59,12 +59,19 @@ def seen(system: System) -> tuple[object, ...]:
     return controller.controller_state, controller.is_running, len(controller.events.entries()), positions(system)
 
 
-@pytest.mark.parametrize("fault", CAUSES)
+@pytest.fixture(scope="module", params=CAUSES)
+def stopped(request: pytest.FixtureRequest) -> tuple[MovingSystem, Fault]:
+    """A system that a person stopped, and how; for all requests, since none of them changes it."""
+    system = MovingSystem()
+    stop(system, request.param)
+    return system, request.param
+
+
 @pytest.mark.parametrize("request_", REQUESTS.values(), ids=list(REQUESTS))
 def test_nothing_starts_after_a_persons_stop_without_confirmation(
-    system: MovingSystem, fault: Fault, request_: Callable[[System], object]
+    stopped: tuple[MovingSystem, Fault], request_: Callable[[System], object]
 ) -> None:
-    stop(system, fault)
+    system, fault = stopped
     before = seen(system)
     with pytest.raises(StopNotConfirmed, match=f"The robot was stopped by {CAUSES[fault]}.*call recover with the id"):
         request_(system)
