@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import degrees, isfinite, nan
+from math import isfinite, nan
 from types import TracebackType
 from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
@@ -502,9 +502,6 @@ class Arm:
 
 T = TypeVar("T")
 
-PLAN_TOLERANCE = 0.02
-"""So far may a joint have moved since a plan was made that is executed [rad]."""
-
 
 class Robot:
     """A YuMi, real or virtual; built by :func:`yumi.connect`, connected by ``with`` or :meth:`open`.
@@ -696,15 +693,11 @@ class Robot:
 
         Arguments ``wait`` and ``timeout``, the errors and what is returned are those of :meth:`follow`.
         """
-        for arm in (self.right, self.left):
-            away = max(abs(now - then) for now, then in zip(arm.position, plan.start[arm.side], strict=True))
-            if away > PLAN_TOLERANCE:
-                raise CommandRefused(
-                    f"Plan refused: the {arm.side.word} arm is {degrees(away):.1f}° away from where it was when the "
-                    "plan was made; plan again."
-                )
-        points = plan.points
-        return self.follow(right=points.get(Side.RIGHT), left=points.get(Side.LEFT), wait=wait, timeout=timeout)
+        executor = self.executor
+        motions = executor.follow(plan.points, plan.start)
+        if wait:
+            wait_for(motions, timeout, executor)
+        return motions
 
     def move_to_pose(
         self,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import degrees, inf, nan, pi
 
 import pytest
@@ -99,7 +98,7 @@ def test_both_arms_end_at_the_same_time() -> None:
 def test_an_arms_pose_is_that_of_its_tool() -> None:
     robot, frames = FakeRobot(), Frames()
     snapshot = robot.control.snapshots[Side.RIGHT]
-    robot.control.snapshots[Side.RIGHT] = replace(snapshot, position=POSTURE)
+    robot.control.snapshots[Side.RIGHT] = snapshot._replace(position=POSTURE)
     arm = Arm(Side.RIGHT, lambda: robot.executor, None, frames=frames)  # type: ignore[arg-type]
     assert arm.pose == HERE
     arm.tool = "fingertips"

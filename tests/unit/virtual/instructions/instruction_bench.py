@@ -133,7 +133,7 @@ class InstructionBench:
             self.sent.append(datagram)
         self.unit.gripper.advance(CYCLE)
         self.unit.arm.advance(CYCLE)
-        self.unit.watch_zones()
+        self.unit.observe()
 
     @property
     def failure(self) -> str:
