@@ -27,6 +27,7 @@ def main(address: str) -> None:
         giver, taker = robot.right, robot.left
         giver.tool = taker.tool = "fingertips"
         robot.move_to(right="ready", left="ready")
+        giver.gripper.open()
         taker.gripper.open()
         giver.gripper.grasp(width=ROD)
 

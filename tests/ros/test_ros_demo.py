@@ -30,6 +30,7 @@ def test_prompt_says_from_where_to_where_and_how_fast_each_arm_moves() -> None:
     assert "No joint is faster than 18 °/s (speed_scale 0.1)" in text
     assert "The motors are switched on" in text
     assert "grippers are calibrated" in text
+    assert "the left tool is lifted by 50 mm on a straight line and put back" in text
 
 
 def test_prompt_names_the_speed_that_joints_may_have_at_most() -> None:

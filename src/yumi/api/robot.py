@@ -675,8 +675,9 @@ class Robot:
         start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
         goals: dict[Side, Position | Pose] = _named(right, left)
         obstacles = (*self._collision.obstacles(), *boxes_from(boxes or {}))
-        if self._planner is None or self._planner.obstacles != obstacles:
-            self._planner = Planner(self._modules, tools=self._collision.tools(), obstacles=obstacles)
+        limits = self.executor.limits  # what EGM leaves of the joints' speeds
+        if self._planner is None or (self._planner.obstacles, self._planner.limits) != (obstacles, limits):
+            self._planner = Planner(self._modules, tools=self._collision.tools(), obstacles=obstacles, limits=limits)
         return self._planner.plan(
             start,
             {

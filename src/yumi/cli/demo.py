@@ -144,7 +144,7 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
         top_speed: highest speed that a joint is given at a speed scale of 1 [rad/s].
         speed_scale: share of all speeds.
     """
-    from yumi.ros.move_and_grab import GOALS  # noqa: PLC0415 - the command line works without ROS
+    from yumi.ros.move_and_grab import GOALS, LIFT, LIFTED  # noqa: PLC0415 - the command line works without ROS
 
     def in_degrees(position: Joints) -> str:
         return ", ".join(f"{degrees(value):.1f}" for value in position) + "° (axes 1, 2, 7, 3, 4, 5, 6)"
@@ -160,7 +160,10 @@ def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: f
         ]
     highest = speed_scale * min(top_speed, max(YUMI_LIMITS.velocity))
     lines.append(f"No joint is faster than {degrees(highest):.0f} °/s (speed_scale {speed_scale:g}).")
-    lines.append("Both grippers open before and close afterwards. Arms are not kept apart: look where they go.")
+    lines.append(
+        f"Both grippers open before and close afterwards; then the {LIFTED.word} tool is lifted by "
+        f"{LIFT * 1e3:.0f} mm on a straight line and put back. Arms are not kept apart: look where they go."
+    )
     return "\n".join(lines)
 
 

@@ -81,7 +81,7 @@ class Planner:
         limits: of the joints; motions are planned for all of their speed, acceleration and jerk.
 
     Attributes:
-        obstacles: as above.
+        obstacles: as above, as ``limits``.
 
     Raises:
         MissingPrerequisite: RoboPlan is not installed.
@@ -97,7 +97,7 @@ class Planner:
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
             raise MissingPrerequisite("Planning needs RoboPlan; install yumi-ros2[planning].")
-        self._limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
+        self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
         self._scenes: dict[float, Any] = {}
@@ -190,7 +190,7 @@ class Planner:
         from roboplan import core  # noqa: PLC0415 - an extra; nothing else needs it
 
         urdf = planning_description(
-            self._grippers, tools=self._tools, obstacles=self.obstacles, clearance=clearance, limits=self._limits
+            self._grippers, tools=self._tools, obstacles=self.obstacles, clearance=clearance, limits=self.limits
         )
         scene = self._scenes[clearance] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
         scene.importSrdf(semantic_description(with_fingers=False))
@@ -218,10 +218,10 @@ class Planner:
 
     def _check_range(self, side: Side, position: Joints) -> None:
         for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):
-            if not self._limits.lower[index] <= value <= self._limits.upper[index]:
+            if not self.limits.lower[index] <= value <= self.limits.upper[index]:
                 raise CommandRefused(
                     f"Nothing was planned: {name} is {np.degrees(value):.1f}°; its range is "
-                    f"{self._limits.range_deg(index)}."
+                    f"{self.limits.range_deg(index)}."
                 )
 
     def _targets(self, start: Mapping[Side, Joints], goal: Mapping[Side, Goal]) -> list[Mapping[Side, Joints]]:
@@ -235,7 +235,7 @@ class Planner:
                 choices[side] = [joints(each)]
                 continue
             angles = [arm_angle(side, start[side]) + turn for turn in _ARM_ANGLES]
-            found = postures_of_each(side, [each] * len(angles), angles, self._limits)
+            found = postures_of_each(side, [each] * len(angles), angles, self.limits)
             own = list(chain.from_iterable(found))[:_GOALS]
             if not own:
                 raise CommandRefused(f"The {side.word} arm does not reach this pose, whatever its arm angle.")
@@ -263,7 +263,7 @@ class Planner:
         names = self._scene.getJointGroupInfo(group).joint_names
         in_order = [name for side in Side for name in joint_names(side)]
         index = [in_order.index(name) % JOINT_COUNT for name in names]
-        rows = (getattr(self._limits, name) for name in ("velocity", "acceleration", "jerk", "lower", "upper"))
+        rows = (getattr(self.limits, name) for name in ("velocity", "acceleration", "jerk", "lower", "upper"))
         velocity, acceleration, jerk, lower, upper = (np.array(row)[index] for row in rows)
         velocity = velocity * speed_scale
 

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
-from math import degrees, radians
+from math import degrees, dist, inf, radians
 from time import monotonic
 from typing import Any, Protocol, TypeVar
 
 import rclpy
 from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time
 from control_msgs.action import GripperCommand
+from controller_manager_msgs.srv import SwitchController
 from diagnostic_msgs.msg import DiagnosticStatus
+from geometry_msgs.msg import PoseStamped
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from sensor_msgs.msg import JointState
@@ -41,12 +45,22 @@ CLOSE_ENOUGH = radians(0.1)
 OPEN, CLOSED = 0.025, 0.0
 """Finger positions [m]."""
 
+LIFT = 0.05
+"""How far what was grabbed is lifted, on a straight line of the tool [m]."""
+
+LIFTED = Side.LEFT
+"""The arm that does; in the virtual robot something lies between its fingers."""
+
 MOVE_TIMEOUT = 30.0
 """Longest time for one motion at full speed [s]."""
 
 RECOVERIES = 3
 """How often each step of the task is repeated after a stop of the robot; a person confirms each stop."""
 
+_LINES, _POINTS = "cartesian_controller", "joint_position_controller"
+_THERE = 2e-4  # [m] from the end of a line
+_STANDS = 0.01  # [rad/s] of an arm that has come to rest
+_AGAIN = 1.0  # [s] after which a target is sent once more to an arm that stands elsewhere
 _SPIN = 0.05  # [s]
 _DISCOVERY = 10.0  # [s]
 _ANSWER = 30.0  # [s]
@@ -119,6 +133,9 @@ class _Arm:
         missed: cycles without an answer since the driver's start.
         is_commanded: whether EGM runs and a controller commands the arm.
         failures: how many gripper goals failed, and why the last one did.
+        stands: whether no joint moves.
+        pose: of the tool, the newest message.
+        places: where the tool was, as often as it was heard [m].
     """
 
     def __init__(self, node: Any, side: Side, path: list[tuple[float, Joints]]) -> None:
@@ -127,10 +144,16 @@ class _Arm:
         self.missed: int | None = None
         self.is_commanded = False
         self.failures = (0, "")
+        self.stands = False
+        self.pose: Any = None
+        self.places: list[tuple[float, float, float]] = []
         self._path = path
         name = side.value
         self.goals = node.create_publisher(JointState, f"{name}/joint_commands", 10)
         self.gripper = ActionClient(node, GripperCommand, f"{name}/gripper/gripper_cmd")
+        self.switch = node.create_client(SwitchController, f"{name}/controller_manager/switch_controller")
+        self.targets = node.create_publisher(PoseStamped, f"{name}/{_LINES}/target_pose", 10)
+        node.create_subscription(PoseStamped, f"{name}/tcp_pose", self._take_pose, 10)
         node.create_subscription(JointState, f"{name}/joint_states", self._take_state, 100)
         node.create_subscription(DiagnosticStatus, f"{name}/egm_state", self._take_egm_state, 1)
         node.create_subscription(DiagnosticStatus, f"{name}/gripper/state", self._take_gripper_state, LATCHED)
@@ -144,8 +167,13 @@ class _Arm:
         assert self.position is not None
         return max(abs(now - goal) for now, goal in zip(self.position, GOALS[self.side], strict=True))
 
+    def _take_pose(self, message: Any) -> None:
+        self.pose, place = message, message.pose.position
+        self.places.append((place.x, place.y, place.z))
+
     def _take_state(self, message: Any) -> None:
         self.position = joints(message.position)
+        self.stands = max(map(abs, message.velocity), default=0.0) < _STANDS
         self._path.append((message.header.stamp.sec + message.header.stamp.nanosec * 1e-9, self.position))
 
     def _take_egm_state(self, message: Any) -> None:
@@ -207,6 +235,10 @@ class MoveAndGrab:
         for side in (Side.RIGHT, Side.LEFT):
             self._despite_stops(partial(self._move, side))
         grips = self._despite_stops(lambda: self._grip("close both grippers", CLOSED))
+        arm = self._arms[LIFTED]
+        self._wait(lambda: arm.stands and arm.pose is not None, _STATE, f"A pose of the {LIFTED.word} tool at rest")
+        low = arm.pose
+        self._despite_stops(lambda: self._lift(low))
         for side, report in self.reports.items():
             report.grip = grips[side]
             report.missed = (self._arms[side].missed or 0) - missed[side]
@@ -299,6 +331,48 @@ class MoveAndGrab:
             ", ".join(f"{side.word}: {grip.word}, {grip.width} between the fingers" for side, grip in grips.items())
         )
         return grips
+
+    def _lift(self, low: Any) -> None:
+        """Lift the tool from a pose and put it back, each on a straight line."""
+        arm = self._arms[LIFTED]
+        self._progress.step(f"lift the {LIFTED.word} tool by {LIFT * 1e3:.0f} mm on a straight line, and put it back")
+        self._activate(arm, _LINES, _POINTS)
+        begin = len(arm.places)
+        for height in (LIFT, 0.0):
+            target = PoseStamped(pose=low.pose)
+            target.header.frame_id, target.header.stamp = low.header.frame_id, Time()
+            place = low.pose.position
+            goal = (place.x, place.y, place.z + height)
+            sent_at = -inf
+
+            def has_arrived(target: Any = target, goal: tuple[float, float, float] = goal) -> bool:
+                nonlocal sent_at
+                if not arm.is_commanded:
+                    raise GoalNotReached(f"The {LIFTED.word} arm was stopped on its line.")
+                if arm.stands and dist(arm.places[-1], goal) < _THERE:
+                    return True
+                if arm.stands and monotonic() - sent_at > _AGAIN:
+                    message = deepcopy(target)
+                    message.pose.position.z = goal[2]
+                    arm.targets.publish(message)
+                    sent_at = monotonic()
+                return False
+
+            timeout = MOVE_TIMEOUT / self._state.speed_scale
+            self._wait(has_arrived, timeout, f"The end of the {LIFTED.word} tool's line")
+        x, y, _ = arm.places[begin]
+        off = max(dist(place[:2], (x, y)) for place in arm.places[begin:])
+        self._progress.note(f"the tool was at most {off * 1e3:.2f} mm off the line")
+        self._activate(arm, _POINTS, _LINES)
+
+    def _activate(self, arm: _Arm, controller: str, other: str) -> None:
+        """Have one controller command an arm in place of another; it may already."""
+        self._wait(arm.switch.service_is_ready, _DISCOVERY, f"The service {arm.switch.srv_name}: its appearance")
+        request = SwitchController.Request(activate_controllers=[controller], deactivate_controllers=[other])
+        request.strictness = SwitchController.Request.BEST_EFFORT
+        answer = self._result(arm.switch.call_async(request), "The answer of switch_controller")
+        if not answer.ok:
+            raise GoalNotReached(f"The {arm.side.word} arm's {controller} was not activated: {answer.message}")
 
     def _why_failed(self, arm: _Arm, failed_before: int) -> str:
         """The driver's reason for a gripper's failure; the action's result has no text."""
