@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -457,7 +456,7 @@ def test_jog_is_refused_while_another_program_streams_to_the_same_controller(rob
 
 def test_jog_takes_over_no_arm_that_another_program_moves_by_the_same_controller(robot: FakeRobot) -> None:
     robot.control.call(Commands.switch_controllers, Side.RIGHT, (JOG_CONTROLLER,), (GOAL_CONTROLLER,))
-    moving = replace(robot.control.snapshots[Side.RIGHT], velocity=(0.3, *ZERO[1:]))
+    moving = robot.control.snapshots[Side.RIGHT]._replace(velocity=(0.3, *ZERO[1:]))
     robot.control.snapshots[Side.RIGHT] = moving
     with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
         robot.executor.jog(Side.RIGHT, (0.1, *ZERO[1:]))

@@ -7,7 +7,6 @@ import json
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -410,7 +409,7 @@ def test_plan_needs_to_know_where_both_arms_are(driver: FakeDriver) -> None:
 
 def test_page_is_shown_boxes_and_the_parts_that_are_nearest(driver: FakeDriver) -> None:
     folded = (-0.2, 0.5, -0.3, 0.4, 0.0, 0.3, 0.0)
-    at_box = replace(driver.robot.control.snapshots[Side.RIGHT], position=folded)
+    at_box = driver.robot.control.snapshots[Side.RIGHT]._replace(position=folded)
     driver.robot.control.snapshots[Side.RIGHT] = at_box
     expected = Distances(Surroundings(boxes=(BOX,))).nearest({Side.RIGHT: folded, Side.LEFT: home(Side.LEFT)})
     assert expected is not None
