@@ -221,7 +221,7 @@ def test_arm_is_jogged_into_the_limit_and_the_pair_is_shown(chromium: Any, url: 
     # By the handle in the picture: the tool follows it while it is dragged.
     before = page.tip()
     page.tab.select_option("#handle", "jog translate")
-    page.tab.wait_for_function("() => document.querySelector('#scene').dataset.handle.includes(',')", polling=50)
+    page.tab.wait_for_function("() => document.querySelector('#scene').dataset.handle?.includes(',')", polling=50)
     canvas = page.tab.locator("#scene").bounding_box()
     x, y = map(float, page.tab.locator("#scene").get_attribute("data-handle").split(","))
     page.tab.mouse.move(canvas["x"] + x, canvas["y"] + y)
