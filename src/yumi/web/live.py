@@ -48,7 +48,7 @@ RATE = 30.0
 STALE = 0.15
 """A jog that has waited here for longer is not carried out [s]."""
 
-OLDEST_SEEN = 0.5
+OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
 log = logging.getLogger(__name__)
