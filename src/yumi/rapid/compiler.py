@@ -335,7 +335,7 @@ class Statements:
             deadline: Deadline = frame.slots[slot]
             if deadline.call.task.is_settled(deadline.call) and condition(frame):
                 deadline.met()
-            elif not deadline.is_over():
+            elif not deadline.expire():
                 frame.begin_wait(until_next_poll(deadline), None, None)
                 frame.step = again.step
 

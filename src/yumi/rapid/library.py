@@ -115,7 +115,7 @@ class Deadline:
     def of(call: Call) -> Deadline:
         return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
 
-    def is_over(self) -> bool:
+    def expire(self) -> bool:
         r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""
         if self.call.task.now < self.time:
             return False

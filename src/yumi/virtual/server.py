@@ -41,7 +41,7 @@ from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.symbols import quoted
-from yumi.virtual.sockets import LocalNetwork
+from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -175,7 +175,7 @@ class VirtualController:
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
-        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`LocalNetwork`).
+        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`ProgramNetwork`).
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self.world.controller.devices.network = LocalNetwork(rapid_sockets or host)
+        self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )

@@ -140,7 +140,7 @@ class Irc5:
         for unit in arms:
             unit.led = self.motion.lead_through
         self._stationary = self._outputs_of_standstill()
-        self._gripper_signals: dict[Side, dict[str, int]] = {}
+        self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
         self.execution = RapidExecution(
