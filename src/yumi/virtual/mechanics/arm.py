@@ -10,7 +10,7 @@ from typing import cast
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arms import Arm, yumi_arm
-from yumi.robot.dynamics import ArmDynamics
+from yumi.robot.dynamics import HAND, ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
@@ -60,23 +60,56 @@ class LoadSupervision:
     def __init__(self, side: Side, model: ArmModel, position: Joints) -> None:
         self._dynamics = ArmDynamics(side, model.payload)
         self._model = model
-        self._state = MotionState(position)
-        self.torque = self._needed = self._dynamics.torque(position)
+        self._is_strong = model.torque == _USUAL_TORQUE and (model.payload is None or model.payload.mass <= HAND.mass)
+        # States whose torque has not been computed, as they cannot overload anything; what came before is forgotten.
+        self._rest: deque[tuple[MotionState, float]] = deque(maxlen=_MEMORY)
+        self._torque = self._dynamics.torque(position)
+
+    @property
+    def torque(self) -> Joints:
+        """Mean torque at the joints [N m], (7,)."""
+        self._catch_up()
+        return self._torque
 
     def advance(self, state: MotionState, dt: float) -> Overload | None:
-        """Follow the planned state during ``dt`` [s]; the joint that it overloads, or None."""
-        if state != self._state:  # an arm that stands needs the same as before
-            self._state = state
-            self._needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
+        """Follow the planned state during ``dt`` [s]; the joint that it overloads, or None.
+
+        Motions within the limits need less than the drives of a YuMi can give (:attr:`ArmModel.torque`): their torque
+        is computed only once a state beyond the limits comes.
+        """
+        limits = self._model.limits
+        if self._is_strong and all(
+            -most <= value <= most
+            for value, most in (
+                *zip(state.acceleration, limits.acceleration, strict=True),
+                *zip(state.velocity, limits.velocity, strict=True),
+            )
+        ):
+            self._rest.append((state, dt))
+            return None
+        self._catch_up()
+        return self._follow(state, dt)
+
+    def _catch_up(self) -> None:
+        if len(self._rest) == _MEMORY:
+            first, _ = self._rest[0]
+            self._torque = self._dynamics.torque(first.position, first.velocity, first.acceleration)
+        while self._rest:
+            self._follow(*self._rest.popleft())
+
+    def _follow(self, state: MotionState, dt: float) -> Overload | None:
+        needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
         fraction = 1.0 - exp(-dt / self._model.torque_time)
-        self.torque = _between(self.torque, self._needed, fraction)
-        loads = [abs(torque) / limit for torque, limit in zip(self.torque, self._model.torque, strict=True)]
+        self._torque = _between(self._torque, needed, fraction)
+        loads = [abs(torque) / limit for torque, limit in zip(self._torque, self._model.torque, strict=True)]
         if max(loads) <= 1.0:
             return None
         joint = loads.index(max(loads))
-        return Overload(joint, abs(self.torque[joint]), self._model.torque[joint])
+        return Overload(joint, abs(self._torque[joint]), self._model.torque[joint])
 
 
+_USUAL_TORQUE = ArmModel().torque
+_MEMORY = 40  # cycles after which the mean of the torque has forgotten what was before
 _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past never runs backwards
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import pytest
 
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.virtual.mechanics.arm import ArmModel, LoadSupervision, VirtualArm
+from yumi.virtual.mechanics.arm import ArmModel, LoadSupervision, Overload, VirtualArm
 from yumi.virtual.mechanics.motion import EgmSettings, MotionState
 
 HOME = home(Side.LEFT)
@@ -112,3 +113,21 @@ def test_motions_of_the_controller_itself_are_not_supervised() -> None:
     arm.move_to(beside(0.5, 0))
     arm.advance(1.0)
     assert arm.overload is None
+
+
+def test_step_after_motion_within_the_limits_overloads_as_if_all_torques_had_been_computed() -> None:
+    always, seldom = (LoadSupervision(Side.LEFT, MODEL, HOME) for _ in range(2))
+    always._is_strong = False  # computes the torque in each cycle
+    found: list[Overload] = []
+    for index in range(120):
+        change = 600.0 if index >= 100 else 0.2
+        position = cast("Joints", (HOME[0] + 0.002 * min(index, 100), *HOME[1:]))
+        state = MotionState(position, cast("Joints", (0.5, *ZERO[1:])), cast("Joints", (change, *ZERO[1:])))
+        overloads = [load.advance(state, CYCLE) for load in (always, seldom)]
+        assert (overloads[0] is None) == (overloads[1] is None)
+        if None not in overloads:
+            found = [each for each in overloads if each is not None]
+            break
+    assert index >= 100
+    assert found[1].joint == found[0].joint
+    assert found[1].torque == pytest.approx(found[0].torque, rel=1e-3)
