@@ -52,7 +52,7 @@ def _client(config: Path | None, options: dict[str, Any]) -> Iterator[RwsClient]
 _as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON, for programs.")
 
 
-def _of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
+def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which controller; the command gets a connected client first."""
 
     @robot_options("Address of the controller; else as in the settings.")
@@ -76,7 +76,7 @@ def _symbol_of(target: str) -> tuple[str, str, str] | None:
 @click.argument("target")
 @click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), help="Write a file there.")
 @_as_json
-@_of_controller
+@of_controller
 def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> None:
     """Read TARGET.
 
@@ -115,7 +115,7 @@ def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> 
 @rws.command("set")
 @click.argument("target")
 @click.argument("value")
-@_of_controller
+@of_controller
 def set_(client: RwsClient, target: str, value: str) -> None:
     """Write VALUE to TARGET, a signal or a RAPID symbol.
 
@@ -139,7 +139,7 @@ def set_(client: RwsClient, target: str, value: str) -> None:
 @rws.command("ls")
 @click.argument("path", default="HOME:/")
 @_as_json
-@_of_controller
+@of_controller
 def ls(client: RwsClient, path: str, is_json: bool) -> None:
     """List the directory PATH of the controller, or the entries of a resource, on all its pages.
 
@@ -168,7 +168,7 @@ def ls(client: RwsClient, path: str, is_json: bool) -> None:
 @rws.command("put")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("path")
-@_of_controller
+@of_controller
 def put(client: RwsClient, file: Path, path: str) -> None:
     """Write FILE of this machine to PATH on the controller.
 
@@ -185,7 +185,7 @@ def put(client: RwsClient, file: Path, path: str) -> None:
 @click.argument("targets", nargs=-1, required=True)
 @click.option("--count", type=click.IntRange(1), help="End after so many lines.")
 @_as_json
-@_of_controller
+@of_controller
 def watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_json: bool) -> None:
     """Print the values of TARGETS and each change; it subscribes again after a break, and says so.
 
@@ -233,7 +233,7 @@ def _resource(target: str) -> Resource:
 @click.argument("method", type=click.Choice(["GET", "POST", "PUT", "DELETE", "HEAD"], case_sensitive=False))
 @click.argument("path")
 @click.argument("fields", nargs=-1)
-@_of_controller
+@of_controller
 def call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> None:
     """Send any request; FIELDS are NAME=VALUE in its body.
 
