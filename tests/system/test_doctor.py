@@ -132,7 +132,10 @@ def test_missing_gripper_product_is_a_note() -> None:
 def test_manual_mode_is_a_problem() -> None:
     controller = world().controller
     controller.mode = OperatingMode.MANUAL_REDUCED
-    assert problems(controller) == [("operating mode", "MANR", "turn it to AUTO on the FlexPendant")]
+    (found,) = problems(controller)
+    assert found[0] == "operating mode"
+    assert found[1].startswith("MANR: programs on a computer may change nothing, but with a privilege")
+    assert found[2] == "turn it to AUTO on the FlexPendant"
 
 
 def test_pressed_emergency_stop_is_a_problem() -> None:

@@ -73,7 +73,7 @@ def test_doctor_names_the_arm_whose_datagrams_a_filter_drops(spaces: None, tmp_p
         finally:
             controller.terminate()
             controller.wait(10.0)
-    found = {each["requirement"]: each for each in json.loads(done.stdout)}
+    found = {each["requirement"]: each for each in json.loads(done.stdout)["findings"]}
     assert found["EGM left"]["verdict"] == "ok", done.stdout + done.stderr
     assert found["EGM right"]["verdict"] == "problem"
     assert f"nothing comes to {HERE}:6512: it is dropped on the way" in found["EGM right"]["found"]

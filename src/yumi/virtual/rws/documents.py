@@ -17,6 +17,7 @@ from yumi.rws.documents import XMLNS, Form, Link, Page, State, Status
 
 _XML = '<?xml version="1.0" encoding="UTF-8"?>'
 _ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_PLAIN = re.compile("[ !#-%'-;=?-~]*")  # most texts: nothing in them has to be escaped
 _ENTITIES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 MAX_EVENT = 1024
@@ -100,7 +101,7 @@ def _span(name: str, text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    return escape(_ILLEGAL.sub("\ufffd", text), _ENTITIES)
+    return text if _PLAIN.fullmatch(text) else escape(_ILLEGAL.sub("\ufffd", text), _ENTITIES)
 
 
 # JSON

@@ -6,6 +6,7 @@ import functools
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import TypeVar
 from urllib.parse import quote
 
@@ -435,7 +436,9 @@ def search(controller: Irc5, call: Call) -> Page:
         and pattern.search(state.fields["name"])
         and (call.parameter("onlyused", "FALSE").upper() != "TRUE" or state.fields["name"].lower() in used)
     ]
-    return resource("rapid", _BASE, "symbols", *fitting)
+    # A search names the symbol before its address, its properties after it (reference/rws.md §6.6-6.7).
+    named = (replace(state, fields={"name": state.fields["name"], **state.fields}) for state in fitting)
+    return resource("rapid", _BASE, "symbols", *named)
 
 
 def _plain_fields(url: str, kind: str) -> dict[str, str]:
