@@ -7,7 +7,7 @@ from math import radians
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, standing, to
 from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
@@ -43,11 +43,11 @@ def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
 
 def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
     """The smallest distance, but of the shoulders, which are as near to the other arm as to the body [m]."""
-    right, left = (arms.model.arms[side].place(np.array([positions[side]])) for side in Side)
-    near = arms.model.between(Side.RIGHT, right, left, 0.1)
-    frames = (arms.model.arms[side].frames for side in Side)
-    rows, columns = (each[balls] > 0 for each, balls in zip(frames, (near.rows, near.columns), strict=True))
-    return float(near.distances[0, 0][rows][:, columns].min(initial=0.1))
+    right, left = (standing(arms.model, side, positions[side]) for side in Side)
+    moving = [np.flatnonzero(arm.part_frames > 0) for arm in arms.model.arms.values()]
+    pairs = [index.ravel() for index in np.meshgrid(*moving, indexing="ij")]
+    within = np.full(len(pairs[0]), 0.1)
+    return float(arms.model.between(Side.RIGHT, right, left, (pairs[0], pairs[1]), within).distances.min())
 
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
