@@ -38,18 +38,18 @@ check: setup
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
 
-# What runs in virtual time, on two processes; then the driver with everything that belongs to it, once.
+# What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
 test: check
 	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
-	.venv/bin/python -m pytest tests/ros/test_ros_driver.py $(ARGS)
+	.venv/bin/python -m pytest -m smoke tests/ros/test_ros_driver.py $(ARGS)
 
 # What runs in real time has the machine to itself, one by one.
 test-real-time: setup
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
-# The long forms of tests, with what they tell meanwhile; one ends as soon as it fails.
+# The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.
 soak: setup
-	.venv/bin/python -m pytest -m soak --capture=no $(ARGS)
+	.venv/bin/python -m pytest -m 'soak or hypothesis' --hypothesis-profile long --timeout 1800 --capture=no $(ARGS)
 
 # The second one is for this Python and platform: it contains the message packages, so that pip needs no compiler.
 wheels: setup

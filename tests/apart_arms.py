@@ -78,7 +78,7 @@ class ApartArms:
                 if self._unheard[side] == LOST_AFTER:
                     self.both.lose(side)
             else:
-                is_first = self._measured[side] is self.positions[side]
+                is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])
                 speed = change_rate(arm.position, self._measured[side], dt) if dt else ZERO
                 state = ArmState(self._time, dt, 1, arm.position, speed, arm.planned, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 from collections.abc import Iterator
 from math import radians
@@ -27,14 +28,26 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             item.add_marker(pytest.mark.flaky(reruns=2))
 
 
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: the garbage collector need not look through it again and again."""
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_unconfigure() -> None:
+    gc.unfreeze()  # what is frozen is not freed at the end, of which Ruckig's bindings would complain
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """pytest-timeout stops its timer at the first failure; without a new one, a rerun could hang for ever."""
     if getattr(item, "execution_count", 1) > 1:
         item.ihook.pytest_timeout_set_timer(item=item, settings=pytest_timeout._get_item_settings(item))
 
 
-settings.register_profile("yumi", deadline=None)  # how long an example takes is the machine's affair
-settings.load_profile("yumi")
+# How long an example takes is the machine's affair. `make soak` has the long form of every property.
+settings.register_profile("short", deadline=None, max_examples=30)
+settings.register_profile("long", deadline=None, max_examples=1000)
+settings.load_profile("short")
 
 
 @pytest.fixture

@@ -7,17 +7,20 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from fake_robot import FakeRobot
+from yumi.control.shared_state import JointStates
+from yumi.driver.endpoint import BoxReport, Surroundings
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.driver.gripper import Gripper
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import SpeedSetting
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
-from yumi.robot.joints import Side, home
+from yumi.robot.joints import Pose, Side, home
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 ROBOT = "192.168.125.1:80"
 WAIT = 10.0
+BOX = BoxReport("table", Pose((0.4, 0.0, -0.05), (1.0, 0.0, 0.0, 0.0)), (0.6, 1.2, 0.1))
 
 
 class FakeManager:
@@ -91,10 +94,12 @@ class FakeDriver:
         self.grippers = {side: FakeGripper(side) for side in Side}
         self.recovered: list[str] = []
         self.changes: list[int] = []
+        self.read: dict[Side, JointStates] = {}
+        self.subscriptions = 0
         self.calibrated: list[Sequence[Side]] = []
         self.fingers: GripperState | None = GripperState(ServoState.KEEP_OBJECT, 0, True, 0.01, 0.0, 10.0)
         for side in Side:
-            self.robot.control.snapshots[side] = replace(self.robot.control.snapshots[side], sent=home(side))
+            self.robot.control.snapshots[side] = self.robot.control.snapshots[side]._replace(sent=home(side))
         access = DriverAccess(
             robot=ROBOT,
             manager=self.manager,  # type: ignore[arg-type]
@@ -107,8 +112,14 @@ class FakeDriver:
             recover=self.recover,
             calibrate=lambda sides, check: self.calibrated.append(sides),
             on_change=lambda: self.changes.append(len(self.changes)),
+            surroundings=Surroundings(boxes=(BOX,), is_limited=True, margin=0.01),
+            joints=self.read.get,
+            on_subscription=self.subscribe,
         )
         self.server = EndpointServer(access, log)
+
+    def subscribe(self) -> None:
+        self.subscriptions += 1
 
     def recover(self, report: Callable[[str], None], check: Callable[[], None], confirm: str) -> str:
         if self.manager.robot.stop != confirm:

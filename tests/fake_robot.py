@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from yumi.api.motion import (
@@ -78,7 +77,7 @@ class FakeControl:
         self.switches.append(Switch(side, activate, deactivate))
         (self._active[side],) = activate
         before = self.snapshots[side]
-        self.snapshots[side] = replace(before, activation=before.activation + 1, activity=before.activity + 1)
+        self.snapshots[side] = before._replace(activation=before.activation + 1, activity=before.activity + 1)
 
 
 class FakeRobot:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import sin
+from pathlib import Path
 
 from yumi.control.cycle import Cycle
 from yumi.control.events import SessionLost
-from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
 from yumi.control.statistics import AFTER_REPLY, SEND, StageClock
+from yumi.recording.mcap import RecordedEvent, RecordingWriter
 from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004
@@ -40,3 +43,12 @@ def flown(count: int) -> FlightRecorder:
     recorder = FlightRecorder(flight_memory())
     record_motion(recorder, count)
     return recorder
+
+
+def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
+    """A record as the driver writes it."""
+    with RecordingWriter(file, epoch) as writer:
+        for side, each in frames.items():
+            for frame in each:
+                writer.add_frame(side, frame)
+        writer.add_event(event)

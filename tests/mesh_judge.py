@@ -1,115 +1,66 @@
-"""An independent judge of how near the arms are: the meshes of the robot's covers, compared by FCL.
-
-It shares neither shapes nor distance computation with :mod:`yumi.robot.collision`, only the kinematics of the robot's
-description, which other tests check against other libraries.
-"""
+"""Judges motions by other shapes and another library than ours: the meshes that are shown, with Pinocchio and Coal."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-import fcl
 import numpy as np
+import pytest
 
 import yumi.robot
+from yumi.planning.scene import disabled_pairs
 from yumi.robot.collision import Obstacle
-from yumi.robot.description import FINGER_ORIGINS, JOINT_ORIGINS, joint_1_origin
-from yumi.robot.joints import Joints, Pose, Side
-from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
-
-_MESHES = Path(yumi.robot.__file__).parent / "meshes"
-_LINKS = 7
-
-
-def triangles(name: str) -> np.ndarray:
-    """Of a binary STL file in metres, (n, 3, 3)."""
-    content = (_MESHES / f"{name}.stl").read_bytes()[84:]
-    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    records = np.frombuffer(content, dtype=layout)
-    return records["corners"].astype(np.float64)
-
-
-def _mesh(corners: np.ndarray) -> Any:
-    model = fcl.BVHModel()
-    count = len(corners)
-    model.beginModel(3 * count, count)
-    model.addSubModel(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
-    model.endModel()
-    return model
-
-
-def _transform(rotation: np.ndarray, offset: np.ndarray) -> np.ndarray:
-    result = np.eye(4)
-    result[:3, :3], result[:3, 3] = rotation, offset
-    return result
+from yumi.robot.description import robot_description
+from yumi.robot.joints import Joints, Side, joint_names
+from yumi.robot.kinematics import matrix
 
 
 class MeshJudge:
-    """Distances of the meshes.
+    """How near the meshes of the robot and of boxes are to each other.
+
+    Links of one arm that are neighbours are not looked at, nor the body and the two links that turn within it. The
+    links are their meshes' convex hulls, which contain them; the body is its mesh.
 
     Args:
-        obstacles: boxes around the robot.
-        opening: of the fingers [m].
+        obstacles: boxes that stand about.
     """
 
-    def __init__(self, obstacles: Sequence[Obstacle] = (), opening: float = 0.0) -> None:
-        self._parts: dict[Side, list[tuple[str, int, Any]]] = {}
-        finger = triangles("finger")
-        turned = finger * (-1.0, -1.0, 1.0)
-        first, second = (np.array(each.xyz) for each in FINGER_ORIGINS)
-        apart = np.array((opening, 0.0, 0.0))
-        tool = np.concatenate([triangles("gripper"), finger + first - apart, turned + second + apart])
-        for side in Side:
-            parts = []
-            for index in range(_LINKS):
-                corners = triangles(f"link_{index + 1}")
-                if index < _LINKS - 1:
-                    corners = np.concatenate([corners, triangles(f"ring_{index + 1}")])
-                parts.append((f"link_{index + 1}", index, fcl.CollisionObject(_mesh(corners), fcl.Transform())))
-            parts.append(("gripper", _LINKS, fcl.CollisionObject(_mesh(tool), fcl.Transform())))
-            self._parts[side] = parts
-        body = np.concatenate([triangles("torso"), triangles("base")])
-        self._fixed = [("body", fcl.CollisionObject(_mesh(body), fcl.Transform()))]
-        for box in obstacles:
-            place = fcl.Transform(matrix(box.centre.orientation), np.array(box.centre.position))
-            self._fixed.append((box.name, fcl.CollisionObject(fcl.Box(*box.size), place)))
-        self._origins = {
-            side: [
-                _transform(matrix(quaternion_from_euler_zyx(origin.rpy)), np.array(origin.xyz))
-                for origin in (joint_1_origin(side), *JOINT_ORIGINS)
-            ]
-            for side in Side
-        }
+    def __init__(self, obstacles: Sequence[Obstacle] = ()) -> None:
+        self._pin = pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[planning]")
+        coal = pytest.importorskip("coal")
+        meshes = Path(next(iter(yumi.robot.__path__))) / "meshes"
+        urdf = robot_description(meshes=f"file://{meshes}")
+        self._model = pin.buildModelFromXML(urdf)
+        shapes = pin.buildGeomFromUrdfString(self._model, urdf, pin.GeometryType.VISUAL)
+        links = [self._model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
+        for shape, link in zip(shapes.geometryObjects, links, strict=True):
+            if link != "yumi_body":
+                shape.geometry.buildConvexHull(True, "Qt")
+                shape.geometry = shape.geometry.convex
+        for obstacle in obstacles:
+            pose = pin.SE3(matrix(obstacle.centre.orientation), np.array(obstacle.centre.position))
+            shapes.addGeometryObject(pin.GeometryObject(obstacle.name, 0, pose, coal.Box(*obstacle.size)))
+            links.append("yumi_body")
+        ignored = {frozenset(pair[:2]) for pair in disabled_pairs()}
+        for first, second in combinations(range(len(links)), 2):
+            pair = frozenset((links[first], links[second]))
+            if len(pair) == 2 and pair not in ignored:
+                shapes.addCollisionPair(pin.CollisionPair(first, second))
+        self._names = [shape.name for shape in shapes.geometryObjects]
+        self._shapes, self._data, self._shape_data = shapes, self._model.createData(), shapes.createData()
 
-    def _place(self, side: Side, position: Joints) -> None:
-        frame, frames = np.eye(4), []
-        for origin, angle in zip(self._origins[side], position, strict=True):
-            turn = np.eye(4)
-            turn[:2, :2] = (np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))
-            frame = frame @ origin @ turn
-            frames.append(frame)
-        pose = tool0_to_body(side, position, Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
-        frames.append(_transform(matrix(pose.orientation), np.array(pose.position)))
-        for _, index, part in self._parts[side]:
-            part.setTransform(fcl.Transform(frames[index][:3, :3], frames[index][:3, 3]))
-
-    def distance(self, positions: Mapping[Side, Joints]) -> float:
-        """The smallest of all pairs that can touch; 0 or less where they do [m]."""
+    def distance(self, positions: Mapping[Side, Joints]) -> tuple[float, str, str]:
+        """The smallest distance [m], not positive where shapes touch, and the two shapes."""
+        pin: Any = self._pin
+        values = pin.neutral(self._model)
         for side, position in positions.items():
-            self._place(side, position)
-        right, left = ([part for _, _, part in self._parts[side]] for side in Side)
-        body, boxes = self._fixed[0][1], [each for _, each in self._fixed[1:]]
-        groups = [(right[1:], left), (right[:1], left[1:]), (right[1:] + left[1:], [body])]
-        groups += [(right + left, boxes)] if boxes else []
-        least = np.inf
-        for first, second in groups:
-            managers = fcl.DynamicAABBTreeCollisionManager(), fcl.DynamicAABBTreeCollisionManager()
-            for manager, objects in zip(managers, (first, second), strict=True):
-                manager.registerObjects(objects)
-                manager.setup()
-            data = fcl.DistanceData()
-            managers[0].distance(managers[1], data, fcl.defaultDistanceCallback)
-            least = min(least, float(data.result.min_distance))
-        return least
+            for name, value in zip(joint_names(side), position, strict=True):
+                values[self._model.joints[self._model.getJointId(name)].idx_q] = value
+        pin.computeDistances(self._model, self._data, self._shapes, self._shape_data, values)
+        distances = [result.min_distance for result in self._shape_data.distanceResults]
+        nearest = int(np.argmin(distances))
+        pair = self._shapes.collisionPairs[nearest]
+        return float(distances[nearest]), self._names[pair.first], self._names[pair.second]

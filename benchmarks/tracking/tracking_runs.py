@@ -159,5 +159,5 @@ def draw_runs(runs: Sequence[tuple[str, Run]], file: Path) -> None:
             panel.grid(alpha=0.3)
     panels[0][0].set_ylabel("angle [°]")
     panels[1][0].set_ylabel("error [°]")
-    panels[0][-1].legend(frameon=False)
+    figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2, frameon=False)
     figure.savefig(file, dpi=150)

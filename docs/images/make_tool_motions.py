@@ -1,4 +1,4 @@
-"""The pictures of docs/how-to/move-the-tool.md: what the examples do, in virtual time.
+"""The pictures of docs/how-to/move-the-tool.md and plan-a-motion.md: what the examples do, in virtual time.
 
 Run it in the clone: `python docs/images/make_tool_motions.py` writes docs/images/tool_*.png.
 """
@@ -6,21 +6,27 @@ Run it in the clone: `python docs/images/make_tool_motions.py` writes docs/image
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import pi
 from pathlib import Path
+from xml.etree import ElementTree as ET
 
 import numpy as np
+from make_robot import Link, Solid, links_of, render
 from numpy.typing import NDArray
+from PIL import Image
 
-from yumi.api.cartesian import FINGERTIPS, posture_for
+from yumi.api.cartesian import FINGERTIPS, boxes_from, posture_for
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
 from yumi.control.events import ControllerReport
 from yumi.control.tool_path import Waypoint, plan_path
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, joints, named_pose
-from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.planning.planner import Plan, Planner
+from yumi.robot.collision import Obstacle
+from yumi.robot.description import robot_description
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose
+from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 HERE = Path(__file__).parent
@@ -49,7 +55,7 @@ class Arm:
         points = [Waypoint(each) for each in waypoints[:-1]] + [Waypoint(waypoints[-1], angle)]
         start = self.rig.manager.reference
         assert start is not None
-        plan = plan_path(SIDE, start, points, LIMITS, tool, speed)
+        plan = plan_path(SIDE, start, points, LIMITS, tool=tool, speed=speed)
         before = len(self.rig.events)
         self.rig.manager.receive("arm", FollowTrajectory(plan, 1), self.rig.line.state)
 
@@ -104,6 +110,50 @@ def sticks(seconds: float = 4.0) -> tuple[Array, Array]:
     return np.array(wanted), np.gradient(arm.places(FINGERTIPS), CYCLE, axis=0)
 
 
+def hand_over() -> tuple[dict[Side, Joints], dict[Side, Joints]]:
+    """Both arms of hand_over.py before they come together, and when the rod is in both grippers."""
+    from hand_over import APART, NEAR, poses  # noqa: PLC0415
+
+    before, together = {}, {}
+    for side in Side:
+        before[side] = posture_for(
+            side, compose(poses(APART)[side.word], inverse(FINGERTIPS)), None, None, named_pose(side, "ready"), LIMITS
+        )
+        line = plan_path(side, before[side], [Waypoint(poses(NEAR)[side.word])], LIMITS, tool=FINGERTIPS, speed=0.05)
+        together[side] = joints(line.spline.last.position)
+    return before, together
+
+
+def around() -> tuple[Plan, Obstacle]:
+    """The motion of plan_around.py around the crate; needs RoboPlan."""
+    from plan_around import BEHIND, BESIDE, CRATE  # noqa: PLC0415
+
+    (crate,) = boxes_from(CRATE)
+    planner = Planner(obstacles=(crate,))
+    start = {side: named_pose(side, "ready") for side in Side}
+    to_box = planner.plan(start, {Side.RIGHT: BESIDE})
+    start[Side.RIGHT] = joints(to_box.points[Side.RIGHT][-1].position)
+    return planner.plan(start, {Side.RIGHT: BEHIND}), crate
+
+
+def picture(positions: Mapping[Side, Joints], things: Sequence[Link]) -> Image.Image:
+    """The robot, and what stands about or is held."""
+    named = {n: value for side in Side for n, value in zip(joint_names(side), positions[side], strict=True)}
+    named |= {finger_names(side)[0]: 0.01 for side in Side}
+    links = links_of(ET.fromstring(robot_description().encode()), named)
+    image = render([*links, *things], 560, 380)
+    page = Image.new("RGB", image.size, "white")
+    page.paste(image, mask=image.getchannel("A"))
+    return page
+
+
+def thing(kind: str, size: tuple[float, ...], pose: Pose) -> Link:
+    """A solid beside the robot, by its half edges, or radius and half length."""
+    to_base = np.eye(4, dtype=np.float32)
+    to_base[:3, :3], to_base[:3, 3] = matrix(pose.orientation), pose.position
+    return Link(to_base, (Solid(kind, size, np.eye(4, dtype=np.float32)),), (0.85, 0.62, 0.32))
+
+
 def main() -> None:
     import matplotlib.pyplot as plt  # noqa: PLC0415 - the figures need none
 
@@ -137,6 +187,33 @@ def main() -> None:
     axes.set(xlabel="time [s]", ylabel="velocity [mm/s]", title="sticks (dotted) and fingertips, 50 Hz")
     axes.legend()
     figure.savefig(HERE / "tool_stream.png")
+
+    from hand_over import ROD, X, Z  # noqa: PLC0415
+
+    rod = thing("cylinder", (ROD / 2.0, 0.05), Pose((X, 0.0, Z), quaternion_of((pi / 2.0, 0.0, 0.0))))
+    picture(hand_over()[1], [rod]).save(HERE / "tool_hand_over.png", optimize=True)
+
+    plan, crate = around()
+    points = plan.points[Side.RIGHT]
+    halfway = {**plan.start, Side.RIGHT: joints(points[len(points) // 2].position)}
+    x, y, z = (0.5 * edge for edge in crate.size)
+    image = picture(halfway, [thing("box", (x, y, z), crate.centre)])
+    way, straight = (
+        np.array([tool0_to_body(Side.RIGHT, joints(each), FINGERTIPS).position for each in rows])
+        for rows in (
+            [point.position for point in points],
+            np.linspace(points[0].position, points[-1].position, 50).tolist(),
+        )
+    )
+    figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained", width_ratios=(1.3, 1))
+    left.imshow(image)
+    left.axis("off")
+    right.add_patch(plt.Rectangle((1e3 * (crate.centre.position[1] - y), 0.0), 2e3 * y, 2e3 * z, color="#d99e52"))
+    right.plot(1e3 * straight[:, 1], 1e3 * straight[:, 2], ":", color="gray", label="straight in the joints")
+    right.plot(1e3 * way[:, 1], 1e3 * way[:, 2], label="planned")
+    right.set(xlabel="y [mm]", ylabel="height of the fingertips [mm]", ylim=(0, 340), title=f"{plan.duration:.1f} s")
+    right.legend(loc="upper right")
+    figure.savefig(HERE / "tool_around.png")
 
 
 if __name__ == "__main__":

@@ -80,7 +80,7 @@ def evaluate(
     output: Path,
     report: Path | None,
 ) -> None:
-    r"""Repeat the thesis's experiments and write a report beside what it published.
+    """Repeat the thesis's experiments and write a report beside what it published.
 
     In real time a virtual controller, the driver and an application run as processes of their own, after everything was
     run in virtual time, to compare with. Ctrl-C ends it early; the report then contains what was done until then.
@@ -185,7 +185,7 @@ def _finish(results: Results, console: Console, output: Path, report: Path | Non
     "--picture", type=click.Path(dir_okay=False, path_type=Path), default=Path("build/tune.svg"), show_default=True
 )
 def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Path) -> None:
-    r"""Sweep the proportional gain in virtual time and recommend one, with a picture.
+    """Sweep the proportional gain in virtual time and recommend one, with a picture.
 
     Every gain makes a step twice: of the virtual robot, and of one that answers 20 ms later. Recommended is the gain
     whose slower step is the quickest, of those with which neither goes past the goal.
@@ -254,7 +254,7 @@ def bench(
     report: Path | None,
     histograms: Path | None,
 ) -> None:
-    r"""Measure the time from a robot datagram to its reply, interleaved with others.
+    """Measure the time from a robot datagram to its reply, interleaved with others.
 
     Every run starts a fresh server; a load generator plays the robot on this machine. Ctrl-C reports what is there.
     Programs and the peers' packages go to build/bench in the current folder.

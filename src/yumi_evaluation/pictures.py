@@ -114,6 +114,7 @@ def draw_recommendation(found: Recommendation, shipped: float, steps: Sequence[R
     def draw(figure: Any) -> None:
         figure.suptitle(f"Proportional gain: {found.headline}")
         response, settling, overshoot = figure.subplots(1, 3)
+        overshoot.sharex(settling)
         size = steps[0].experiment.size_deg if steps else 0.0
         response.axhspan(size - TOLERANCE_DEG, size + TOLERANCE_DEG, color="#8b949e", alpha=0.4, linewidth=0.0)
         for run, color in zip(steps, COLORS, strict=False):
@@ -130,7 +131,9 @@ def draw_recommendation(found: Recommendation, shipped: float, steps: Sequence[R
                 label = f"recommended: {found.gain:g}"
                 panel.axvline(found.gain, color=COLORS[2], linestyle="--", linewidth=1.2, label=label)
         settling.get_legend().remove()  # its lines leave no room
-        overshoot.legend(*settling.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize="small")
+        # Its frame is opaque: the line of the delivered gain goes through it.
+        handles = settling.get_legend_handles_labels()
+        overshoot.legend(*handles, loc="upper left", framealpha=1.0, edgecolor="none", fontsize="small")
 
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(_svg(draw, 3.8, "tune", width=12.6, is_transparent=False), encoding="utf-8")
@@ -160,10 +163,10 @@ def _pictures(results: Results) -> Iterator[tuple[str, float, str, Draw]]:
     """Name, height [inch], caption and how it is drawn."""
     if any(run.experiment.is_step for run in results.runs):
         ran = [system for system in LINES if any(run.system is system for run in results.runs)]
-        styles = {":": "Dotted", "-": "Solid", "--": "Dashed"}
+        styles = {":": "dotted", "-": "solid", "--": "dashed"}
         caption = (
             "Steps of 10° at full speed and reduced speed (thesis: figures 5.1 and 5.2). A colour is a controller. "
-            f"{'; '.join(f'{styles[LINES[system]]}: {system.title}' for system in ran)}. "
+            f"The line: {', '.join(f'{styles[LINES[system]]} {system.title}' for system in ran)}. "
             "The grey band is 0.1° around the goal."
         )
         yield "steps", 3.6, caption, lambda figure: _draw_steps(results, figure)

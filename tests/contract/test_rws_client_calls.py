@@ -9,9 +9,9 @@ import pytest
 
 from contract.rws_bench import PlainController, serving
 from yumi.errors import CommandRefused, ControllerRefused
-from yumi.rws import client as client_module
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import Event, ModuleInfo, Signal, TaskInfo
+from yumi.rws.services import io
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 
 
@@ -97,8 +97,8 @@ def test_all_signals_are_read(client: RwsClient) -> None:
 
 def test_all_signals_are_read_page_by_page(client: RwsClient, monkeypatch: pytest.MonkeyPatch) -> None:
     first = (("start", "0"), ("limit", "3"))  # which older controllers take for granted
-    read = client_module._get
-    monkeypatch.setattr(client_module, "_get", lambda path, *query: read(path, *(query or first)))
+    read = io.get
+    monkeypatch.setattr(io, "get", lambda path, *query: read(path, *(query or first)))
     assert list(client.signals()) == list(PlainController().signals.names)
 
 

@@ -322,3 +322,46 @@ def test_headers_that_drip_for_a_minute_are_given_up_after_the_drivers_two_secon
             thread.join()
     assert timeout <= dripping.clock.now() <= timeout + 2.0
     assert dripping.sent <= 4
+
+
+class SlowFile:
+    """Sends a file a part a second, or takes one so; with a stop after ``parts`` of them."""
+
+    def __init__(self, parts: int) -> None:
+        self.clock = WatchedClock()
+        self.parts = parts
+        self.received = b""
+
+    def answer(self, server: socket.socket) -> None:
+        with suppress(OSError), server.accept()[0] as peer:
+            while not self.received.endswith(b"\r\n\r\n"):
+                self.received += peer.recv(65536)
+            peer.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 30\r\n\r\n")
+            for _ in range(self.parts):
+                self.clock.was_read.clear()
+                self.clock.advance(1.0)
+                peer.sendall(b"x")
+                self.clock.was_read.wait(5.0)
+            self.clock.advance(10.0)
+            peer.recv(1)  # until the client has given up
+
+
+@pytest.mark.parametrize(("parts", "arrives"), [(30, True), (20, False)])
+def test_file_may_take_longer_than_the_timeout_as_long_as_it_goes_on(parts: int, arrives: bool) -> None:
+    slow = SlowFile(parts)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=slow.answer, args=(server,))
+        thread.start()
+        client = RwsClient(
+            f"127.0.0.1:{server.getsockname()[1]}", timeout=0.5 if not arrives else 4.0, clock=slow.clock
+        )
+        try:
+            if arrives:
+                assert client.read_file("HOME:/a.bin") == b"x" * 30
+            else:  # nothing comes for half a second after the last part
+                with pytest.raises(AnswerTimeout):
+                    client.read_file("HOME:/a.bin")
+        finally:
+            client.close()
+            thread.join()
+    assert slow.clock.now() >= parts

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 from doc_pages import ROOT
 
+from mesh_judge import MeshJudge
+from yumi.api.cartesian import FINGERTIPS
 from yumi.robot.description import robot_description
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
+from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names, joints
 from yumi.robot.kinematics import tool0_to_body
 
 sys.path.append(str(ROOT / "docs" / "images"))
@@ -59,3 +61,26 @@ def test_pictures_of_the_tool_show_what_the_examples_do() -> None:
     assert np.max(np.abs(places[:, :2] - places[0, :2])) < 1e-4
     wanted, measured = make_tool_motions.sticks(0.8)
     assert measured[: len(wanted)][round(0.7 / 0.004032)] == pytest.approx(wanted[round(0.68 / 0.004032)], abs=0.01)
+
+
+def test_arms_hand_over_without_touching() -> None:
+    judge = MeshJudge()
+    before, together = make_tool_motions.hand_over()
+    for share in np.linspace(0.0, 1.0, 6).tolist():
+        now = {
+            side: joints(((1.0 - share) * np.array(before[side]) + share * np.array(together[side])).tolist())
+            for side in Side
+        }
+        assert judge.distance(now)[0] > 0.02
+    tips = {side: tool0_to_body(side, together[side], FINGERTIPS).position for side in Side}
+    assert np.subtract(tips[Side.LEFT], tips[Side.RIGHT]) == pytest.approx((0.0, 0.06, 0.0), abs=1e-6)
+
+
+def test_arm_goes_around_the_crate_that_stands_in_its_way() -> None:
+    pytest.importorskip("roboplan")
+    plan, crate = make_tool_motions.around()
+    judge, ends = MeshJudge([crate]), [plan.points[Side.RIGHT][index].position for index in (0, -1)]
+    for point in plan.points[Side.RIGHT][::4]:
+        assert judge.distance({**plan.start, Side.RIGHT: joints(point.position)})[0] > 0.0
+    straight = np.linspace(*ends, 20).tolist()
+    assert min(judge.distance({**plan.start, Side.RIGHT: joints(each)})[0] for each in straight) < 0.0

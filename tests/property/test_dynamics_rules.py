@@ -26,7 +26,6 @@ def frictionless(side: Side, payload: Mass | None) -> ArmDynamics:
     return ArmDynamics(side, payload, friction=ZERO)
 
 
-@settings(max_examples=25, deadline=None)
 @given(sides, payloads, positions, speeds, accelerations)
 def test_torque_is_what_lagrange_derives_from_the_energies(
     side: Side, payload: Mass | None, position: Joints, velocity: Joints, acceleration: Joints
@@ -35,7 +34,6 @@ def test_torque_is_what_lagrange_derives_from_the_energies(
     assert torque == pytest.approx(ArmBodies(side, payload).torque(position, velocity, acceleration), abs=1e-4)
 
 
-@settings(max_examples=25, deadline=None)
 @given(sides, payloads, positions, speeds, accelerations)
 def test_power_of_the_drives_is_what_the_energy_of_the_arm_gains(
     side: Side, payload: Mass | None, position: Joints, velocity: Joints, acceleration: Joints

@@ -6,7 +6,7 @@ from math import exp, log, pi, sin
 from random import Random
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi_evaluation.kpis import MOVED_DEG, machine_totals, motion_delay
@@ -72,7 +72,6 @@ def test_known_delay_is_recovered_to_one_sample(branch: int, late: int, slack: f
     assert all(abs(lag - late * PERIOD) < PERIOD * 1.001 for _, lag in matches.lags)
 
 
-@settings(max_examples=40)
 @given(frequency=st.floats(0.2, 1.0), late=st.floats(-0.05, 0.5), rate=st.sampled_from([250.0, 248.0, 333.0]))
 def test_known_delay_of_a_whole_motion_is_recovered_by_least_squares(
     frequency: float, late: float, rate: float
@@ -81,7 +80,6 @@ def test_known_delay_of_a_whole_motion_is_recovered_by_least_squares(
     assert best_delay(reference, wave(frequency, late, rate)) == pytest.approx(late, abs=1e-3)
 
 
-@settings(max_examples=20)
 @given(late=st.integers(-10, 120), seed=st.integers(0, 10**6))
 def test_known_delay_of_a_noisy_motion_is_recovered_to_one_sample(late: int, seed: int) -> None:
     noise = Random(seed)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from egm_loop import FULL_SPEED, EgmLoop
@@ -103,7 +103,6 @@ def assert_no_jump(before: Cycle, after: Cycle) -> None:
     assert all(abs(new - old) <= speed * room * 1.001 + 1e-9 for old, new, speed in steps)
 
 
-@settings(deadline=None, max_examples=40)
 @given(actions=st.lists(ACTIONS, min_size=1, max_size=25))
 def test_no_command_jumps_and_no_load_is_too_high_whatever_happens(actions: list[Action]) -> None:
     loop = EgmLoop()

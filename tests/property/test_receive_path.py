@@ -362,6 +362,26 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # a forged plan that comes after a true datagram is a cycle later
     script=[(15, not_running(4)), (0, forged(0, 0.0, 2, CYCLE))], feeds_speed=False
 )
+@example(  # while positions were false the plan seemed to stand, so the arm braked by its lead besides
+    script=[
+        (0, damaged(0)),
+        (0, deaf(34)),
+        (2, not_running(1)),
+        (14, not_running(1)),
+        (1, for_a_while("is_swapped", 22)),
+    ],
+    feeds_speed=True,
+)
+@example(
+    script=[
+        (14, damaged(0)),
+        (21, for_a_while("is_shuffled", 40)),
+        (2, not_running(1)),
+        (6, not_running(1)),
+        (0, for_a_while("is_swapped", 15)),
+    ],
+    feeds_speed=True,
+)
 @given(scripts, st.booleans())
 def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)
@@ -475,6 +495,22 @@ def test_speed_that_was_fed_forward_is_not_resumed_at_once_after_a_silence(cycle
     assert_led_within_limits(loop)
     if cycles > 25:  # its controllers were deactivated
         assert loop.robot.arm.planned == pytest.approx(stood_at, abs=1e-3)
+
+
+def test_arm_that_is_fed_speeds_brakes_no_harder_than_its_limits_while_its_feedback_is_false() -> None:
+    loop = Attacked(feeds_speed=True)
+    loop.begin()
+    loop.move(320)
+    assert abs(loop.led[-1].speed[0]) > 1.6
+    before = len(loop.led)
+    loop.is_swapped = True
+    for _ in range(60):
+        loop.move(1)
+        assert dist(loop.cycles[-1].state.planned, loop.newest.planned) < 2e-3  # as the commands lead the robot
+    assert loop.snapshot.implausible == 60
+    for led in loop.led[before:]:
+        rows = zip(led.speed, led.before, YUMI_LIMITS.acceleration, strict=True)
+        assert all(abs(speed - old) <= 1.001 * strongest * CYCLE for speed, old, strongest in rows)
 
 
 @pytest.mark.parametrize("swapped", [3, 4, 8, 24])

@@ -114,7 +114,7 @@ def check_program(program: tuple[str, Sequence[Mutation]]) -> None:
     )
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(programs)
 def test_mutated_program_only_gives_typed_errors(program: tuple[str, Sequence[Mutation]]) -> None:
     check_program(program)
@@ -231,7 +231,7 @@ def client() -> Client:
     return Client()
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(calls)
 @example(HttpRequest("GET", "/rw/\udcff"))
 @example(HttpRequest("POST", "/rw/rapid/tasks/T_ROB_L?action=loadmod", (FORM,), b"modulepath=HOME:"))

@@ -9,9 +9,11 @@ import pytest
 from builtin_interfaces.msg import Time
 from controller_manager_bench import Manager, boolean, set_parameter
 from geometry_msgs.msg import PoseStamped, TwistStamped
-from ros_bench import Client
+from ros_bench import Client, Robot
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from yumi.rws.client import RwsClient
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
@@ -55,6 +57,15 @@ def tool(egm_running: Client) -> Iterator[Tool]:
     manager.switch([CARTESIAN], [POSITION])
     yield Tool(egm_running)
     manager.switch([POSITION], [CARTESIAN])
+
+
+def test_tcp_pose_is_the_controllers_robtarget(tool: Tool, robot: Robot) -> None:
+    with RwsClient(f"127.0.0.1:{robot.rws_port}") as controller:
+        page = controller.call("GET", "/rw/motionsystem/mechunits/ROB_R/robtarget", (("tool", "tool0"),))
+    assert page is not None
+    fields = page.states[0].fields
+    place = tool.pose.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx([float(fields[each]) / 1e3 for each in "xyz"], abs=1e-5)
 
 
 def test_target_pose_moves_the_tool_on_a_line(tool: Tool) -> None:

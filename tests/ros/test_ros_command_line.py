@@ -134,6 +134,10 @@ def up(*options: str) -> tuple[int, str, float]:
     return done.returncode, done.stderr.strip(), monotonic() - begin
 
 
+in_time = pytest.mark.real_time
+"""Of tests that say how soon a driver that cannot start ends: other work delays the start of Python by seconds."""
+
+
 def expect_one_sentence(outcome: tuple[int, str, float], part: str) -> None:
     code, error, duration = outcome
     assert code == 1
@@ -143,6 +147,7 @@ def expect_one_sentence(outcome: tuple[int, str, float], part: str) -> None:
     assert duration < 5.0
 
 
+@in_time
 def test_driver_says_that_the_password_is_wrong_without_showing_it(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -152,21 +157,25 @@ def test_driver_says_that_the_password_is_wrong_without_showing_it(
     assert "not-it-4711" not in outcome[1]
 
 
+@in_time
 def test_driver_says_that_nobody_is_there(robot: Robot) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))  # bound but not listening: connections are refused
         expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(taken.getsockname()[1])), "127.0.0.1:")
 
 
+@in_time
 def test_driver_says_that_a_name_is_unknown() -> None:
     expect_one_sentence(up("--robot", "no-such-robot.invalid"), "no-such-robot.invalid")
 
 
+@in_time
 def test_driver_says_that_the_host_does_not_answer() -> None:
     with silent_host() as port:
         expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "did not answer")
 
 
+@in_time
 def test_driver_says_that_the_host_is_no_robot() -> None:
     with web_server() as port:
         expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "but it is not an IRC5 controller")
@@ -187,6 +196,7 @@ def test_every_command_has_help_with_an_example(command: list[str]) -> None:
     assert "Example" in done.stdout
 
 
+@in_time
 def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
     with UdpServer("127.0.0.1", 0) as taken:
         options = ["--left-egm-port", str(taken.port), "--right-egm-port", str(free_port())]
@@ -195,6 +205,7 @@ def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
         )
 
 
+@in_time
 def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -211,6 +222,7 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     assert duration < 10.0
 
 
+@in_time
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
     outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
     expect_one_sentence(
@@ -218,6 +230,7 @@ def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command
     )
 
 
+@in_time
 def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: Command) -> None:
     outcome = up("--robot", "127.0.0.2")
     expect_one_sentence(

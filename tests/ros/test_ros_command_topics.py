@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import re
-from dataclasses import replace
 from math import inf, isnan, nan, pi
 from typing import Any
 
@@ -207,12 +206,12 @@ def test_topics_refuse_with_the_cause_what_an_arm_with_a_problem_cannot_do(
     topic: Any
     if kind is ForwardTopic:
         topic = forwarding(node, buffers, GoalKind.POSITION, {"forward_position_controller"})
-        buffers.snapshots.write(replace(commanded(ZERO), problem=problem))
+        buffers.snapshots.write(commanded(ZERO)._replace(problem=problem))
         topic.take(Float64MultiArray(data=[0.0] * 7))
     else:
         topic = commanding(kind, node, buffers, ZERO)
         goal_kind = read_snapshot(buffers.snapshots).goal_kind
-        buffers.snapshots.write(replace(commanded(ZERO, goal_kind=goal_kind), problem=problem))
+        buffers.snapshots.write(commanded(ZERO, goal_kind=goal_kind)._replace(problem=problem))
         topic.take(JointState(name=list(NAMES), position=[0.0] * 7, velocity=[0.0] * 7))
     assert buffers.goals.read() is None
     assert buffers.speeds.read() is None

@@ -57,6 +57,7 @@ class Arm:
         return max(abs(after - before) for before, after in zip(first, last, strict=True))
 
 
+@pytest.mark.smoke
 def test_driver_offers_the_services_and_actions_of_the_interface(client: Client) -> None:
     services = {"start_egm", "stop_egm", "robot_is_ready", "get_state"}
 
@@ -72,6 +73,7 @@ def test_driver_offers_the_services_and_actions_of_the_interface(client: Client)
         assert ActionClient(client.node, GripperCommand, f"{side.value}/gripper/gripper_cmd").wait_for_server(10.0)
 
 
+@pytest.mark.smoke
 def test_driver_brought_the_robot_to_ready(idle: Client, driver: Command) -> None:
     assert "The robot is ready." in driver.log.read_text()
     answer = idle.call(Trigger, "yumi_robot_manager/robot_is_ready")
@@ -90,6 +92,7 @@ def test_description_is_there_for_late_comers(client: Client) -> None:
     assert all(name in got[0].data for side in Side for name in joint_names(side))
 
 
+@pytest.mark.smoke
 def test_goal_before_egm_is_refused_with_a_sentence(idle: Client) -> None:
     arm = Arm(idle, Side.RIGHT)
     sentence = "Goal refused: EGM is not running on the right arm; call start_egm first."
@@ -108,6 +111,7 @@ def test_joint_states_come_at_250_hz_with_seven_names(egm_running: Client, side:
     assert stamps == sorted(stamps)
 
 
+@pytest.mark.smoke
 def test_merged_joint_states_have_both_arms_and_the_fingers(egm_running: Client) -> None:
     got: list[Any] = []
     egm_running.node.create_subscription(JointState, "joint_states", got.append, 10)
@@ -116,6 +120,7 @@ def test_merged_joint_states_have_both_arms_and_the_fingers(egm_running: Client)
     assert len(got[-1].position) == len(got[-1].velocity) == len(expected)
 
 
+@pytest.mark.smoke
 def test_arm_goes_where_joint_commands_say(egm_running: Client) -> None:
     arm = Arm(egm_running, Side.RIGHT)
     start = arm.position()

@@ -88,7 +88,7 @@ def spawned(manager: Manager, name: str, file: str, kind: str | None = None) -> 
 
 
 def hears(manager: Manager, sentence: str) -> None:
-    manager.client.until(manager.client.hears(sentence), 10.0, sentence)
+    manager.client.until(manager.client.hears(sentence), what=sentence)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from controller_manager_msgs.srv import SetHardwareComponentState, SwitchControl
 from diagnostic_msgs.msg import DiagnosticArray
 from lifecycle_msgs.msg import State
 from rclpy.action import ActionClient
-from ros_bench import Client, Robot
+from ros_bench import TIMEOUT, Client, Robot
 from ros_clients import ArmClient, GripperClient, RobotManagerClient, Spinner
 from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.srv import RunRoutine
@@ -83,7 +83,7 @@ def begin_to_move(manager: RobotManagerClient, arm: ArmClient, spinner: Spinner)
         if not start or not arm.is_commanded:
             manager.start_egm()
             arm.wait_for_status(5.0)
-            start[:] = [arm.wait_for_state(5.0)]
+            start[:] = [arm.wait_for_state(TIMEOUT)]
             arm.move(goal_near(start[0], radians(40.0)))
         return arm.error(start[0]) > radians(2.0)
 
@@ -92,7 +92,7 @@ def begin_to_move(manager: RobotManagerClient, arm: ArmClient, spinner: Spinner)
 
 
 def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotManagerClient, idle: Client) -> None:
-    state = manager.wait_for_state(lambda state: state.is_ready, 10.0, "Readiness")
+    state = manager.wait_for_state(lambda state: state.is_ready, TIMEOUT, "Readiness")
     assert (state.operating_mode, state.controller_state, state.rapid_execution) == ("AUTO", "motoron", "running")
     assert (state.left_state_machine, state.left_egm, state.speed_ratio) == ("IDLE", "off", 100)
     got: list[Any] = []
@@ -105,13 +105,13 @@ def test_state_of_the_robot_is_on_its_topic_and_in_diagnostics(manager: RobotMan
 def test_one_arm_is_under_egm_alone_and_then_both_and_then_none(manager: RobotManagerClient) -> None:
     steps: list[str] = []
     manager.set_mode(Mode.EGM_LEFT, steps.append)
-    state = manager.wait_for_state(lambda state: state.left_egm == "running", 5.0, "EGM on the left arm")
+    state = manager.wait_for_state(lambda state: state.left_egm == "running", TIMEOUT, "EGM on the left arm")
     assert state.right_egm == "off"
-    manager.wait_for_state(lambda _: "start EGM on the left arm" in steps, 5.0, "The feedback of the step")
+    manager.wait_for_state(lambda _: "start EGM on the left arm" in steps, TIMEOUT, "The feedback of the step")
     manager.set_mode(Mode.EGM_BOTH)
-    manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "running", 5.0, "EGM on both arms")
+    manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "running", TIMEOUT, "EGM on both arms")
     manager.set_mode(Mode.READY)
-    manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "off", 5.0, "The end of EGM")
+    manager.wait_for_state(lambda state: state.right_egm == state.left_egm == "off", TIMEOUT, "The end of EGM")
 
 
 def test_signals_and_variables_are_read_and_written(manager: RobotManagerClient) -> None:
@@ -131,7 +131,7 @@ def test_routine_of_a_loaded_module_is_stopped_by_who_does_not_wait_for_its_end(
     client.until(service.service_is_ready)
     running = service.call_async(RunRoutine.Request(arm="right", routine="sitThere"))
     busy = "RUN_RAPID_ROUTINE"
-    manager.wait_for_state(lambda state: state.right_state_machine == busy, 10.0, "The beginning of the routine")
+    manager.wait_for_state(lambda state: state.right_state_machine == busy, TIMEOUT, "The beginning of the routine")
     assert manager.stop_rapid() == "The RAPID program is stopped"
     client.until(running.done)
     assert running.result().message.startswith("The RAPID program stopped while T_ROB_R ran a routine")
@@ -150,7 +150,7 @@ def test_deactivated_arm_comes_to_rest_and_moves_only_after_it_is_activated(
     arm = ArmClient(spinner, Side.RIGHT)
     start = begin_to_move(manager, arm, spinner)
     set_hardware(client, Side.RIGHT, "inactive")
-    spinner.until(lambda: not arm.is_commanded, 5.0, "The end of the commands")
+    spinner.until(lambda: not arm.is_commanded, TIMEOUT, "The end of the commands")
     manager.stop_egm()
     with pytest.raises(RobotNotReady, match="The right arm is inactive; activate its hardware component ROB_R first"):
         manager.start_egm()
@@ -188,7 +188,7 @@ def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytes
     """The goals of the application are 2° from where the right arm stands, and 15° from where the left one does."""
     manager.start_egm()
     for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
-        position = ArmClient(spinner, side).wait_for_state(5.0)
+        position = ArmClient(spinner, side).wait_for_state(TIMEOUT)
         monkeypatch.setitem(GOALS, side, goal_near(position, -copysign(radians(change), position[6])))
 
 
@@ -242,7 +242,7 @@ def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
     listener = Listener({"move the left arm": partial(happen, robot, Fault.COLLISION)})
     with pytest.raises(RobotNotReady, match="50204 Motion supervision: an arm has collided") as end:
         move_left_arm(listener, Person(says_yes=False))
-    state = manager.wait_for_state(lambda state: state.stop, 5.0, "The stop")
+    state = manager.wait_for_state(lambda state: state.stop, TIMEOUT, "The stop")
     assert state.stop == end.value.stop
     assert state.rapid_execution == "stopped"
     assert "50204" in state.cause
@@ -255,7 +255,7 @@ def test_application_ends_with_the_cause_when_no_person_confirms_a_collision(
     with pytest.raises(StopNotConfirmed, match="'10013-1-abcdef' is not the stop that is open now"):
         manager.recover(confirm="10013-1-abcdef")
     manager.recover(confirm=state.stop)
-    manager.wait_for_state(lambda state: state.is_ready and not state.stop, 5.0, "Readiness")
+    manager.wait_for_state(lambda state: state.is_ready and not state.stop, TIMEOUT, "Readiness")
 
 
 def test_trajectory_that_an_emergency_stop_ended_says_so(
@@ -269,19 +269,19 @@ def test_trajectory_that_an_emergency_stop_ended_says_so(
         strictness=SwitchController.Request.STRICT,
     )
     assert client.call(SwitchController, "/r/controller_manager/switch_controller", switch).ok
-    start = arm.wait_for_state(5.0)
+    start = arm.wait_for_state(TIMEOUT)
     goal = FollowJointTrajectory.Goal()
     goal.trajectory.joint_names = list(joint_names(Side.RIGHT))
     point = JointTrajectoryPoint(positions=list(goal_near(start, radians(30.0))), time_from_start=Duration(sec=5))
     goal.trajectory.points = [point]
     action = ActionClient(spinner.node, FollowJointTrajectory, "/r/joint_trajectory_controller/follow_joint_trajectory")
-    spinner.until(action.server_is_ready, 10.0, "The action")
+    spinner.until(action.server_is_ready, TIMEOUT, "The action")
     sent = action.send_goal_async(goal)
-    spinner.until(sent.done, 10.0, "The answer")
+    spinner.until(sent.done, TIMEOUT, "The answer")
     ended = sent.result().get_result_async()
-    spinner.until(lambda: arm.error(start) > radians(2.0), 10.0, "Motion")
+    spinner.until(lambda: arm.error(start) > radians(2.0), TIMEOUT, "Motion")
     happen(robot, Fault.EMERGENCY_STOP)
-    spinner.until(ended.done, 5.0, "The end")
+    spinner.until(ended.done, TIMEOUT, "The end")
     assert "Cause: 10013 Emergency stop: an emergency stop was pressed" in ended.result().result.error_string
     happen(robot, Fault.EMERGENCY_STOP_RESET)
     with pytest.raises(StopNotConfirmed) as refusal:
@@ -308,9 +308,11 @@ def test_driver_logs_each_stop_with_its_cause_also_without_egm(
     manager.set_mode(Mode.READY)
     before = driver.log.read_text(encoding="utf-8").count(says)
     happen(robot, fault)
-    state = manager.wait_for_state(lambda state: says in state.cause, 5.0, "The cause")
+    state = manager.wait_for_state(lambda state: says in state.cause, TIMEOUT, "The cause")
     assert not state.is_ready
-    manager.wait_for_state(lambda _: driver.log.read_text(encoding="utf-8").count(says) > before, 5.0, "The log line")
+    manager.wait_for_state(
+        lambda _: driver.log.read_text(encoding="utf-8").count(says) > before, TIMEOUT, "The log line"
+    )
     if mended is not None:
         happen(robot, mended)
     try:

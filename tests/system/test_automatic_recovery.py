@@ -160,7 +160,7 @@ def test_recovery_by_itself_gives_up_after_some_attempts() -> None:
     system = SelfRecovering()
     system.faults.inject(Fault.EGM_SILENCE)
     system.wait(0.5)
-    system.live(ATTEMPTS + 5)
+    system.live(ATTEMPTS + 2)
     assert not system.is_guided
     assert len(system.lines) == ATTEMPTS
     assert "no datagram came for the right and left arm" in system.lines[0]

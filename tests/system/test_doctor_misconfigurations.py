@@ -26,6 +26,7 @@ from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.system import delivered_system
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
@@ -129,6 +130,18 @@ def wrong_password(robot: Robot) -> None:
     robot.password = "wrong"
 
 
+def ungranted(robot: Robot) -> None:
+    users = robot.transport.adapter._users
+    users.granted = tuple(name for name in users.granted if name != "UAS_RAPID_CURRVALUE")
+
+
+def many_sessions(robot: Robot) -> None:
+    for _ in range(60):
+        client = robot.client()
+        client.connect()
+        client.register()
+
+
 def clock_off(robot: Robot) -> None:
     robot.now += 3600.0
 
@@ -175,6 +188,8 @@ CASES = [
     Case("nothing there", nothing_there, "reachable", "Nothing answers"),
     Case("wrong password", wrong_password, "login", "does not accept user 'Default User'"),
     Case("clock off", clock_off, "clock", "13:00:00 here", Verdict.NOTE),
+    Case("user without grants", ungranted, "grants", "the user lacks UAS_RAPID_CURRVALUE"),
+    Case("sessions nearly full", many_sessions, "sessions", "of 70 clients are logged in", Verdict.NOTE),
     Case("no gripper product", without_option("SmartGripper"), "gripper product", "is missing", Verdict.NOTE),
 ]
 
@@ -300,6 +315,21 @@ def test_ros_domain_is_looked_at(domain: str, verdict: str) -> None:
     assert of_machine(CABLE, environment={"ROS_DOMAIN_ID": domain})["ROS domain"].verdict.value == verdict
 
 
+@pytest.mark.parametrize(
+    ("variables", "verdict", "words"),
+    [
+        ({}, "ok", "as the driver sets it"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "ok", "LOCALHOST"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "note", "no other program finds the driver"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"}, "problem", "'LAN', which means SUBNET"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"}, "note", "overrules"),
+    ],
+)
+def test_ros_discovery_range_is_looked_at(variables: Mapping[str, str], verdict: str, words: str) -> None:
+    found = of_machine(CABLE, environment=variables)["ROS discovery"]
+    assert (found.verdict.value, words in found.found) == (verdict, True)
+
+
 def test_one_port_for_both_arms_and_a_taken_port_are_named() -> None:
     with UdpServer("127.0.0.1", 0) as taken:
         port = taken.port
@@ -382,6 +412,30 @@ def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
     with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
         pass
     assert controller.controller_state is ControllerState.MOTORS_OFF
+
+
+def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
+    text = "MODULE Log\n  PERS num seen:=0;\n  PROC main()\n    seen:=1;\n  ENDPROC\nENDMODULE\n"
+    ours = delivered_system()
+    system = replace(
+        ours,
+        parameters=(*ours.parameters, 'SYS:CFG_1.0::\nCAB_TASKS:\n      -Name "T_LOG" -Type "NORMAL"\n'),
+        files={**ours.files, "HOME:/log.mod": text.encode()},
+        modules={"T_LOG": ("HOME:/log.mod",)},
+    )
+    yumi = VirtualYumi(WorldSettings(system=system))
+    with yumi.client() as client:
+        with streaming(client, yumi):
+            yumi.wait(0.5)
+            assert [task.name for task in client.tasks() if task.is_active] == ["T_ROB_R", "T_ROB_L"]
+        assert client.value("T_LOG", "Log", "seen") == 0.0
+        assert all(task.is_active for task in client.tasks())
+        # It would have run:
+        client.set_motors(True)
+        client.move_pp_to_main()
+        client.start_rapid()
+        yumi.wait(0.5)
+        assert client.value("T_LOG", "Log", "seen") == 1.0
 
 
 def test_stream_is_not_tried_where_the_program_is_a_problem() -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
-from yumi.clock import SystemClock
+from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import SessionGoal, write_goal
 from yumi.control.cycle import Cycle
 from yumi.control.events import Event, is_fault
@@ -60,7 +60,7 @@ def system() -> System:
 def records_of(system: System, folder: Path) -> Recording:
     """What the driver would have written for the faults of the right arm."""
     arm = system.arms[RIGHT]
-    records = Recorder(folder, 50, {RIGHT: arm.recorder}, lambda sentence: None)
+    records = Recorder(folder, 50, {RIGHT: arm.recorder}, lambda sentence: None, ManualClock(system.now()))
     for event in arm.events:
         if event.side is RIGHT:
             records.on_event(event, system.now(), EPOCH)
@@ -129,7 +129,7 @@ def control(port: int, events: Queue[Event]) -> Iterator[ControlProcess]:
 def test_robot_that_falls_silent_leaves_a_record_read_by_another_process(
     control: ControlProcess, port: int, events: Queue[Event], tmp_path: Path
 ) -> None:
-    records = Recorder(tmp_path, 50, control.recorders, lambda sentence: None)
+    records = Recorder(tmp_path, 50, control.recorders, lambda sentence: None, SystemClock())
     with closing(Robot(port)) as robot:
         robot.exchange(MESSAGE)
         control.call(Commands.switch_controllers, RIGHT, (POSITION,))

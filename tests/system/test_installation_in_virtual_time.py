@@ -26,6 +26,11 @@ from yumi.virtual.world import WorldSettings
 FOREIGN = "MODULE Production\n  PROC main()\n    WaitTime 1;\n  ENDPROC\nENDMODULE\n"
 
 
+def roll_back(site: Site) -> None:
+    installation = site.installation()
+    installation.undo(installation.plan_roll_back())
+
+
 @pytest.fixture
 def site(tmp_path: Path) -> Site:
     return Site(tmp_path)
@@ -40,7 +45,7 @@ def test_factory_controller_has_nothing_of_this_package(site: Site) -> None:
 
 def test_installation_brings_everything_and_is_idempotent(site: Site) -> None:
     plan = site.plan()
-    assert plan.obstacles == ()
+    assert plan.refusals == ()
     assert {change.sign for change in plan.changes} == {"+"}
     site.install()
     assert site.modules()["T_ROB_L"] == site.modules()["T_ROB_R"]
@@ -71,7 +76,7 @@ def test_roll_back_leaves_cfg_and_home_as_they_were(site: Site) -> None:
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install()
     assert (site.home(), site.cfg()) != (home, cfg)
-    site.installation().roll_back()
+    roll_back(site)
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
     assert "EGM_STOP" not in site.controller.signals
 
@@ -92,7 +97,7 @@ def test_program_that_has_run_is_rolled_back(site: Site) -> None:
     site.client.start_rapid()
     site.wait(0.1)
     site.client.stop_rapid()
-    site.installation().roll_back()
+    roll_back(site)
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
 
 
@@ -119,14 +124,14 @@ def test_program_that_runs_is_left_alone(site: Site) -> None:
     site.client.move_pp_to_main()
     site.client.start_rapid()
     with pytest.raises(RobotNotReady, match="a RAPID program runs; stop it first"):
-        site.installation().roll_back()
-    assert site.plan().obstacles[0].startswith("a RAPID program runs")
+        roll_back(site)
+    assert site.plan().refusals[0].startswith("a RAPID program runs")
 
 
-def test_manual_mode_is_an_obstacle(site: Site) -> None:
+def test_manual_mode_is_refused(site: Site) -> None:
     site.controller.mode = OperatingMode.MANUAL_REDUCED
     plan = site.plan()
-    assert plan.obstacles == ("the operating mode is MANR; turn it to AUTO on the FlexPendant",)
+    assert plan.refusals == ("the operating mode is MANR; turn it to AUTO on the FlexPendant",)
     with pytest.raises(RobotNotReady, match="Nothing was changed"):
         site.installation().install(plan)
     assert site.transport.changes == 0
@@ -135,12 +140,31 @@ def test_manual_mode_is_an_obstacle(site: Site) -> None:
 def test_foreign_main_is_explained_and_comes_back_with_a_roll_back(site: Site) -> None:
     site.controller.files["HOME:/production.mod"] = FOREIGN
     site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
-    (obstacle,) = site.plan().obstacles
-    assert obstacle.startswith("T_ROB_L has a program of its own: its module Production (5 lines) has a main")
+    (refusal,) = site.plan().refusals
+    assert refusal.startswith("T_ROB_L has a program of its own: its module Production (5 lines) has a main")
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install(replaces_main=True)
     assert "Production" not in site.modules()["T_ROB_L"]
-    site.installation().roll_back()
+    roll_back(site)
+    assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
+def test_main_that_the_configuration_loads_at_each_start_is_explained_and_comes_back(site: Site) -> None:
+    site.controller.files["HOME:/production.mod"] = FOREIGN
+    entry = {"File": "HOME:/production.mod", "ModName": "Production", "Task": "T_ROB_R"}
+    site.controller.configuration.put("SYS", "CAB_TASK_MODULES", entry)
+    site.client.wait_for_restart()
+    assert "Production" in site.modules()["T_ROB_R"]
+    loaded, configured = site.plan().refusals
+    assert loaded.startswith("T_ROB_R has a program of its own: its module Production")
+    assert configured.startswith("the configuration loads HOME:/production.mod at each start, which has a main")
+    home, cfg, modules = site.home(), site.cfg(), site.modules()
+    site.install(replaces_main=True)
+    assert "Production" not in site.modules()["T_ROB_R"]
+    site.client.wait_for_restart()
+    assert "Production" not in site.modules()["T_ROB_R"]
+    assert site.plan().changes == ()
+    roll_back(site)
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
 
 
@@ -155,7 +179,7 @@ def test_roll_back_brings_the_program_that_was_there_last(site: Site) -> None:
     site.controller.files["HOME:/production.mod"] = newer
     site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=True)
     site.installation().install(site.plan(replaces_main=True), makes_backup=False)
-    site.installation().roll_back()
+    roll_back(site)
     assert "WaitTime 2" in site.client.module_text("T_ROB_L", "Production")
 
 
@@ -195,7 +219,7 @@ def test_routines_of_the_user_are_neither_replaced_nor_deleted(site: Site) -> No
     site.client.load_module("T_ROB_L", path)
     site.client.load_module("T_ROB_R", path)
     assert site.plan().is_empty
-    site.installation().roll_back()
+    roll_back(site)
     assert (site.cfg(), site.modules()) == (cfg, modules)
     assert site.home().keys() - home.keys() == {"HOME:/yumi", path}
     site.installation().install(site.plan(), makes_backup=False)
@@ -243,11 +267,11 @@ def test_add_in_keeps_its_modules_and_gets_the_destinations_only(tmp_path: Path)
     assert "Add-In" in plan.notes[0]
 
 
-def test_signal_of_another_with_our_name_is_an_obstacle(site: Site) -> None:
+def test_signal_of_another_with_our_name_is_refused(site: Site) -> None:
     site.controller.configuration.put(
         "EIO", "EIO_SIGNAL", {"Name": "EGM_STOP", "SignalType": "DO", "Device": "D652_10"}
     )
-    (kind, device) = site.plan().obstacles
+    (kind, device) = site.plan().refusals
     assert "another EGM_STOP, with SignalType 'DO' instead of 'DI'" in kind
     assert "Device 'D652_10'" in device
 
@@ -266,12 +290,12 @@ def test_removal_without_a_record_takes_what_is_ours(site: Site, tmp_path: Path)
     site.install()
     site.folder = tmp_path / "another computer"
     installation = site.installation()
-    installation.remove(installation.plan_removal(site.client.connect(), HERE))
+    installation.undo(installation.plan_removal(site.client.connect(), HERE))
     assert (site.home(), site.cfg()) == (home, cfg)
     again = site.installation()
     plan = again.plan_removal(site.client.connect(), HERE)
     assert plan.changes == ()
-    again.remove(plan)
+    again.undo(plan)
     assert (site.home(), site.cfg()) == (home, cfg)
 
 
@@ -283,7 +307,7 @@ def test_interrupted_removal_without_a_record_goes_on_removing(site: Site, tmp_p
     for _ in range(2):
         with suppress(Interruption):
             installation = site.installation()
-            installation.remove(installation.plan_removal(site.client.connect(), HERE))
+            installation.undo(installation.plan_removal(site.client.connect(), HERE))
         site.reconnect()
     assert (site.home(), site.cfg()) == (home, cfg)
 
@@ -293,9 +317,9 @@ def test_removal_without_a_record_keeps_what_is_the_add_ins(tmp_path: Path) -> N
     installation, modules, cfg = site.installation(), site.modules(), site.cfg()
     plan = installation.plan_removal(site.client.connect(), HERE)
     assert plan.changes == ()
-    assert plan.obstacles[0].startswith("ABB's Add-In 'StateMachine Core' is on the controller")
+    assert plan.refusals[0].startswith("ABB's Add-In 'StateMachine Core' is on the controller")
     with pytest.raises(RobotNotReady, match="Nothing was changed"):
-        installation.remove(plan)
+        installation.undo(plan)
     assert (site.modules(), site.cfg()) == (modules, cfg)
 
 
@@ -326,7 +350,7 @@ def test_installation_that_ends_at_any_step_is_rolled_back_bit_for_bit(tmp_path:
             site.wait(30.0)
         site.reconnect()
         with suppress(CommandRefused):  # it ended before anything was changed
-            site.installation().roll_back()
+            roll_back(site)
         assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules), (how, step)
         effective = {domain: site.controller.effective.text(domain) for domain in cfg}
         assert effective == cfg, (how, step)
@@ -340,7 +364,7 @@ def test_roll_back_that_is_killed_itself_goes_on(site: Site) -> None:
     for step in range(1, 100, 6):
         site.transport.kill_at = step
         try:
-            site.installation().roll_back()
+            roll_back(site)
             break
         except Interruption:
             for _ in range(2):

@@ -14,10 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from held_arm import HeldArm
 from rapid_servers import CONNECTIONS
 from soak import long, short, tell
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
 from yumi.egm.udp import free_port
 from yumi.robot.joints import CYCLE
 
@@ -25,36 +24,12 @@ pytestmark = pytest.mark.real_time
 SCRIPT = Path(__file__).parents[1] / "rapid_servers.py"
 
 
-class Arm:
-    """The sensor of one arm, which holds it where it is.
-
-    Attributes:
-        numbers: of the robot's datagrams.
-        times: when they came [s].
-    """
-
-    def __init__(self, port: int) -> None:
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.socket.bind(("127.0.0.1", port))
-        self.numbers: list[int] = []
-        self.times: list[float] = []
-        self._codec = SensorCodec(axes=7)
-
-    def answer(self) -> None:
-        datagram, sender = self.socket.recvfrom(2048)
-        message = self._codec.decode(datagram)
-        self.numbers.append(message.seqno)
-        self.times.append(time.perf_counter())
-        reply = SensorMessage(seqno=message.seqno, position=message.planned)
-        self.socket.sendto(self._codec.encode(reply), sender)
-
-
 @pytest.mark.parametrize("seconds", [short(4.0), long(60.0, 180.0)])
 def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) -> None:
     ports = [free_port() for _ in range(4)]
     command = [sys.executable, str(SCRIPT), *map(str, ports)]
     with ExitStack() as stack:
-        arms = [Arm(port) for port in ports[:2]]
+        arms = [HeldArm(port) for port in ports[:2]]
         for arm in arms:
             stack.enter_context(arm.socket)
         process = stack.enter_context(subprocess.Popen(command, stdout=subprocess.PIPE, text=True))
@@ -78,7 +53,7 @@ def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) ->
     assert min(answered) > 0.5 * max(answered) > 0  # no connection is kept waiting for the others
 
 
-def _exchanged(arms: list[Arm], clients: list[socket.socket], seconds: float) -> list[int]:
+def _exchanged(arms: list[HeldArm], clients: list[socket.socket], seconds: float) -> list[int]:
     """How many requests of each client were answered, which sends its next one when it has the answer."""
     requests = dict.fromkeys(clients, 0)
     with selectors.DefaultSelector() as selector:

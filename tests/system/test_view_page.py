@@ -13,10 +13,13 @@ import pytest
 
 import yumi
 from browser import browser
-from flight import LOST, flown
+from flight import LOST, flown, write_flight_record
 from yumi.process.supervision import Command
-from yumi.recording.mcap import recorded_event, write_flight_record
-from yumi.robot.joints import Joints, Side
+from yumi.recording.mcap import recorded_event
+from yumi.robot.collision import CollisionModel, Obstacle
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import Joints, Pose, Side, home, joints
+from yumi.robot.kinematics import IDENTITY
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]
@@ -28,10 +31,19 @@ def chromium() -> Iterator[Any]:
         yield chromium
 
 
+BOX = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY), (0.08, 0.08, 0.20))
+BESIDE = ((81, -119, -33, 35, -142, 103, -176), (119, -121, -67, 37, -179, 119, -139))  # of it, on either side [°]
+
+
 @pytest.fixture
-def url(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The page of a virtual robot with a box; a parameter switches the limiter on that keeps the arms apart."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    arguments = ("view", "--virtual", "--port", "0", "--logs", str(tmp_path))
+    config = tmp_path / "yumi.yaml"
+    box = f"{{position: {list(BOX.centre.position)}, size: {list(BOX.size)}}}"
+    is_limited = str(getattr(request, "param", False)).lower()
+    config.write_text(f"collision:\n  enabled: {is_limited}\n  boxes:\n    {BOX.name}: {box}\n")
+    arguments = ("view", "--virtual", "--port", "0", "--logs", str(tmp_path), "--config", str(config))
     with Command("yumi view", arguments, tmp_path / "view.log") as command:
         yield command.wait_until_ready(60.0)
 
@@ -150,6 +162,85 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     page.press("#inject")
     page.wait("#verdict", "Stopped: .*program")
     page.wait("#remedy", "Start it first|start the")
+    assert page.errors == []
+
+
+def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: str) -> None:
+    pytest.importorskip("roboplan", reason="needs yumi-ros2[planning]")
+    page = Page(chromium, url)
+    page.wait("#tool-pose", "asked for over Robot Web Services")  # where the arms are is known without EGM, too
+    page.take_control()
+    page.press("#start")
+    page.wait("#verdict", "EGM holds both arms")
+    page.tab.select_option("#pose", "joint positions")
+    shapes = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
+    begin, end = (yumi.degrees(goal) for goal in BESIDE)
+
+    def least(way: list[Joints]) -> float:
+        """The least distance of the right arm from the box [m]."""
+        distances = []
+        for position in way:
+            pairs = shapes.nearest({Side.RIGHT: position, Side.LEFT: home(Side.LEFT)}, 400)
+            distances.append(next(it.distance for it in pairs if it.other == BOX.name and it.part.startswith("right")))
+        return min(distances)
+
+    straight = [joints([a + share * (b - a) for a, b in zip(begin, end, strict=True)]) for share in (0.2, 0.5, 0.8)]
+    assert least(straight) < -0.01
+    for goal in BESIDE:
+        for index, angle in enumerate(goal):
+            page.tab.locator("#joint-goal input").nth(index).fill(str(angle))
+        page.press("#plan")
+        assert "Nothing moves before Execute" in page.wait("#plan-text", "A motion of")
+        before = page.angle(0)
+        page.tab.focus("#plan-time")  # the slider moves the ghost
+        page.tab.keyboard.press("End")
+        assert page.angle(0) == before
+        with Watch() as watch:
+            page.press("#execute")
+            page.wait("#toast", "The right arm stands at the goal")
+        assert page.angle(0) == pytest.approx(goal[0], abs=0.3)
+        assert not page.tab.is_visible("#plan-box")
+    assert least([position for _, position in watch.seen][::5]) > 0.0
+    assert page.errors == []
+
+
+@pytest.mark.parametrize("url", [True], indirect=True, ids=["limited"])
+def test_arm_is_jogged_into_the_limit_and_the_pair_is_shown(chromium: Any, url: str) -> None:
+    page = Page(chromium, url)
+    page.take_control()
+    page.press("#start")
+    page.wait("#verdict", "EGM holds both arms")
+
+    # Push the arm: what is measured deviates, and comes back.
+    before = page.angle(3)
+    page.press("#push")
+    page.wait("#toast", "arm-pushed: done")
+    page.wait("#verdict", "EGM holds both arms")
+    assert page.angle(3) == pytest.approx(before, abs=0.2)
+
+    # By the handle in the picture: the tool follows it while it is dragged.
+    before = page.tip()
+    page.tab.select_option("#handle", "jog translate")
+    page.tab.wait_for_function("document.querySelector('#scene').dataset.handle.includes(',')", polling=50)
+    canvas = page.tab.locator("#scene").bounding_box()
+    x, y = map(float, page.tab.locator("#scene").get_attribute("data-handle").split(","))
+    page.tab.mouse.move(canvas["x"] + x, canvas["y"] + y)
+    page.tab.mouse.down()
+    page.tab.mouse.move(canvas["x"] + x, canvas["y"] + y - 40, steps=5)
+    page.wait("#verdict", "The right arm moves")
+    page.wait("#verdict", "Ready")  # it is where the handle is
+    page.tab.mouse.up()
+    assert page.tip()[2] > before[2] + 15.0
+    page.tab.select_option("#handle", "none")
+
+    # By the arrow keys on the picture, to the left into the other arm.
+    page.tab.focus("#scene")
+    page.tab.keyboard.down("ArrowLeft")
+    assert re.search("right .+ - left", page.wait("#limited", "motion limited by"))
+    pair = page.wait("#nearest", "mm")
+    assert 5 < float(re.findall(r"(\d+) mm", pair)[0]) < 25
+    page.tab.keyboard.up("ArrowLeft")
+    page.wait("#verdict", "Ready")
     assert page.errors == []
 
 

@@ -10,6 +10,7 @@ from typing import Any, SupportsFloat
 from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused
+from yumi.robot.collision import Obstacle
 from yumi.robot.inverse_kinematics import (
     Configuration,
     Unreachable,
@@ -86,6 +87,21 @@ def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
     return given  # type: ignore[return-value]
 
 
+def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) -> tuple[Obstacle, ...]:
+    """Boxes by name, each with the pose of its centre and its edges [m], as obstacles.
+
+    Raises:
+        CommandRefused: a pose or a size is none.
+    """
+    found = []
+    for name, (centre, size) in given.items():
+        length, width, height = _numbers(size, 3, f"the size of box {name[:40]!r}")
+        if min(length, width, height) <= 0.0:
+            raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
+        found.append(Obstacle(name, pose_from(centre), (length, width, height)))
+    return tuple(found)
+
+
 def _numbers(values: Any, count: int, name: str) -> list[float]:
     try:
         numbers = [float(each) for each in values]
@@ -138,7 +154,7 @@ def posture_for(
     side: Side,
     tool0: Pose,
     angle: float | None,
-    wanted: Configuration | Sequence[int] | None,
+    desired: Configuration | Sequence[int] | None,
     now: Joints,
     limits: JointLimits,
 ) -> Joints:
@@ -148,21 +164,21 @@ def posture_for(
         Unreachable: there is none; where no arm angle was asked for, with none of those tried.
     """
     with_angle = arm_angle(side, now) if angle is None else _checked_angle(angle)
-    if wanted is None:
+    if desired is None:
         try:
             near = nearest_posture(side, tool0, with_angle, now, limits)
         except Unreachable:
             near = None
         if near is not None and _furthest(near, now) < 1.0:
             return near
-    for bend in (0.0, *(_FURTHER_ANGLES if angle is None else ())):
-        found = postures_of(side, tool0, with_angle + bend, now, limits)
-        if wanted is not None:
-            found = tuple(each for each in found if configuration(each) == tuple(wanted))
+    for turn in (0.0, *(_FURTHER_ANGLES if angle is None else ())):
+        found = postures_of(side, tool0, with_angle + turn, now, limits)
+        if desired is not None:
+            found = tuple(each for each in found if configuration(each) == tuple(desired))
         if found:
             return found[0]
     x, y, z = tool0.position
-    which = f" with configuration {tuple(wanted)}" if wanted is not None else ""
+    which = f" with configuration {tuple(desired)}" if desired is not None else ""
     how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
     raise Unreachable(
         f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
@@ -216,11 +232,11 @@ def planned(
                 starts[side],
                 path.waypoints,
                 limits,
-                path.tool,
-                path.speed,
-                path.turning,
-                path.zone,
-                path.acceleration,
+                tool=path.tool,
+                speed=path.speed,
+                turning=path.turning,
+                zone=path.zone,
+                acceleration=path.acceleration,
             )
             for side, path in paths.items()
         }

@@ -15,7 +15,7 @@ from yumi.control.events import Event
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.robot_manager import RobotManager
@@ -111,6 +111,9 @@ class Connection:
             mover=self.executor,
             recover=self._recover_for_client,
             calibrate=self._calibrate_for_client,
+            surroundings=surroundings_of(self._settings),
+            joints=self.manager.monitor.joints,
+            on_subscription=self.manager.monitor.read_joints,
         )
         server = EndpointServer(access, log.log)
 

@@ -48,6 +48,7 @@ from yumi.robot.joints import (
     CHAIN_AXES,
     JOINT_COUNT,
     YUMI_LIMITS,
+    ZERO,
     JointLimits,
     Joints,
     Pose,
@@ -154,6 +155,7 @@ def _index(side: Side, name: object) -> int:
 
 
 _PLACE = 3  # numbers of a pose without an orientation
+_HELD = 0.3  # [s] jogs that follow each other within this time belong to one hold of a key
 _FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
 
 LAST_STOP = 5.0
@@ -225,6 +227,9 @@ class Motion:
                 f"The {self.side.word} arm has not reached its goal within {timeout:g} s; it is still on its way."
             ) from None
 
+
+PLAN_TOLERANCE = 0.02
+"""So far may a joint have moved since a plan was made that is executed [rad]."""
 
 _APART_FROM_ROS = 2**40  # numbers of motions beside those of ROS's trajectory goals, which count from 1
 
@@ -417,6 +422,8 @@ class MotionExecutor:
         self._goals = goals
         self._motions = motions
         self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
+        self._jogs: dict[Side, _Jog] = {}
+        self._jogging = Lock()  # one jog is written at a time
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle.
@@ -533,21 +540,35 @@ class MotionExecutor:
         }
         return self.follow_path(tuple(paths), planned(paths, self.limits), check)
 
-    def follow(self, trajectories: Mapping[Side, Sequence[TimedPosition]]) -> tuple[Motion, ...]:
+    def follow(
+        self,
+        trajectories: Mapping[Side, Sequence[TimedPosition]],
+        start: Mapping[Side, Joints] | None = None,
+        check: Callable[[], None] = lambda: None,
+    ) -> tuple[Motion, ...]:
         """Have arms follow trajectories that begin at the same moment, or none of them.
+
+        Where they were planned from a ``start`` [rad], also of an arm that does not move, the arms must still be there.
 
         Raises:
             CommandRefused: a trajectory is impossible; nothing moves, but what moved has come to rest.
             RobotNotReady: an arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
+        for side, then in (start or {}).items():
+            away = max(abs(b - a) for a, b in zip(then, self._control.snapshot(side).position, strict=True))
+            if not away <= PLAN_TOLERANCE:
+                raise CommandRefused(
+                    f"Plan refused: the {side.word} arm is {_degrees_of(away):.1f}° away from where it was when the "
+                    "plan was made; plan again."
+                )
         plans = {
             side: plan_trajectory(
                 JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self.limits
             )[side]
             for side, points in trajectories.items()
         }
-        return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda starts: plans)
+        return self._follow_plans(TRAJECTORY_CONTROLLER, tuple(plans), lambda starts: plans, check)
 
     def follow_path(
         self,
@@ -627,7 +648,7 @@ class MotionExecutor:
         write_goal(self._goals[side], session, checked)
 
     def jog(self, side: Side, speeds: Sequence[float]) -> bool:
-        """Have an arm move with joint speeds [rad/s], (7,), until 0.1 s after the last call.
+        """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
 
         The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes.
 
@@ -642,13 +663,15 @@ class MotionExecutor:
             raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
-        session, is_new = self._begin_stream(side, JOG_CONTROLLER, is_jog=True)
-        if not is_new:
-            write_speeds(self._speeds[side], session, joints(speeds))
-        return is_new
+        buffer = self._speeds[side]
+
+        def write(session: int, values: Joints) -> None:
+            write_speeds(buffer, session, values)
+
+        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds))
 
     def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool:
-        """Have a tool move with a velocity until 0.1 s after the last call; returns and raises as :meth:`jog`.
+        """Have a tool move with a velocity until its controller's timeout or :meth:`end_jog`, as :meth:`jog`.
 
         Args:
             side: the arm.
@@ -658,10 +681,41 @@ class MotionExecutor:
         """
         if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
             raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
-        session, is_new = self._begin_stream(side, CARTESIAN_CONTROLLER, is_jog=True)
-        if not is_new:
-            self._tool_goals[side].write(twist_goal(session, joints(twist), tool, is_in_tool=is_in_tool))
-        return is_new
+        buffer = self._tool_goals[side]
+
+        def write(session: int, values: Joints) -> None:
+            buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool))
+
+        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist))
+
+    def _jog(
+        self, side: Side, controller: str, buffer: Buffer[Any], write: Callable[[int, Joints], None], values: Joints
+    ) -> bool:
+        with self._jogging:
+            session, is_new = self._begin_stream(side, controller, is_jog=True)
+            last = self._jogs.get(side)
+            if is_new or last is None or last.controller != controller:
+                self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write)
+                return True
+            if _number(buffer) != last.number:  # a ROS topic, another client: two streams must not alternate
+                self._streaming.pop(side, None)
+                raise CommandRefused(
+                    f"Jog refused: another program streams to the {controller} of the {side.word} arm; stop it first."
+                )
+            write(session, values)
+            self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write)
+        return False
+
+    def end_jog(self, side: Side) -> None:
+        """Have an arm stop that was jogged last; one that something else commands meanwhile is left alone."""
+        with self._jogging:
+            last, snapshot = self._jogs.get(side), self._control.snapshot(side)
+            known = self._streaming.get(side)
+            if last is None or known != (last.controller, snapshot.session, snapshot.activation):
+                return
+            if _number(last.buffer) == last.number:
+                last.write(snapshot.session, ZERO)
+                self._jogs[side] = last._replace(number=_number(last.buffer))
 
     def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""
@@ -675,7 +729,21 @@ class MotionExecutor:
         if controller == CARTESIAN_CONTROLLER:
             self._check_has(side, controller)
         self._check_follows(side)
-        is_jogged = self.commanding(side) in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
+        last = self._streaming.get(side, ("", 0, 0))
+        jog = self._jogs.get(side)
+        if (
+            is_jog
+            and jog
+            and self._clock.now() - jog.time < _HELD
+            and last[0] == jog.controller
+            and last[1:] != known[1:]
+        ):
+            self._streaming.pop(side, None)  # the next hold of a key may take the arm back
+            raise CommandRefused(
+                f"Jog refused: another program has switched the controllers of the {side.word} arm; press again to "
+                "take it back."
+            )
+        is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
         if is_jog and not is_jogged and self.is_moving(side):
             raise _other_motion(side)
         self._take_over(side, controller)
@@ -773,6 +841,21 @@ class MotionExecutor:
             self._motions.forget(motions)
             raise
         return motions
+
+
+class _Jog(NamedTuple):
+    """The last jog of an arm: its controller, when it was, its message's number in the buffer, how one is written."""
+
+    controller: str
+    time: float
+    number: int
+    buffer: Buffer[Any]
+    write: Callable[[int, Joints], None]
+
+
+def _number(buffer: Buffer[Any]) -> int:
+    newest = buffer.read()
+    return newest[0] if newest else 0
 
 
 def _other_motion(side: Side) -> CommandRefused:

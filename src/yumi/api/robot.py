@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from math import degrees, isfinite, nan
+from math import isfinite, nan
 from types import TracebackType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from yumi.api.cartesian import (
     Frames,
     Path,
     PoseLike,
+    boxes_from,
     planned,
     pose_from,
     poses_from,
@@ -501,9 +502,6 @@ class Arm:
 
 T = TypeVar("T")
 
-PLAN_TOLERANCE = 0.02
-"""So far may a joint have moved since a plan was made that is executed [rad]."""
-
 
 class Robot:
     """A YuMi, real or virtual; built by :func:`yumi.connect`, connected by ``with`` or :meth:`open`.
@@ -650,16 +648,19 @@ class Robot:
         *,
         right: Position | Pose | None = None,
         left: Position | Pose | None = None,
+        boxes: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]] | None = None,
         timeout: float = 30.0,
         speed_scale: float = 1.0,
         seed: int = 0,
     ) -> Plan:
-        """Plan a motion around the robot itself and the declared boxes; nothing moves before :meth:`execute`.
+        """Plan a motion around the robot itself and boxes; nothing moves before :meth:`execute`.
 
         Args:
             right: goal of the right arm: joint positions [rad] as for :meth:`move_to`, or the pose of tool0 in the body
                 frame, which is reached in a posture near the present one; None lets it stand.
             left: the same for the left arm.
+            boxes: what stands around the robot, beside ``collision.boxes`` of ``yumi.yaml``: by name, the pose of a
+                box's centre in the body frame, and its edges [m].
             timeout: how long to look for a way [s].
             speed_scale: share of the joints' speeds, above 0 up to 1.
             seed: of the random numbers; the same one finds the same way.
@@ -673,9 +674,9 @@ class Robot:
 
         start = {side: arm.position for side, arm in ((Side.RIGHT, self.right), (Side.LEFT, self.left))}
         goals: dict[Side, Position | Pose] = _named(right, left)
-        if self._planner is None:
-            own = self._collision
-            self._planner = Planner(self._modules, tools=own.tools(), obstacles=own.obstacles())
+        obstacles = (*self._collision.obstacles(), *boxes_from(boxes or {}))
+        if self._planner is None or self._planner.obstacles != obstacles:
+            self._planner = Planner(self._modules, tools=self._collision.tools(), obstacles=obstacles)
         return self._planner.plan(
             start,
             {
@@ -692,15 +693,11 @@ class Robot:
 
         Arguments ``wait`` and ``timeout``, the errors and what is returned are those of :meth:`follow`.
         """
-        for arm in (self.right, self.left):
-            away = max(abs(now - then) for now, then in zip(arm.position, plan.start[arm.side], strict=True))
-            if away > PLAN_TOLERANCE:
-                raise CommandRefused(
-                    f"Plan refused: the {arm.side.word} arm is {degrees(away):.1f}° away from where it was when the "
-                    "plan was made; plan again."
-                )
-        points = plan.points
-        return self.follow(right=points.get(Side.RIGHT), left=points.get(Side.LEFT), wait=wait, timeout=timeout)
+        executor = self.executor
+        motions = executor.follow(plan.points, plan.start)
+        if wait:
+            wait_for(motions, timeout, executor)
+        return motions
 
     def move_to_pose(
         self,

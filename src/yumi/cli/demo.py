@@ -265,7 +265,7 @@ class DemoScreen:
         """Print what became of each arm."""
         table = Table("arm", "time to goal", "joint error", "missed cycles", "gripper")
         for side, report in reports.items():
-            grip = f"{report.grip.word} at {report.grip.position * 1e3:.1f} mm" if report.grip else "-"
+            grip = f"{report.grip.word}, {report.grip.width}" if report.grip else "-"
             table.add_row(
                 side.word,
                 f"{report.duration:.2f} s",

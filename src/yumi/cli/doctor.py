@@ -8,7 +8,7 @@ import sys
 from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TextIO
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -34,11 +34,14 @@ _STREAM_TIME = 5.0
 @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
 @click.option("--stream", is_flag=True, help="Also receive both arms' positions over EGM for 5 s; it asks first.")
 @click.option("--yes", is_flag=True, help="Do not ask before that.")
-@click.option("--json", "report", type=click.File("w"), help="Also write the findings to this file; - prints them.")
+@click.option(
+    "--json",
+    "report",
+    type=click.Path(dir_okay=False, allow_dash=True),
+    help="Also write the findings to this file; - prints them, and nothing else.",
+)
 @click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Also write the page to this file.")
-def doctor(
-    config: Path | None, stream: bool, yes: bool, report: TextIO | None, html: Path | None, **options: Any
-) -> None:
+def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, html: Path | None, **options: Any) -> None:
     """List what is missing before a robot can be driven, with the remedy; nothing moves.
 
     Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
@@ -87,9 +90,12 @@ def doctor(
         rows = [
             {**asdict(each), "verdict": each.verdict.value, "why": each.why, "where": each.where} for each in findings
         ]
-        json.dump({"robot": client.address, "findings": rows}, report, indent=2)
-        report.write("\n")
-    if report is not sys.stdout:
+        text = json.dumps({"robot": client.address, "findings": rows}, indent=2)
+        if report == "-":
+            click.echo(text)
+        else:
+            Path(report).write_text(f"{text}\n", encoding="utf-8")
+    if report != "-":
         from rich.console import Console  # noqa: PLC0415
 
         console = Console(highlight=False)

@@ -66,7 +66,7 @@ class _Session:
             if plan is not None:
                 value |= {
                     "changes": [str(change) for change in plan.changes],
-                    "obstacles": plan.obstacles,
+                    "refusals": plan.refusals,
                     "notes": plan.notes,
                     "needs_restart": plan.needs_restart,
                 }
@@ -91,8 +91,8 @@ class _Session:
             self.say(f"Note: {note}.")
         for change in plan.changes:
             self.say(click.style(str(change), colours[change.sign]))
-        for obstacle in plan.obstacles:
-            self.say(click.style(f"Not possible now: {obstacle}.", "red"))
+        for refusal in plan.refusals:
+            self.say(click.style(f"Not possible now: {refusal}.", "red"))
 
 
 @contextmanager
@@ -182,19 +182,19 @@ def install(
         if roll_back:
             plan = session.installation.plan_roll_back()
             session.show(plan)
-            _stop_at_obstacles(session, plan)
+            _stop_at_refusals(session, plan)
             if dry_run:
                 session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
                 return
             if not yes:
                 click.confirm("Make everything as it was before the first installation? It restarts", abort=True)
-            session.installation.roll_back()
+            session.installation.undo(plan)
             session.finish("Everything is as it was before.", plan)
             return
         session.show_route()
         plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
         session.show(plan)
-        _stop_at_obstacles(session, plan)
+        _stop_at_refusals(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
@@ -213,9 +213,9 @@ def install(
         session.finish(outcome, plan, stream=_check_stream(session))
 
 
-def _stop_at_obstacles(session: _Session, plan: Plan) -> None:
+def _stop_at_refusals(session: _Session, plan: Plan) -> None:
     """End with code 1 where the plan cannot be carried out now."""
-    if plan.obstacles:
+    if plan.refusals:
         session.finish("Nothing was changed.", plan)
         sys.exit(1)
 
@@ -303,13 +303,13 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
     with _session(config, is_json, options) as session:
         plan = session.installation.plan_removal(session.system, session.addresses)
         session.show(plan)
-        _stop_at_obstacles(session, plan)
+        _stop_at_refusals(session, plan)
         if dry_run:
             session.finish(f"{len(plan.changes)} changes; nothing was changed.", plan)
             return
         if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
-        session.installation.remove(plan)
+        session.installation.undo(plan)
         session.finish(f"{len(plan.changes)} changes made and verified.", plan)
 
 

@@ -5,8 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
+
+from yumi.cli.rws import of_controller
+
+if TYPE_CHECKING:
+    from yumi.rws.client import RwsClient
 
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -48,3 +54,31 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], as_json: bool) -> None
             click.echo(f"{len(files)} {'file' if len(files) == 1 else 'files'}: nothing found")
     if faults:
         sys.exit(1)
+
+
+@rapid.command("debug")
+@click.argument("task")
+@of_controller
+def debug_(client: RwsClient, task: str) -> None:
+    """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
+
+    Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
+    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. A start steps all tasks that are selected on
+    the task panel, and arms move.
+
+    \b
+    Examples:
+      yumi rapid debug T_ROB_R --robot 192.168.125.1
+      printf "main\\nstep\\nwhere\\n" | yumi rapid debug T_ROB_R
+    """
+    from yumi.cli.debugger import Debugger  # noqa: PLC0415 - a quick --help
+    from yumi.clock import SystemClock  # noqa: PLC0415
+
+    commands = None if sys.stdin.isatty() else sys.stdin
+    debugger = Debugger(client, task, SystemClock(), sys.stdout, commands)
+    if commands is not None:
+        debugger.prompt = ""
+    try:
+        debugger.cmdloop()
+    except KeyboardInterrupt:
+        sys.exit(130)

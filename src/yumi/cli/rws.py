@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
@@ -49,7 +49,10 @@ def _client(config: Path | None, options: dict[str, Any]) -> Iterator[RwsClient]
         yield client
 
 
-def _of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
+_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON, for programs.")
+
+
+def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which controller; the command gets a connected client first."""
 
     @robot_options("Address of the controller; else as in the settings.")
@@ -71,16 +74,21 @@ def _symbol_of(target: str) -> tuple[str, str, str] | None:
 
 @rws.command("get")
 @click.argument("target")
-@_of_controller
-def get_(client: RwsClient, target: str) -> None:
+@click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), help="Write a file there.")
+@_as_json
+@of_controller
+def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> None:
     """Read TARGET.
+
+    A resource is printed as JSON in any case. With --json a signal is a number, and a RAPID symbol a number, bool,
+    string, or list for a record or an array.
 
     \b
     Examples:
       yumi rws get /rw/rapid/tasks
       yumi rws get signal:hand_ActualPosition_R
-      yumi rws get T_ROB_R/TRobEGM/settings
-      yumi rws get HOME:/pick.mod
+      yumi rws get --json T_ROB_R/TRobEGM/settings
+      yumi rws get HOME:/pick.mod -o pick.mod
     """
     device, colon, _ = target.partition(":/")
     if target.startswith("/"):
@@ -90,11 +98,16 @@ def get_(client: RwsClient, target: str) -> None:
         _print(client.call("GET", path, decode_form(query)))
     elif target.startswith("signal:"):
         found = client.signal(target.removeprefix("signal:"))
-        click.echo(f"{found.value:g}")
+        click.echo(json.dumps(found.value) if is_json else f"{found.value:g}")
     elif colon and device.isalnum():
-        sys.stdout.buffer.write(client.read_file(target))
+        content = client.read_file(target)
+        if output is None:
+            sys.stdout.buffer.write(content)
+        else:
+            output.write_bytes(content)
+            click.echo(f"{len(content)} bytes written")
     elif symbol := _symbol_of(target):
-        click.echo(client.symbol(*symbol))
+        click.echo(json.dumps(client.value(*symbol), ensure_ascii=False) if is_json else client.symbol(*symbol))
     else:
         raise _unknown(target)
 
@@ -102,7 +115,7 @@ def get_(client: RwsClient, target: str) -> None:
 @rws.command("set")
 @click.argument("target")
 @click.argument("value")
-@_of_controller
+@of_controller
 def set_(client: RwsClient, target: str, value: str) -> None:
     """Write VALUE to TARGET, a signal or a RAPID symbol.
 
@@ -125,28 +138,37 @@ def set_(client: RwsClient, target: str, value: str) -> None:
 
 @rws.command("ls")
 @click.argument("path", default="HOME:/")
-@_of_controller
-def ls(client: RwsClient, path: str) -> None:
-    """List the directory PATH of the controller, or the entries of a resource.
+@_as_json
+@of_controller
+def ls(client: RwsClient, path: str, is_json: bool) -> None:
+    """List the directory PATH of the controller, or the entries of a resource, on all its pages.
 
     \b
     Examples:
       yumi rws ls HOME:/yumi
       yumi rws ls /rw/iosystem/signals
+      yumi rws ls --json /rw/iosystem/signals
     """
     if path.startswith("/"):
-        page = client.call("GET", path)
-        for state in page.states if page else ():
-            click.echo(state.title)
+        states = client.entries(path)
+        if is_json:
+            _print_states(states)
+        else:
+            for state in states:
+                click.echo(state.title)
         return
-    for entry in client.files(path):
+    entries = client.files(path)
+    if is_json:
+        click.echo(json.dumps([{"name": each.name, "size": each.size} for each in entries], indent=2))
+        return
+    for entry in entries:
         click.echo(f"{entry.name}/" if entry.size is None else f"{entry.name:<40}{entry.size:>12}")
 
 
 @rws.command("put")
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.argument("path")
-@_of_controller
+@of_controller
 def put(client: RwsClient, file: Path, path: str) -> None:
     """Write FILE of this machine to PATH on the controller.
 
@@ -162,20 +184,26 @@ def put(client: RwsClient, file: Path, path: str) -> None:
 @rws.command("watch")
 @click.argument("targets", nargs=-1, required=True)
 @click.option("--count", type=click.IntRange(1), help="End after so many lines.")
-@_of_controller
-def watch(client: RwsClient, targets: tuple[str, ...], count: int | None) -> None:
+@_as_json
+@of_controller
+def watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_json: bool) -> None:
     """Print the values of TARGETS and each change; it subscribes again after a break, and says so.
+
+    With --json each line is an object.
 
     \b
     TARGETS: ctrlstate, opmode, speedratio, coldetstate, execution, signal:NAME, TASK/MODULE/NAME (PERS), elog
     Examples:
       yumi rws watch ctrlstate opmode execution
-      yumi rws watch signal:EGM_STOP
+      yumi rws watch --json signal:EGM_STOP
     """
     from yumi.rws.events import Change  # noqa: PLC0415 - a quick --help
 
     for number, item in enumerate(client.watch([_resource(target) for target in targets]), 1):
-        if isinstance(item, Change):
+        if is_json:
+            line = {"interrupted": item.reason} if not isinstance(item, Change) else {"path": item.path, **item.fields}
+            click.echo(json.dumps(line, ensure_ascii=False))
+        elif isinstance(item, Change):
             click.echo(f"{item.path} {' '.join(f'{name}={text}' for name, text in item.fields.items())}".rstrip())
         else:
             click.echo(f"interrupted: {item.reason}; subscribing again", err=True)
@@ -205,13 +233,14 @@ def _resource(target: str) -> Resource:
 @click.argument("method", type=click.Choice(["GET", "POST", "PUT", "DELETE", "HEAD"], case_sensitive=False))
 @click.argument("path")
 @click.argument("fields", nargs=-1)
-@_of_controller
+@of_controller
 def call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> None:
     """Send any request; FIELDS are NAME=VALUE in its body.
 
     \b
     Examples:
       yumi rws call POST '/rw/panel/speedratio?action=setspeedratio' speed-ratio=50
+      yumi rws call POST '/rw/rapid/symbols?action=search-symbols' view=block blockurl=RAPID/T_ROB_R symtyp=per
     """
     from yumi.rws.documents import decode_form  # noqa: PLC0415 - a quick --help
 
@@ -225,7 +254,11 @@ def call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> 
 
 def _print(page: Page | None) -> None:
     if page is not None:
-        click.echo(json.dumps([_as_value(state) for state in page.states], indent=2, ensure_ascii=False))
+        _print_states(page.states)
+
+
+def _print_states(states: Sequence[State]) -> None:
+    click.echo(json.dumps([_as_value(state) for state in states], indent=2, ensure_ascii=False))
 
 
 def _as_value(state: State) -> dict[str, object]:

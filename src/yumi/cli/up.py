@@ -39,7 +39,7 @@ from yumi.control.events import (
 )
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.endpoint_server import DriverAccess, EndpointServer
+from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, Settings, read_controllers
@@ -195,12 +195,12 @@ def run_driver(
         control, manager = parts.control, parts.manager
         front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
         stack.callback(front.stop)
-        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info)
+        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info, clock)
         stack.callback(records.close)
         if record:
             sources: dict[str, Source] = {STATE: manager.monitor.state}
             sources |= {f"{side.value}/gripper": partial(parts.signals.state, side) for side in Side}
-            records.record_all(record, time.time() - clock.now(), clock, sources)
+            records.record_all(record, time.time() - clock.now(), sources)
 
         motions = MotionRegistry(is_script=False)
         endpoint = _endpoint_of(parts, settings, motions, front)
@@ -276,6 +276,9 @@ def _endpoint_of(
         check_arms=front.check_arms,
         on_change=front.update_activity,
         namespace=settings.ros.root,
+        surroundings=surroundings_of(settings),
+        joints=manager.monitor.joints,
+        on_subscription=manager.monitor.read_joints,
     )
     return EndpointServer(access, front.log)
 

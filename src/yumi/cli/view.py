@@ -48,6 +48,11 @@ _READY_TIMEOUT = 60.0
     show_default=True,
     help="Folder for the output of a driver and a virtual robot that are started.",
 )
+@click.option(
+    "--config",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    help="Settings of a driver that is started, instead of the delivered yumi.yaml: boxes, grippers, limits.",
+)
 @until_stdin_closes_option
 def view(
     recording: Path | None,
@@ -57,6 +62,7 @@ def view(
     port: int,
     listen: str,
     logs: Path,
+    config: Path | None,
     until_stdin_closes: bool,
 ) -> None:
     """Show the robot of the running driver in the browser, or a RECORDING: open the address that is printed.
@@ -77,13 +83,16 @@ def view(
         raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
     if virtual and robot:
         raise SettingsError("--virtual starts a robot of its own; leave --robot out.")
+    if config is not None and not (virtual or robot):
+        raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
     is_over = end_flag(until_stdin_closes)
+    own = () if config is None else ("--config", str(config))
     with ExitStack() as stack:
         if virtual:
-            robot = stack.enter_context(_virtual_robot(logs, is_over))
+            robot = stack.enter_context(_virtual_robot(logs, is_over, own))
         elif robot and not _has_driver(robot):
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
-            stack.enter_context(_driver(robot, logs, is_over, () if operate else ("--no-bringup",)))
+            stack.enter_context(_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
         may_operate = operate and not virtual  # a virtual one is operated anyway
         settings = ViewSettings(
             robot=robot,
@@ -126,13 +135,13 @@ def _driver(robot: str, logs: Path, is_over: Flag, options: tuple[str, ...]) -> 
 
 
 @contextmanager
-def _virtual_robot(logs: Path, is_over: Flag) -> Iterator[str]:
+def _virtual_robot(logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[str]:
     """A virtual controller and its driver; the address of the robot."""
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     arguments = ("controller", "--rws-port", "0", *ports)
     with _command("virtual controller", arguments, logs, is_over) as address:
         robot = address.rpartition("/")[2]
-        with _driver(robot, logs, is_over, ports):
+        with _driver(robot, logs, is_over, (*ports, *options)):
             yield robot
 
 

@@ -14,7 +14,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import reduce
 from math import inf
+from operator import or_
 from sys import intern
 
 from yumi.control.controller import (
@@ -482,6 +484,7 @@ class ControllerManager:
         failures: sentences about controllers that failed; the reader removes them.
         activations: how often a controller was activated.
         activity: counts every change of what is loaded and in which state it is.
+        goal_kind: which goals those controllers take that command the arm.
         kinds: the types of controllers that can be loaded.
 
     Args:
@@ -721,14 +724,6 @@ class ControllerManager:
         return bool(self._commanding)
 
     @property
-    def goal_kind(self) -> GoalKind:
-        """Which goals those controllers take that command the arm."""
-        kinds = GoalKind.NONE
-        for loaded in self._commanding:
-            kinds |= loaded.controller.goal_kind
-        return kinds
-
-    @property
     def reference(self) -> Joints | None:
         """Where the commanding controllers are going [rad]; None when none commands."""
         for loaded in self._commanding:
@@ -803,6 +798,7 @@ class ControllerManager:
         self._active = active
         self._commanding = tuple(loaded for loaded in active if loaded.controller.is_command)
         self._watching = tuple(loaded for loaded in active if not loaded.controller.is_command)
+        self.goal_kind = reduce(or_, (loaded.controller.goal_kind for loaded in self._commanding), GoalKind.NONE)
         self._merged = (
             MergedCommand(self._commanding, self._joint_names, self._now) if len(self._commanding) > 1 else None
         )

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from yumi.control.controller_manager import ControllerManager
@@ -69,8 +68,7 @@ class ArmPort(Protocol):
         """What the connection has seen so far."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cycle:
+class Cycle(NamedTuple):
     """What happened in one cycle.
 
     Attributes:

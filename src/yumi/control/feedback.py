@@ -7,9 +7,9 @@ Both are decided by physics, not by the protocol, which proves neither
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import dist, hypot, inf
+from math import dist, expm1, hypot, inf
 
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 DOUBTED = 5
 """An implausible position counts as a datagram that did not come; after so many in a row the arm holds."""
@@ -177,6 +177,8 @@ class ReferenceMonitor:
         self.are_ignored = False
         self._gain = gain
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
+        self._last: ArmState | None = None  # what was replied to last
+        self._acting = self._sent  # what moves the robot from there to its next state
         self._plan: Joints = ZERO  # where the robot planned to be some time ago
         self._due: Joints = ZERO  # how far it has been led since [rad]
         self._due_for = 0.0  # how long ago that was [s]
@@ -198,6 +200,7 @@ class ReferenceMonitor:
             is_at_rest: whether the command leads nowhere.
         """
         before, self._sent = self._sent, sent
+        self._last, self._acting = state, before
         if not is_valid or (is_at_rest and not self.are_ignored):
             self._compare_from(state)
             return
@@ -214,6 +217,24 @@ class ReferenceMonitor:
             self.are_ignored = due >= _DUE and dist(state.planned, self._plan) < _FOLLOWED * due
             if not self.are_ignored:
                 self._compare_from(state)
+
+    def plan_at(self, time: float) -> Joints | None:
+        """Where a robot that follows plans to be at ``time`` by our clock [s], (7,) [rad]; None before a reply.
+
+        It gets a reply after the state that the reply is to, so until its next state the reply before moves it.
+        """
+        state = self._last
+        if state is None:
+            return None
+        left = min(time - state.time, LONGEST)
+        for command, most in ((self._acting, CYCLE), (self._sent, LONGEST)):
+            passed = min(left, most)
+            left -= passed
+            # The speed fades with the lead, as the robot's loop closes it.
+            factor = -expm1(-self._gain * passed) / self._gain if self._gain > 0.0 else passed
+            moved = zip(state.planned, self.speeds(state, command), strict=True)
+            state = state._replace(planned=joints([now + speed * factor for now, speed in moved]))
+        return state.planned
 
     def speeds(self, state: ArmState, sent: ArmCommand) -> list[float]:
         """How fast a robot moves that follows ``sent`` [rad/s]."""

@@ -512,6 +512,9 @@ class Limiter:
             if is_believed:
                 self.is_at_rest = False  # the command is not where the robot is
                 self._go_on_after_doubts(state)
+            elif (expected := self._references.plan_at(state.time)) is not None:
+                # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
+                self._state = self._state._replace(planned=expected)
         self.counters.implausible = self._feedback.implausible
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
         if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:

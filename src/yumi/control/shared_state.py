@@ -11,7 +11,6 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
 from math import isnan, nan
@@ -57,8 +56,7 @@ INTERRUPTED = (
 """Why a motion is refused that was planned for another EGM session or another activation."""
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(NamedTuple):
     """One arm after its last cycle.
 
     Attributes:
@@ -174,7 +172,7 @@ _UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
 class _Layout:
-    """How the fields of a named tuple or dataclass lie in memory: numbers first, then joints.
+    """How the fields of a named tuple lie in memory: numbers first, then joints.
 
     Args:
         kind: its fields are numbers, enumerations of integers, joints, or joints that may be None.
@@ -236,7 +234,7 @@ class SharedBuffer(Generic[V]):
     """A buffer between two processes; hand it to the child when it is spawned.
 
     Args:
-        kind: of the values; a named tuple or dataclass of numbers and joints.
+        kind: of the values; a named tuple of numbers and joints.
     """
 
     def __init__(self, kind: type[V]) -> None:

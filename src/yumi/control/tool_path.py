@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from yumi.control.path_timing import MotionLimits, demand, hermite, rounding
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.differential_kinematics import (
@@ -64,7 +65,7 @@ ZONE = 0.01
 """Corners of a path are rounded from so far before them [m], as RAPID's z10."""
 
 _SHARPEST = 1e-4  # [m] of a corner that is passed without a stop
-_BENDS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
+_ELBOW_TURNS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
 _ACCELERATION, _JERK = 2.5, 50.0  # of the tool [m/s²], [m/s³]
 _ROTATION_ACCELERATION, _ROTATION_JERK = 15.0, 300.0  # [rad/s²], [rad/s³]
 _TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
@@ -128,15 +129,15 @@ class ToolPath:
             way = tuple(b - a for a, b in zip(here.position, waypoint.tool.position, strict=True))
             w, x, y, z = here.orientation
             turn = rotation_vector(multiply((w, -x, -y, -z), waypoint.tool.orientation))
-            bend = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
-            length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(bend) / turning)
+            elbow = 0.0 if waypoint.angle is None else (waypoint.angle - angle + pi) % tau - pi
+            length = max(hypot(*way) / speed, hypot(*turn) / turning, abs(elbow) / turning)
             if length < 1e-6:
                 continue
             x, y, z = (each / length for each in way)
             u, v, w = (each / length for each in turn)
-            self._lines.append(_Line(length, (x, y, z), (u, v, w), bend / length))
+            self._lines.append(_Line(length, (x, y, z), (u, v, w), elbow / length))
             self._points.append(waypoint.tool)
-            self._angles.append(angle + bend)
+            self._angles.append(angle + elbow)
         self._begins = [0.0]
         for line in self._lines:
             self._begins.append(self._begins[-1] + line.length)
@@ -161,9 +162,7 @@ class ToolPath:
             return self._near(index, past, 0.0, 1.0, 0.0, line, line)
         zone = self._zones[corner]
         past = parameter - self._begins[corner]
-        share = (past + zone) / (2.0 * zone)
-        weight = share**3 * (10.0 - 15.0 * share + 6.0 * share * share)
-        gone = 2.0 * zone * share**4 * (2.5 - 3.0 * share + share * share)  # the weight's integral
+        weight, gone = rounding((past + zone) / (2.0 * zone), zone)
         before, after = self._lines[corner - 1], self._lines[corner]
         return self._near(corner, past - gone, gone, 1.0 - weight, weight, before, after)
 
@@ -191,7 +190,7 @@ class ToolPath:
 
 _LONGEST_STEP = 0.02  # [s] of joints at their speeds and the tool at its own
 _SHORTEST_STEP = 1e-6
-_STRAIGHT = 2e-4  # by so much the way may bend within a step, in the same unit
+_STRAIGHT = 2e-4  # by so much a step may be corrected, in the same unit
 _CONVERGED = 1e-11
 _FARTHEST_OFF = 0.1  # of a guess
 _TURNS_BACK = 1e-9
@@ -249,7 +248,7 @@ class _Equations:
 
         It is looked for across a direction, or at a parameter ``end``.
         """
-        bend, row = 0.0, across if end is None else np.eye(8)[7]
+        correction, row = 0.0, across if end is None else np.eye(8)[7]
         for _ in range(8):
             left, derivative = self.at(guess)
             off = 0.0 if end is None else end - guess[7]
@@ -260,9 +259,9 @@ class _Equations:
             size = float(np.max(np.abs(change)))
             if not size < _FARTHEST_OFF:
                 break
-            guess, bend = guess + change * self._unit, max(bend, size)
+            guess, correction = guess + change * self._unit, max(correction, size)
             if size < _CONVERGED:
-                return guess, bend
+                return guess, correction
         return guess, inf
 
 
@@ -281,12 +280,12 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
         is_last = bool(values[7] + step * slope[7] >= path.length)
         if is_last:
             step = min(step, max((path.length - values[7]) / slope[7], _SHORTEST_STEP))
-        after, bend = equations.solved(values + step * slope * unit, slope, path.length if is_last else None)
-        if bend > _STRAIGHT and step > _SHORTEST_STEP:
+        after, correction = equations.solved(values + step * slope * unit, slope, path.length if is_last else None)
+        if correction > _STRAIGHT and step > _SHORTEST_STEP:
             step *= 0.5
             continue
-        onward = slope if bend == inf else equations.slope(after, slope)
-        if bend == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
+        onward = slope if correction == inf else equations.slope(after, slope)
+        if correction == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
             raise _unreachable(side, path, values, "the arm is stretched out there, or has to fold over")
         outside = limits.outside(joints(after[:7].tolist()))
         if outside is not None:
@@ -297,7 +296,7 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
         found.append(values)
         slopes.append(slope)
         lengths.append(lengths[-1] + step)
-        if bend < 0.3 * _STRAIGHT:
+        if correction < 0.3 * _STRAIGHT:
             step = min(1.5 * step, _LONGEST_STEP)
     return _Followed(np.array(lengths), np.array(found), np.array(slopes) * unit)
 
@@ -318,7 +317,6 @@ _FINE = 0.003  # [s] between two looks at the way
 _KNOTS = 3  # cycles between two points of the plan: between them a spline is within a thousandth of a millimetre
 _ATTEMPTS = 40
 _SMOOTHING = 0.12  # [s] over which the speed along the way changes
-_ROUNDING = 1e-4  # [rad] of room that every joint has
 _SHARE = 0.9  # of the joints' limits: the limiter looks at what robot and reference add up to
 
 
@@ -339,11 +337,14 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
     tops = np.array([*(_SHARE * each for each in limits.velocity), 1.0])
     strengths = np.array([*(_SHARE * scale * each for each in limits.acceleration), strength])
     jerks = np.array([*(_SHARE * scale * each for each in limits.jerk), jerk])
+    braking = np.array([*limits.acceleration, strength]), np.array([*limits.jerk, jerk])
+    lower, upper = np.array([*limits.lower, -inf]), np.array([*limits.upper, inf])
+    most = MotionLimits(tops, strengths, jerks, lower, upper, braking, _SHARE)
 
-    slope = _hermite(fine, way.length, way.values, way.slopes, 1)
-    bend = _hermite(fine, way.length, way.values, way.slopes, 2)
+    slope = hermite(fine, way.length, way.values, way.slopes, 1)
+    curvature = hermite(fine, way.length, way.values, way.slopes, 2)
     highest = np.min(tops / np.maximum(np.abs(slope), 1e-9), 1)
-    highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(bend), 1e-9), 1)))
+    highest = np.minimum(highest, np.sqrt(np.min(0.5 * strengths / np.maximum(np.abs(curvature), 1e-9), 1)))
     width = max(int(_SMOOTHING / gap / 2.0), 1)
     slowing, cycle = 1.0, CYCLE
     for attempt in range(_ATTEMPTS):
@@ -351,45 +352,26 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
         # The time that each look takes at this speed, as the parameter of the jerk-limited motion.
         times = np.concatenate([[0.0], np.cumsum(gap * 0.5 * (1.0 / speed[1:] + 1.0 / speed[:-1]))])
         pace = np.abs(slope) * speed[:, None]
-        most = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
+        strongest = float(np.min(0.45 * strengths / np.maximum(np.max(pace, 0), 1e-9)))
         hardest = float(np.min(0.45 * jerks / np.maximum(np.max(pace, 0), 1e-9)))
-        ticks, clock = _start_and_end(float(times[-1]), most * slowing, hardest * slowing * slowing, cycle)
-        along = _hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
-        values = _hermite(along, way.length, way.values, way.slopes, 0)
-        # What the robot sees: differences from cycle to cycle, at rest before and after.
-        rest = [values[:1]] * 3, [values[-1:]] * 3
-        rows = np.concatenate([*rest[0], values, *rest[1]])
-        first = np.diff(rows, axis=0) / cycle
-        second, third = np.diff(first, axis=0) / cycle, np.diff(first, 2, axis=0) / cycle**2
-        # A joint that comes near the end of its range must be able to stop before it, as the limiter has it.
-        ranges = np.where(first[:, :7] > 0.0, limits.upper - rows[1:, :7], rows[1:, :7] - limits.lower)
-        stoppable = speeds_to_stop(ranges + _ROUNDING, np.array(limits.acceleration), np.array(limits.jerk))
-        shares = (
-            np.maximum(np.max(np.abs(first) / tops, 1), np.max(np.abs(first[:, :7]) / (_SHARE * stoppable), 1)),
-            np.sqrt(np.max(np.abs(second) / strengths, 1)),
-            np.cbrt(np.max(np.abs(third) / jerks, 1)),
-        )
+        ticks, clock = _start_and_end(float(times[-1]), strongest * slowing, hardest * slowing * slowing, cycle)
+        along = hermite(clock, times, fine[:, None], speed[:, None], 0)[:, 0]
+        values = hermite(along, way.length, way.values, way.slopes, 0)
+        asked_for = demand(values, most)
         # Each of them belongs to a place on the way.
-        demand = np.maximum.reduce([shares[0][2:], shares[1][1:], shares[2]])
-        places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(demand)]), 0, count)
-        if float(np.max(demand)) <= 1.0:
+        places = np.clip(np.searchsorted(fine, np.concatenate([[0.0], along, [total] * 2])[: len(asked_for)]), 0, count)
+        if float(np.max(asked_for)) <= 1.0:
             break
         if attempt >= _ATTEMPTS // 2:
-            slowing /= min(float(np.max(demand)), 1.5) * 1.005
+            slowing /= min(float(np.max(asked_for)), 1.5) * 1.005
             continue
         asked = np.ones(count + 1)
-        np.maximum.at(asked, places, demand)
-        lower = speed / slowing / asked**1.2
-        highest = np.where(asked > 1.0, np.minimum(highest, lower), highest)
+        np.maximum.at(asked, places, asked_for)
+        slower = speed / slowing / asked**1.2
+        highest = np.where(asked > 1.0, np.minimum(highest, slower), highest)
     else:
         raise CommandRefused("Path refused: no motion along it keeps the joints' limits; take another path.")
     return values, ticks
-
-
-def speeds_to_stop(room: Array, acceleration: Array, jerk: Array) -> Array:
-    """As :func:`yumi.control.motion.speed_to_stop`, for arrays (n, 7) of all joints at once."""
-    slow = 3.0 * acceleration / jerk
-    return np.asarray(0.5 * acceleration * (np.sqrt(slow * slow + 8.0 * np.maximum(room, 0.0) / acceleration) - slow))
 
 
 def _smoothed(highest: Array, width: int) -> Array:
@@ -413,20 +395,6 @@ def _start_and_end(total: float, strength: float, jerk: float, cycle: float) -> 
     return ticks, np.array([motion.at_time(min(tick, motion.duration))[0][0] for tick in ticks.tolist()])
 
 
-def _hermite(at: Array, nodes: Array, values: Array, slopes: Array, order: int) -> Array:
-    """Cubic pieces through values (n, k) with slopes at nodes (n,), or their ``order``th derivative, at places (m,)."""
-    index = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
-    width = (nodes[index + 1] - nodes[index])[:, None]
-    t = (at[:, None] - nodes[index][:, None]) / width
-    p, q, v, w = values[index], values[index + 1], slopes[index] * width, slopes[index + 1] * width
-    c2, c3 = 3.0 * (q - p) - 2.0 * v - w, 2.0 * (p - q) + v + w
-    if order == 0:
-        return np.asarray(p + t * (v + t * (c2 + t * c3)))
-    if order == 1:
-        return np.asarray((v + t * (2.0 * c2 + t * 3.0 * c3)) / width)
-    return np.asarray((2.0 * c2 + t * 6.0 * c3) / width**2)
-
-
 # ---- the whole plan
 
 
@@ -435,6 +403,7 @@ def plan_path(
     start: Joints,
     waypoints: Sequence[Waypoint],
     limits: JointLimits,
+    *,
     tool: Pose = _TOOL0,
     speed: float = SPEED,
     turning: float = TURNING,
@@ -471,9 +440,9 @@ def plan_path(
         if any(each.angle is not None for each in waypoints):
             raise
         # Where no arm angle is asked for, the elbow is free: it turns along the way, as little as helps.
-        for bend in _BENDS:
+        for elbow in _ELBOW_TURNS:
             turned = [
-                Waypoint(each.tool, now.angle + bend * number / len(waypoints))
+                Waypoint(each.tool, now.angle + elbow * number / len(waypoints))
                 for number, each in enumerate(waypoints, 1)
             ]
             path = ToolPath([here, *turned], speed, turning, zone)

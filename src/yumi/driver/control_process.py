@@ -11,7 +11,7 @@ import signal
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 from functools import partial
 from math import inf
@@ -419,7 +419,7 @@ class ControlProcess:
             return Snapshot()
         snapshot = read_snapshot(self.buffers[side].snapshots)
         if snapshot.is_streaming and time.monotonic() - snapshot.time > STALE:
-            return replace(snapshot, is_streaming=False, is_running=False, activation=0)
+            return snapshot._replace(is_streaming=False, is_running=False, activation=0)
         return snapshot
 
     def call(self, command: Callable[Concatenate[Commands, _P], _T], /, *args: _P.args, **kwargs: _P.kwargs) -> _T:

@@ -28,11 +28,14 @@ from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.single_instance import lock_folder
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import Joints, Pose, Side
+from yumi.robot.joints import Joints, Pose, Side, Vector
 from yumi.robot.kinematics import tool0_to_body
 
-MAX_REQUEST = 1 << 16
-"""A request is no longer than this [bytes]."""
+MAX_REQUEST = 1 << 20
+"""A request is no longer than this [bytes]: a plan of some minutes."""
+
+JOG_HOLDS = 0.1
+"""A jog moves an arm for so long, unless the next one comes [s]."""
 
 ANSWER = 10.0
 """What needs no motion is answered within this time [s]."""
@@ -42,6 +45,7 @@ ModeName = Literal["motors_off", "ready", "egm_left", "egm_right", "egm_both"]
 Position = tuple[float, ...] | dict[str, float] | str
 """Joint positions [rad]: all seven in chain order, some by name (the others stay), or the name of a pose."""
 
+TimedPoint = tuple[float, Joints, Joints, Joints]
 Scale = Annotated[float, msgspec.Meta(gt=0.0, le=1.0)]
 
 
@@ -69,6 +73,10 @@ class Subscribe(Request, frozen=True):
     """The same again and again, ``rate`` times a second."""
 
     rate: Annotated[float, msgspec.Meta(ge=0.1, le=60.0)] = 30.0
+
+
+class GetSurroundings(Request, frozen=True):
+    """The shapes that must not collide, as the driver's settings declare them: :class:`Surroundings`."""
 
 
 class GetControllers(Request, frozen=True):
@@ -133,11 +141,23 @@ class Move(Request, frozen=True):
     speed: Annotated[float, msgspec.Meta(gt=0.0)] | None = None
 
 
+class Follow(Request, frozen=True):
+    """Follow trajectories that were planned, beginning at the same moment; ended as :class:`Move`.
+
+    ``start`` is where both arms have to be [rad]. Points are a time [s], and the positions [rad], velocities [rad/s]
+    and accelerations [rad/s²] then, each (7,) in chain order.
+    """
+
+    start: dict[Arm, Joints]
+    right: tuple[TimedPoint, ...] | None = None
+    left: tuple[TimedPoint, ...] | None = None
+
+
 class Jog(Request, frozen=True):
     """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
 
-    The first one only takes the arm over from standstill; the next one moves it. A client that goes away, or asks no
-    more, stops the arm.
+    The first one only takes the arm over from standstill; the next one moves it. The driver stops the arm when its
+    client goes away, or asks no more, whatever timeouts its controllers have.
     """
 
     arm: Arm
@@ -175,6 +195,7 @@ class SetSpeedScale(Request, frozen=True):
 AnyRequest = (
     GetState
     | Subscribe
+    | GetSurroundings
     | GetControllers
     | StartEgm
     | StopEgm
@@ -183,6 +204,7 @@ AnyRequest = (
     | Calibrate
     | Grip
     | Move
+    | Follow
     | Jog
     | JogTool
     | SwitchControllers
@@ -279,6 +301,8 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
         time: when it was measured, UNIX time [s].
         session: EGM session, from 1; 0 before the first.
         position: measured [rad], (7,) in chain order.
+        resting: the same as the controller was asked for it, some times a second while a client subscribes and EGM
+            does not report it; None else.
         velocity: measured [rad/s], (7,).
         planned: where the robot plans to be [rad], (7,).
         sent: the position sent to it last [rad], (7,).
@@ -293,6 +317,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     time: float | None = None
     session: int = 0
     position: Joints | None = None
+    resting: Joints | None = None
     velocity: Joints | None = None
     planned: Joints | None = None
     sent: Joints | None = None
@@ -383,6 +408,41 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     controllers: dict[str, tuple[ControllerStatus, ...]]
     grippers: dict[str, GripperReport | None]
     events: tuple[EventReport, ...] = ()
+
+
+class BoxReport(msgspec.Struct, frozen=True):
+    """A box that stands around the robot: its name, the pose of its middle in the body's frame, its edges [m]."""
+
+    name: str
+    pose: Pose
+    size: Vector
+
+
+class ToolReport(msgspec.Struct, frozen=True):
+    """A capsule that an arm carries beside its gripper: its name, both ends of its axis in tool0 and its radius [m]."""
+
+    name: str
+    start: Vector
+    end: Vector
+    radius: float
+
+
+class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
+    """What must not collide, as the driver's settings declare it.
+
+    Attributes:
+        grippers: the modules of each arm's gripper, in the words of the settings; an arm without an entry has a servo.
+        tools: what each arm carries beside its gripper.
+        boxes: what stands around the robot.
+        is_limited: whether the driver keeps the arms apart from each other, the body and the boxes.
+        margin: the distance it keeps [m].
+    """
+
+    grippers: dict[str, str] = {}
+    tools: dict[str, tuple[ToolReport, ...]] = {}
+    boxes: tuple[BoxReport, ...] = ()
+    is_limited: bool = False
+    margin: float = 0.0
 
 
 class GripReport(msgspec.Struct, frozen=True):

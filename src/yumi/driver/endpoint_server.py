@@ -26,19 +26,24 @@ import msgspec
 
 from yumi.control.events import ControllerReport, Event, is_fault
 from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.endpoint import (
+    JOG_HOLDS,
     MAX_REQUEST,
     Answer,
     AnyRequest,
+    Arm,
     ArmReport,
+    BoxReport,
     Calibrate,
     ControllerStatus,
     DriverState,
     EventReport,
     Failure,
+    Follow,
     GetControllers,
     GetState,
+    GetSurroundings,
     Grip,
     GripperReport,
     GripReport,
@@ -54,7 +59,10 @@ from yumi.driver.endpoint import (
     StartEgm,
     StopEgm,
     Subscribe,
+    Surroundings,
     SwitchControllers,
+    TimedPoint,
+    ToolReport,
     arm_report,
     endpoint_path,
     failure_of,
@@ -64,11 +72,12 @@ from yumi.driver.gripper import Gripper
 from yumi.driver.gripper_io import Check
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
+from yumi.driver.settings import Settings
 from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip
-from yumi.robot.joints import Pose, Side
+from yumi.robot.joints import Joints, Pose, Side
 
 MAX_CLIENTS = 16
 """So many clients are served at once."""
@@ -127,11 +136,20 @@ class Mover(Protocol):
         check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
+    def follow(
+        self,
+        trajectories: Mapping[Side, Sequence[TimedPoint]],
+        start: Mapping[Side, Joints],
+        check: Callable[[], None] = lambda: None,
+    ) -> Sequence[RunningMotion]: ...
+
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
     def jog(self, side: Side, speeds: Sequence[float]) -> bool: ...
 
     def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool: ...
+
+    def end_jog(self, side: Side) -> None: ...
 
     def is_moving(self, side: Side) -> bool: ...
 
@@ -164,6 +182,9 @@ class DriverAccess(NamedTuple):
         check_arms: refuses what needs an arm that a user has deactivated.
         on_change: called after each request that may have changed controllers or EGM.
         namespace: of its ROS nodes.
+        surroundings: what must not collide.
+        joints: an arm's joints as the controller was asked for them last, while EGM does not report them.
+        on_subscription: called when a client wants to see the state again and again.
     """
 
     robot: str
@@ -179,6 +200,24 @@ class DriverAccess(NamedTuple):
     check_arms: Callable[[Sequence[Side]], None] = lambda sides: None
     on_change: Callable[[], None] = lambda: None
     namespace: str = ""
+    surroundings: Surroundings = Surroundings()
+    joints: Callable[[Side], JointStates | None] = lambda side: None
+    on_subscription: Callable[[], None] = lambda: None
+
+
+def surroundings_of(settings: Settings) -> Surroundings:
+    """What must not collide, as the settings declare it."""
+    own = settings.collision
+    return Surroundings(
+        grippers={side.word: settings.gripper.modules(side).value for side in Side},
+        tools={
+            side.word: tuple(ToolReport(part.name, part.start, part.end, part.radius) for part in parts)
+            for side, parts in own.tools().items()
+        },
+        boxes=tuple(BoxReport(each.name, each.centre, each.size) for each in own.obstacles()),
+        is_limited=own.enabled,
+        margin=own.margin,
+    )
 
 
 class Caller(NamedTuple):
@@ -242,7 +281,7 @@ class Handlers:
         try:
             return HANDLERS[type(request)](self, request, caller)
         finally:
-            if not isinstance(request, GetState | GetControllers | Jog | JogTool):
+            if not isinstance(request, GetState | GetSurroundings | GetControllers | Jog | JogTool):
                 self._access.on_change()
 
     # What only looks
@@ -265,7 +304,7 @@ class Handlers:
             reason=robot.reason,
             cause=robot.cause,
             stop=robot.stop,
-            arms={side.word: self._arm(side) for side in Side},
+            arms={side.word: self._arm(side, is_connected=robot.is_connected) for side in Side},
             controllers=self.controllers(),
             grippers={side.word: self._gripper(side) for side in Side},
         )
@@ -283,10 +322,12 @@ class Handlers:
                 self._controllers[side] = activity, tuple(reports)
         return {side.word: self._controllers.get(side, (0, ()))[1] for side in Side}
 
-    def _arm(self, side: Side) -> ArmReport:
+    def _arm(self, side: Side, *, is_connected: bool) -> ArmReport:
         access = self._access
         is_fault = access.mover.fault(side) is not None
-        return arm_report(side, access.control.snapshot(side), access.datagram(side), is_fault=is_fault)
+        report = arm_report(side, access.control.snapshot(side), access.datagram(side), is_fault=is_fault)
+        read = access.joints(side) if report.position is None and is_connected else None
+        return report if read is None else msgspec.structs.replace(report, resting=read.position)
 
     def _gripper(self, side: Side) -> GripperReport | None:
         try:
@@ -361,18 +402,44 @@ class Handlers:
         return done or f"The controllers of the {side.word} arm are switched"
 
     def move(self, request: Move, caller: Caller) -> str:
-        """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
         access = self._access
         goals = {
             side: goal for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)) if goal is not None
         }
-        if not goals:
+        speed, acceleration = request.speed_scale, request.acceleration
+        if request.is_pose and request.speed is not None and not request.is_linear:
+            raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
+        if not request.is_pose and (request.is_linear or request.speed is not None):
+            raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
+
+        def begin() -> Sequence[RunningMotion]:
+            if not request.is_pose:
+                return access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
+            tools = {side: access.manager.tcp(side) for side in goals}
+            return access.mover.move_tools(
+                goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear, check=caller.check
+            )
+
+        return self._move(tuple(goals), begin, request.timeout, caller)
+
+    def follow(self, request: Follow, caller: Caller) -> str:
+        ways = {side: way for side, way in ((Side.RIGHT, request.right), (Side.LEFT, request.left)) if way is not None}
+        start = {side: request.start[side.word] for side in Side if side.word in request.start}
+        mover = self._access.mover
+        return self._move(tuple(ways), lambda: mover.follow(ways, start, caller.check), None, caller)
+
+    def _move(
+        self, sides: Sequence[Side], begin: Callable[[], Sequence[RunningMotion]], timeout: float | None, caller: Caller
+    ) -> str:
+        """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
+        access = self._access
+        if not sides:
             raise CommandRefused("No arm has a goal; name right, left or both.")
-        access.check_arms(tuple(goals))
+        access.check_arms(sides)
         if not self._moving.acquire(blocking=False):
             raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
         try:
-            before = {side: access.mover.commanding(side) for side in goals}
+            before = {side: access.mover.commanding(side) for side in sides}
             for side, names in before.items():
                 if access.mover.is_moving(side):
                     raise CommandRefused(
@@ -380,33 +447,16 @@ class Handlers:
                         "it stands."
                     )
             try:
-                speed, acceleration = request.speed_scale, request.acceleration
-                if request.is_pose and request.speed is not None and not request.is_linear:
-                    raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
-                if request.is_pose:
-                    tools = {side: access.manager.tcp(side) for side in goals}
-                    motions = access.mover.move_tools(
-                        goals,
-                        tools,
-                        speed,
-                        acceleration,
-                        request.speed,
-                        is_linear=request.is_linear,
-                        check=caller.check,
-                    )
-                elif request.is_linear or request.speed is not None:
-                    raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
-                else:
-                    motions = access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
+                motions = begin()
             except YumiError:  # refused: nothing has moved
                 self._give_back(before)
                 raise
-            self._wait(motions, request.timeout, caller)
+            self._wait(motions, timeout, caller)
             self._give_back(before)
         finally:
             self._moving.release()
         return (
-            f"The {' and the '.join(side.word for side in goals)} arm stand{'' if len(goals) > 1 else 's'} at the goal"
+            f"The {' and the '.join(side.word for side in sides)} arm stand{'' if len(sides) > 1 else 's'} at the goal"
         )
 
     def jog(self, request: Jog | JogTool, caller: Caller) -> str:
@@ -427,6 +477,11 @@ class Handlers:
         finally:
             self._moving.release()
         return ""
+
+    def end_jog(self, arm: Arm) -> None:
+        """Stop an arm that a client has jogged and asks for no more."""
+        for side in sides_of((arm,)):
+            self._access.mover.end_jog(side)
 
     def _give_back(self, commanding: Mapping[Side, tuple[str, ...]]) -> None:
         """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
@@ -463,6 +518,7 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
     GetState: lambda it, request, caller: msgspec.structs.replace(
         it.state(), events=it.events_since(it.event_count - _RECENT)
     ),
+    GetSurroundings: lambda it, request, caller: it._access.surroundings,
     GetControllers: lambda it, request, caller: it.controllers(),
     StopEgm: lambda it, request, caller: it._access.manager.stop_egm(),
     SetSpeedScale: lambda it, request, caller: it._access.manager.speed.set(request.speed_scale),
@@ -472,6 +528,7 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
     Calibrate: Handlers.calibrate,
     Grip: Handlers.grip,
     Move: Handlers.move,
+    Follow: Handlers.follow,
     Jog: Handlers.jog,
     JogTool: Handlers.jog,
     SwitchControllers: Handlers.switch,
@@ -480,6 +537,7 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
 
 _AT_ONCE = (
     GetState,
+    GetSurroundings,
     GetControllers,
     StopEgm,
     SetSpeedScale,
@@ -499,6 +557,7 @@ class _Client:
         self.is_gone = False
         self.pending = 0
         self.subscription: asyncio.Task[None] | None = None
+        self.jogs: dict[Arm, asyncio.TimerHandle] = {}  # what ends them
         self._loop = loop
 
     def send(self, answer: Answer) -> None:
@@ -512,8 +571,12 @@ class _Client:
 
     def send_soon(self, answer: Answer) -> None:
         """From any thread."""
+        self.call_soon(self.send, answer)
+
+    def call_soon(self, call: Callable[..., object], *args: Any) -> None:
+        """Have the loop's thread call something; from any thread."""
         with suppress(RuntimeError):  # the loop has ended meanwhile
-            self._loop.call_soon_threadsafe(self.send, answer)
+            self._loop.call_soon_threadsafe(call, *args)
 
 
 class EndpointServer:
@@ -532,6 +595,7 @@ class EndpointServer:
         self._names = access.robot, access.namespace
         self._handlers = Handlers(access)
         self._interrupt = access.manager.interrupt
+        self._on_subscription = access.on_subscription
         self._log = log
         self._clients: set[_Client] = set()
         self._work = 0
@@ -624,6 +688,9 @@ class EndpointServer:
             self._clients.discard(client)
             if client.subscription is not None:
                 client.subscription.cancel()
+            for arm, timer in client.jogs.items():
+                timer.cancel()
+                self._handlers.end_jog(arm)
             writer.close()
             with suppress(ConnectionError):
                 await writer.wait_closed()
@@ -675,9 +742,22 @@ class EndpointServer:
             answer = Answer(id=request.id, result=result)
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
             answer = _failed(request, error)
+        if isinstance(request, Jog | JogTool):
+            client.call_soon(self._hold_jog, client, request.arm)
         client.send_soon(answer)
 
+    def _hold_jog(self, client: _Client, arm: Arm) -> None:
+        """A client has jogged an arm: stop it unless the client goes on, whatever timeouts the controllers have."""
+        if arm in client.jogs:
+            client.jogs.pop(arm).cancel()
+        if client.is_gone:
+            self._handlers.end_jog(arm)
+        else:
+            loop = asyncio.get_running_loop()
+            client.jogs[arm] = loop.call_later(JOG_HOLDS, self._handlers.end_jog, arm)
+
     async def _publish(self, client: _Client, request: Subscribe) -> None:
+        self._on_subscription()
         loop, known = asyncio.get_running_loop(), max(0, self._handlers.event_count - _RECENT)
         due = loop.time()
         while not client.is_gone:

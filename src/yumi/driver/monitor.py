@@ -306,6 +306,10 @@ class RobotMonitor:
         """The joints of an arm as they were read last, with the time of that; None where they never were."""
         return self._joints.get(side)
 
+    def read_joints(self) -> None:
+        """Read the joints of arms, too, from now on, while EGM does not report them."""
+        self.reads_joints = True
+
     def explain(self, then: Callable[[Cause], None]) -> None:
         """Have ``then`` called, on the monitor's thread, once it is known what stopped the robot.
 

@@ -283,7 +283,7 @@ class RosSettings:
 
 @dataclass(frozen=True, slots=True)
 class RecorderSettings:
-    """Flight records: the last ten seconds of an arm, written when something stops its motion.
+    """Flight records: ten seconds of an arm before something stops its motion, and two after it.
 
     Attributes:
         folder: where they go, from where the driver was started.

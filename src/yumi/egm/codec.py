@@ -37,7 +37,7 @@ from yumi.egm.messages import (
     SensorMessage,
     Twist,
     clock_fields,
-    single,
+    singles,
 )
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints, Quaternion, Vector
@@ -82,7 +82,7 @@ def write_axes(
     part: Motion | pb.EgmSpeedRef,
     values: Sequence[float],
     external: Sequence[float],
-    rounded: Callable[[float], float] = float,
+    rounded: Callable[[Sequence[float]], Sequence[float]] = tuple,
 ) -> None:
     """The opposite of :func:`read_axes`; seven values are in chain order [rad]."""
     robax = list(values)
@@ -90,9 +90,9 @@ def write_axes(
     if len(robax) > ROBOT_AXES:
         beside.insert(0, robax.pop(2))
     if robax:
-        part.joints.joints[:] = [rounded(value * DEG_PER_RAD) for value in robax]
+        part.joints.joints[:] = rounded([value * DEG_PER_RAD for value in robax])
     if beside:
-        part.externalJoints.joints[:] = [rounded(value * DEG_PER_RAD) for value in beside]
+        part.externalJoints.joints[:] = rounded([value * DEG_PER_RAD for value in beside])
 
 
 def read_pose(motion: Motion) -> Pose | None:
@@ -125,8 +125,8 @@ def write_goal(cartesian: pb.EgmPose, position: Vector | None, orientation: Quat
 
 def write_pose(cartesian: pb.EgmPose, pose: Pose) -> None:
     """As the controller does: in single precision, with Euler angles made of the rounded quaternion (§2.4)."""
-    _put_vector(cartesian.pos, [single(value * MM_PER_M) for value in pose.position])
-    w, x, y, z = (single(value) for value in pose.orientation)
+    *position, w, x, y, z = singles([*[value * MM_PER_M for value in pose.position], *pose.orientation])
+    _put_vector(cartesian.pos, position)
     _put_quaternion(cartesian.orient, (w, x, y, z))
     _put_vector(cartesian.euler, [angle * DEG_PER_RAD for angle in euler_zyx((w, x, y, z))])
 
@@ -155,7 +155,7 @@ def read_stamp(motion: Motion) -> int | None:
 
 def write_motion(motion: Motion, values: Sequence[float], external: Sequence[float], pose: Pose | None) -> None:
     """A part of the robot's message, in single precision."""
-    write_axes(motion, values, external, single)
+    write_axes(motion, values, external, singles)
     if pose is not None:
         write_pose(motion.cartesian, pose)
 

@@ -9,6 +9,7 @@ The wire units of EGM: degrees, millimetres, microseconds and percent; everythin
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from math import pi
@@ -232,6 +233,7 @@ def clock_fields(seconds: float) -> tuple[int, int]:
     return microseconds // 1_000_000, microseconds % 1_000_000
 
 
-def single(value: float) -> float:
+def singles(values: Sequence[float]) -> tuple[float, ...]:
     """Round to single precision, in which the controller computes (reference/egm.md §2.4)."""
-    return float(unpack("<f", pack("<f", value))[0])
+    layout = f"<{len(values)}f"
+    return unpack(layout, pack(layout, *values))

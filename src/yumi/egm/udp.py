@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import fcntl
 import select
@@ -19,6 +20,9 @@ from yumi.errors import NoConnection
 _BUFFER_SIZE = 2048
 _SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B  # of Linux
 _WAITING = 256  # datagrams of other senders that are kept while it is open which of them is the robot
+_MOST = 256  # datagrams read at once: whatever arrives, the caller goes on after some milliseconds
+_FLOOD = 32  # datagrams of others since the last of the one that is pinned: more than answering it leaves time for
+_SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27  # of Linux
 
 _Address = tuple[str, int]
 
@@ -29,8 +33,12 @@ class UdpServer:
     Who that is, address and port, can be pinned: then nothing of any other sender is handed out. As long as it is not,
     :meth:`receive` returns what one sender sent, and at the next call what another one did.
 
+    Others that send faster than the one that is pinned would fill the socket's buffer, where its datagrams are lost. So
+    after some of theirs the system drops them before they get there, until the sender is released.
+
     Attributes:
-        foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned.
+        foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned; but
+            for those that the system has dropped.
         is_pinned: whether only one sender is heard.
 
     Args:
@@ -47,6 +55,8 @@ class UdpServer:
         self.is_pinned = False
         self._remote = remote
         self._peer: _Address | None = None
+        self._in_a_row = 0  # datagrams of others since the last of the one that is pinned
+        self._is_filtered = False
         self._others: deque[tuple[bytes, _Address]] = deque(maxlen=_WAITING)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -89,15 +99,16 @@ class UdpServer:
         except OSError:  # nothing waits, or an ICMP error of an earlier send
             return None
         if peer != self._peer and (self.is_pinned or not self._is_from_remote(peer)):
-            self.foreign += 1
+            self._leave_aside()
             return None
         self._peer = peer
+        self._in_a_row = 0
         return datagram
 
     def receive(self) -> list[bytes]:
-        """All datagrams of one sender that wait, oldest first; of the pinned one, if there is one."""
+        """The datagrams of one sender that wait, oldest first; of the pinned one, if there is one."""
         datagrams: list[bytes] = []
-        while True:
+        for _ in range(_MOST):
             try:
                 datagram, peer = self._receive(_BUFFER_SIZE)
             except BlockingIOError:
@@ -106,8 +117,9 @@ class UdpServer:
                 continue
             if peer == self._peer:
                 datagrams.append(datagram)
+                self._in_a_row = 0
             elif self.is_pinned or not self._is_from_remote(peer):
-                self.foreign += 1
+                self._leave_aside()
             else:
                 self._others.append((datagram, peer))
         if not datagrams and self._others:
@@ -125,6 +137,35 @@ class UdpServer:
     def release(self) -> None:
         """From now on hear every sender again."""
         self.is_pinned = False
+        self._in_a_row = 0
+        if self._is_filtered:
+            self._is_filtered = False
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
+
+    def _leave_aside(self) -> None:
+        """Count a datagram that is none of the sender's; of too many, have the system drop those that follow."""
+        self.foreign += 1
+        self._in_a_row += 1
+        if self._in_a_row != _FLOOD or not self.is_pinned or self._peer is None:
+            return
+        host, port = self._peer
+        source = int.from_bytes(socket.inet_aton(host), "big")
+        # Classic BPF, (code, jump if true, jump if false, value): what another address or port sent is dropped.
+        program = (
+            (0x20, 0, 0, 0xFFF0000C),  # load the source address, from the IP header
+            (0x15, 0, 3, source),
+            (0x28, 0, 0, 0),  # load the source port, with which the UDP header begins
+            (0x15, 0, 1, port),
+            (0x06, 0, 0, 0xFFFF),  # keep it whole
+            (0x06, 0, 0, 0),  # drop it
+        )
+        code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *each) for each in program))
+        where = struct.pack("HP", len(program), ctypes.addressof(code))
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
+        except OSError:  # a system without such filters; all are read, and counted
+            return
+        self._is_filtered = True
 
     def send(self, datagram: bytes) -> None:
         """Answer the sender of what was handed out last; a reply that cannot leave is lost, as on any network."""

@@ -6,9 +6,9 @@
     plan = planner.plan({Side.RIGHT: here, Side.LEFT: resting}, {Side.RIGHT: there})
     robot.execute(plan)
 
-A path is found by RRT-Connect and shortened, rounded and timed by TOPP-RA within the joints' speeds and accelerations;
-then its time law is smoothed, so that the joints' jerks are kept, too. The way through space stays the one that was
-checked. Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
+A path is found by RRT-Connect and shortened by RoboPlan. Its corners are rounded as far as there is room, and it is
+passed as fast as the joints' speeds, accelerations and jerks allow (:mod:`yumi.control.path_timing`).
+Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
 """
 
 from __future__ import annotations
@@ -17,23 +17,22 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from itertools import islice, product
+from itertools import chain, islice, product
 from math import pi
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from operator import itemgetter
 from typing import Any, NoReturn
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from yumi.control.trajectory import TrajectoryPoint, spline_through
+from yumi.control.path_timing import MotionLimits, RoundedPath, fastest_along
+from yumi.control.trajectory import TrajectoryPoint, smooth_spline_through, spline_through
 from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
 from yumi.planning.scene import GROUPS, planning_description, semantic_description
 from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
-from yumi.robot.inverse_kinematics import arm_angle, postures
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
+from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 
 Array = NDArray[np.float64]
 
@@ -43,8 +42,8 @@ passed unslowed; at home, the arms are nearer than that to the body."""
 
 _STEP = 0.01  # between two postures that are checked [rad]: 3 mm at half the reach of an arm either way
 _CORNER = 0.15  # how far a rounded corner of a path may lie from the sharp one [rad]
-_DT = 0.004  # of the time law while it is smoothed [s]
-_POINT = 0.02  # between two points of the result [s]
+_SHORTCUTS = 10  # that are tried between two looks at the time
+_EVERY = 3  # cycles between two points of the result: a spline between them is a little above their rates
 _ARM_ANGLES = (0.0, 0.35, -0.35, 0.7, -0.7, 1.2, -1.2, 1.9, -1.9, pi)  # tried for a pose, from that of the start [rad]
 _GOALS = 12  # postures of a pose that are tried
 _ATTEMPTS = 4  # with other random numbers: a tree that grew into a corner is given up
@@ -81,6 +80,9 @@ class Planner:
         obstacles: what stands around the robot.
         limits: of the joints; motions are planned for all of their speed, acceleration and jerk.
 
+    Attributes:
+        obstacles: as above.
+
     Raises:
         MissingPrerequisite: RoboPlan is not installed.
     """
@@ -95,7 +97,7 @@ class Planner:
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
             raise MissingPrerequisite("Planning needs RoboPlan; install yumi-ros2[planning].")
-        self._limits, self._obstacles, self._tools = limits, obstacles, tools
+        self._limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
         self._scenes: dict[float, Any] = {}
@@ -133,7 +135,7 @@ class Planner:
         (group,) = (name for name, members in GROUPS.items() if set(members) == set(sides))
         clearance, free = self._free_targets(start, self._targets(start, goal))
         self._scene.setJointPositions(self._full(start))  # where an arm without a goal stays
-        path = None
+        timed: list[TrajectoryPoint] = []
         for attempt, target in enumerate([*islice(free, _ATTEMPTS)] * _ATTEMPTS):
             if time.monotonic() - begin > timeout:
                 break
@@ -160,21 +162,18 @@ class Planner:
                 path = rrt.plan(*ends)
             except RuntimeError:  # not within its nodes or time
                 continue
-            if path is not None:
+            if path is not None and (timed := self._timed(group, path, speed_scale, seed, begin + timeout)):
                 break
-        if path is None:
+        if not timed:
             raise PlanNotFound(
                 f"No way was found in {time.monotonic() - begin:.1f} s: every one that was tried comes too near to the "
                 "robot itself or to a box. Take a goal with more room about it, or plan in two steps."
             )
-        timed = self._timed(group, path, speed_scale, seed)
         points = {}
         for side in sides:
-            own = [names.index(name) for name in joint_names(side)]
-            points[side] = tuple(
-                TrajectoryPoint(at, *(tuple(row[own].tolist()) for row in rows)) for at, *rows in timed
-            )
-        return Plan(dict(start), points, timed[-1][0], time.monotonic() - begin, clearance)
+            own = itemgetter(*(names.index(name) for name in joint_names(side)))
+            points[side] = tuple(TrajectoryPoint(at, *map(own, rows)) for at, *rows in timed)
+        return Plan(dict(start), points, timed[-1].time, time.monotonic() - begin, clearance)
 
     def is_free(self, positions: Mapping[Side, Joints]) -> bool:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
@@ -190,22 +189,11 @@ class Planner:
             return self._scenes[clearance]
         from roboplan import core  # noqa: PLC0415 - an extra; nothing else needs it
 
-        limits = self._limits
         urdf = planning_description(
-            self._grippers, tools=self._tools, obstacles=self._obstacles, clearance=clearance, limits=limits
+            self._grippers, tools=self._tools, obstacles=self.obstacles, clearance=clearance, limits=self._limits
         )
         scene = self._scenes[clearance] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
         scene.importSrdf(semantic_description(with_fingers=False))
-        # TOPP-RA takes the accelerations from the scene, which reads them from a file.
-        rows = {
-            name: {"max_acceleration": [acceleration], "max_jerk": [jerk]}
-            for side in Side
-            for name, acceleration, jerk in zip(joint_names(side), limits.acceleration, limits.jerk, strict=True)
-        }
-        with TemporaryDirectory() as folder:
-            file = Path(folder, "joint_limits.yaml")
-            file.write_text(yaml.safe_dump({"joint_limits": rows}), encoding="utf-8")
-            scene.importJointLimitsFromConfig(core.loadJointLimitsConfig(file))
         return scene
 
     def _free_targets(
@@ -246,12 +234,9 @@ class Planner:
                 self._check_range(side, each)
                 choices[side] = [joints(each)]
                 continue
-            own: list[Joints] = []
-            here = arm_angle(side, start[side])
-            for turn in _ARM_ANGLES:
-                own += postures(side, each, here + turn, self._limits)
-                if len(own) >= _GOALS:
-                    break
+            angles = [arm_angle(side, start[side]) + turn for turn in _ARM_ANGLES]
+            found = postures_of_each(side, [each] * len(angles), angles, self._limits)
+            own = list(chain.from_iterable(found))[:_GOALS]
             if not own:
                 raise CommandRefused(f"The {side.word} arm does not reach this pose, whatever its arm angle.")
             choices[side] = sorted(own, key=lambda position, at=start[side]: _way(at, position))  # type: ignore[misc]
@@ -261,72 +246,74 @@ class Planner:
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
         return together
 
-    def _timed(self, group: str, path: Any, speed_scale: float, seed: int) -> list[tuple[float, Array, Array, Array]]:
-        """Time, positions [rad], velocities and accelerations along a path, as fast as the joints may."""
-        from roboplan import core  # noqa: PLC0415
-        from roboplan.toppra import PathParameterizerTOPPRA, SplineFittingMode, TOPPRAOptions  # noqa: PLC0415
+    def _timed(self, group: str, path: Any, speed_scale: float, seed: int, deadline: float) -> list[TrajectoryPoint]:
+        """The motion of a group along a path: shortened until ``deadline``, and as fast as the joints may.
 
-        options = core.PathShortcuttingOptions(group_name=group, max_step_size=_STEP, max_iters=100, seed=seed)
-        short = core.PathShortcutter(self._scene, options).shortcut(path)
-        toppra = PathParameterizerTOPPRA(self._scene, group)
-        rounded = TOPPRAOptions(
-            dt=_DT, mode=SplineFittingMode.LinearBlend, velocity_scale=speed_scale, max_blend_deviation=_CORNER
-        )
-        way = np.array(toppra.generate(short, rounded).positions)
-        names = self._scene.getJointGroupInfo(group).joint_names
-        chain = [name for side in Side for name in joint_names(side)]
-        index = [chain.index(name) % JOINT_COUNT for name in names]
-        velocity, acceleration, jerk = (
-            np.array(row)[index] for row in (self._limits.velocity, self._limits.acceleration, self._limits.jerk)
-        )
-        # TOPP-RA switches accelerations at once. Averaged over the time in which the jerk builds an acceleration up,
-        # twice so that the jerk is one without steps, the time law along the same way changes them gently.
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-        keep = np.concatenate([[True], np.diff(along) > 1e-9])
-        window = max(int(float(np.max(acceleration / jerk)) / _DT), 1)
-        padded = np.concatenate([along, np.full(2 * window, along[-1])])
-        for _ in range(2):
-            total = np.cumsum(np.concatenate([np.full(window, padded[0]), padded]))
-            padded = (total[window:] - total[:-window]) / window
-        law = np.array([np.interp(padded, along[keep], row) for row in way[keep].T]).T
-        law[0], law[-1] = way[0], way[-1]
-        # What is followed, corners rounded, is looked at once more: a library may round where there is no room.
-        for row in law[::2]:
-            if self._scene.hasCollisions(self._scene.toFullJointPositions(group, row)):
-                raise PlanNotFound(
-                    "The way that was found has no room for its rounded corners; plan with another seed."
-                )
-        # What is still too fast in a bend is made slower as a whole.
-        rates = [law]
-        for _ in range(3):
-            rates.append(np.gradient(rates[-1], _DT, axis=0))
-        slower = (
-            1.01
-            * max(  # a spline between points is a little above its points
-                1.0,
-                *(
-                    float(np.max(np.abs(rate) / most)) ** (1.0 / order)
-                    for order, (rate, most) in enumerate(
-                        zip(rates[1:], (velocity * speed_scale, acceleration, jerk), strict=True), 1
-                    )
-                ),
+        Nothing, where the path has no room for corners that can be passed.
+        """
+        from roboplan import core  # noqa: PLC0415
+
+        for attempt in range(10):
+            if time.monotonic() > deadline:
+                break  # a longer way than need be
+            options = core.PathShortcuttingOptions(
+                group_name=group, max_step_size=_STEP, max_iters=_SHORTCUTS, seed=seed + attempt
             )
+            path = core.PathShortcutter(self._scene, options).shortcut(path)
+        names = self._scene.getJointGroupInfo(group).joint_names
+        in_order = [name for side in Side for name in joint_names(side)]
+        index = [in_order.index(name) % JOINT_COUNT for name in names]
+        rows = (getattr(self._limits, name) for name in ("velocity", "acceleration", "jerk", "lower", "upper"))
+        velocity, acceleration, jerk, lower, upper = (np.array(row)[index] for row in rows)
+        velocity = velocity * speed_scale
+
+        corners = np.array(path.positions)
+        corners = corners[np.concatenate([[True], np.max(np.abs(np.diff(corners, axis=0)), axis=1) > 1e-9])]
+        still = (0.0,) * len(names)
+        if len(corners) == 1:  # it is there
+            return [TrajectoryPoint(at, tuple(corners[0].tolist()), still, still) for at in (0.0, CYCLE)]
+        rounded = RoundedPath(corners, velocity, _CORNER)
+        places = np.linspace(0.0, rounded.length, int(rounded.length * float(np.max(velocity)) / _STEP) + 2)
+        while True:
+            # A rounded corner may touch what the sharp one, which was checked, does not.
+            full = (self._scene.toFullJointPositions(group, row) for row in rounded.at(places)[0])
+            touching = places[np.array([self._scene.hasCollisions(row) for row in full])]
+            if not len(touching):
+                break
+            if not rounded.sharpen(touching):
+                return []
+        limits = MotionLimits(velocity, acceleration, jerk, lower, upper)
+        return _spline_points(fastest_along(rounded, limits)[1], limits)
+
+
+def _spline_points(positions: Array, limits: MotionLimits) -> list[TrajectoryPoint]:
+    """A motion of positions in each cycle [rad], (n, k), as points of a spline that keeps the limits."""
+    # Velocities and accelerations are those of the smoothest spline, which the controllers' is then, too.
+    chosen = [*range(0, len(positions) - 1, _EVERY), len(positions) - 1]
+    knots = [TrajectoryPoint(index * CYCLE, tuple(positions[index].tolist())) for index in chosen]
+    still = (0.0,) * positions.shape[1]
+    points = [knots[0]._replace(velocity=still, acceleration=still)]
+    for segment in smooth_spline_through(knots).segments[1:]:
+        place, speeds, halves, *_ = zip(*segment.rows, strict=True)
+        points.append(TrajectoryPoint(segment.begin, place, speeds, tuple(2.0 * each for each in halves)))
+    points.append(knots[-1]._replace(velocity=still, acceleration=still))
+    # Between its points a spline may be a little more abrupt: slower by what the worst place needs.
+    stretch = 1.0
+    for segment in spline_through(points).segments:
+        times = np.linspace(0.0, segment.end - segment.begin, 5)
+        for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
+            for row, limit in zip(segment.rows, most.tolist(), strict=True):
+                rate = np.abs(np.polynomial.Polynomial(row).deriv(order)(times)).max()
+                stretch = max(stretch, (float(rate) / limit) ** (1.0 / order))
+    return [
+        TrajectoryPoint(
+            each.time * stretch,
+            each.position,
+            tuple(rate / stretch for rate in each.velocity),
+            tuple(rate / stretch**2 for rate in each.acceleration),
         )
-        every = max(int(_POINT / _DT), 1)
-        chosen = [*range(0, len(law) - 1, every), len(law) - 1]
-        still = np.zeros(len(names))
-        rows = [(i * _DT * slower, law[i], rates[1][i] / slower, rates[2][i] / slower**2) for i in chosen]
-        rows[0], rows[-1] = (0.0, law[0], still, still), (rows[-1][0], law[-1], still, still)
-        stretch = 1.0
-        # Between its points a spline may be more abrupt than the law: slower by what the worst place needs.
-        points = [TrajectoryPoint(at, *(tuple(each.tolist()) for each in row)) for at, *row in rows]
-        for segment in spline_through(points).segments:
-            times = np.linspace(0.0, segment.end - segment.begin, 5)
-            for order, most in enumerate((velocity * speed_scale, acceleration, jerk), 1):
-                for row, limit in zip(segment.rows, most.tolist(), strict=True):
-                    rate = np.abs(np.polynomial.Polynomial(row).deriv(order)(times)).max()
-                    stretch = max(stretch, (float(rate) / limit) ** (1.0 / order))
-        return [(at * stretch, place, v / stretch, a / stretch**2) for at, place, v, a in rows]
+        for each in points
+    ]
 
 
 def _way(start: Joints, end: Joints) -> float:

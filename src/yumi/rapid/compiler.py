@@ -280,6 +280,9 @@ class Statements:
         if node.name.lower() == "waituntil":
             self._wait_until(node)
             return
+        if node.name.lower() == "setupcyclicbool":
+            self._setup_cyclic_bool(node)
+            return
         found = self.scope.find(node.name, node, UnresolvedProcedure)
         if not isinstance(found, (UserRoutine, LibraryRoutine)):
             self.scope.refuse(node, f"'{node.name}' is not a procedure or instruction")
@@ -332,11 +335,30 @@ class Statements:
             deadline: Deadline = frame.slots[slot]
             if deadline.call.task.is_settled(deadline.call) and condition(frame):
                 deadline.met()
-            elif not deadline.is_over():
+            elif not deadline.expire():
                 frame.begin_wait(until_next_poll(deadline), None, None)
                 frame.step = again.step
 
         self.builder.add(decide)
+
+    def _setup_cyclic_bool(self, node: s.ProcedureCall) -> None:
+        """SetupCyclicBool: the condition is computed anew every 12 ms, by the instruction's implementation."""
+        found = self.scope.program.library.routine(node.name)
+        assert found is not None, "EXECUTION registers it"
+        given = [argument.value for argument in node.arguments if not argument.is_optional]
+        if len(given) != len(node.arguments) or len(given) != len(found.parameters) or given[1] is None:
+            self.scope.refuse(node, "SetupCyclicBool needs a persistent and a condition")
+        if self.expressions.runs_routine(given[1]):
+            self.scope.refuse(node, "the condition of SetupCyclicBool cannot call routines")
+        evaluate = self.expressions.condition(given[1])
+        placeholder = s.Argument(None, s.Literal(True), False)
+        arguments = self.expressions.calls.arguments(found, [node.arguments[0], placeholder], node)
+        implementation, call = found.implementation, caller(found, arguments)
+
+        def setup(machine: Machine, frame: Frame) -> None:
+            implementation(call(frame))(lambda: evaluate(frame))
+
+        self.builder.add(setup)
 
     def compile_goto(self, node: s.Goto) -> None:
         target = self.labels.get(node.label.lower())

@@ -124,6 +124,9 @@ class Scope:
         raise misfit(self.module, node, sentence)
 
 
+_LEAVES = (s.Literal, s.Name)
+
+
 class Expressions:
     """Compiles the expressions of one scope.
 
@@ -393,6 +396,8 @@ class Expressions:
 
     def runs_routine(self, node: s.Expression) -> bool:
         """Whether evaluating `node` runs a routine that may take steps of its own."""
+        if type(node) in _LEAVES:
+            return False
         if isinstance(node, s.FunctionCall):
             found = self.scope.program.find(node.name, self.scope.module)
             if isinstance(found, UserRoutine) or (isinstance(found, LibraryRoutine) and found.may_wait):

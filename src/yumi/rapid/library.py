@@ -28,7 +28,7 @@ import inspect
 import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -115,7 +115,7 @@ class Deadline:
     def of(call: Call) -> Deadline:
         return Deadline(call, call.task.now + call.get("MaxTime", math.inf))
 
-    def is_over(self) -> bool:
+    def expire(self) -> bool:
         r"""Whether the time is up; sets \TimeFlag, or raises ERR_WAIT_MAXTIME without one."""
         if self.call.task.now < self.time:
             return False
@@ -144,10 +144,10 @@ class FormalParameter:
     type: Type
     mode: Mode
     group: int | None
+    key: str = field(init=False, repr=False, compare=False)
 
-    @property
-    def key(self) -> str:
-        return self.name.lower()
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "key", self.name.lower())
 
 
 class Support(Enum):
@@ -174,14 +174,27 @@ class LibraryRoutine:
     support: Support = Support.DONE
 
 
+_Value = TypeVar("_Value")
+
+
+class _Names(ChainMap[str, _Value]):
+    """Names over those of a base; the compiler looks up each name of a program, which ChainMap does slowly."""
+
+    def get(self, key: str, default: Any = None) -> Any:
+        for names in self.maps:
+            if key in names:
+                return names[key]
+        return default
+
+
 class Library:
     """Names that every module of a task sees; what is registered here hides the same name of `base`."""
 
     def __init__(self, base: Library | None = None) -> None:
         # By lower-case name: what is registered here, then what the base has.
-        self._routines: ChainMap[str, LibraryRoutine] = base._routines.new_child() if base else ChainMap()
-        self._types: ChainMap[str, Type] = base._types.new_child() if base else ChainMap()
-        self._data: ChainMap[str, Variable] = base._data.new_child() if base else ChainMap()
+        self._routines: ChainMap[str, LibraryRoutine] = base._routines.new_child() if base else _Names()
+        self._types: ChainMap[str, Type] = base._types.new_child() if base else _Names()
+        self._data: ChainMap[str, Variable] = base._data.new_child() if base else _Names()
         self._errors: ChainMap[str, float] = base._errors.new_child() if base else ChainMap()
         self._missing: ChainMap[str, None] = base._missing.new_child() if base else ChainMap()
         self._next_error: int = base._next_error if base else FIRST_ERROR_NUMBER

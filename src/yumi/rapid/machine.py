@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from yumi.rapid.compiler import compile_routine
-from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError
+from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError, RapidValueError
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.program import Code, EventKind, Span, UserRoutine
 from yumi.rapid.types import Reference
@@ -134,6 +134,9 @@ class Frame:
         except RapidRuntimeError:
             self.waiting = None
             raise
+        except RapidValueError as error:
+            self.waiting = None
+            raise RapidRuntimeError("ERR_ARGVALERR", str(error)) from error
         except ArithmeticError as error:
             self.waiting = None
             raise _too_large(error) from error
@@ -276,6 +279,8 @@ class Machine:
             step(self, frame)
         except RapidRuntimeError as error:
             self._recover(error)
+        except RapidValueError as error:  # data of a type without values, such as a socket, where their text is needed
+            self._recover(RapidRuntimeError("ERR_ARGVALERR", str(error)))
         except Propagated as passed:
             self._recover(passed.error, is_long_jump=passed.is_long_jump, skip=1)
         except ArithmeticError as error:

@@ -101,6 +101,19 @@ class StackEntry:
 
 
 @dataclass(frozen=True, slots=True)
+class CyclicBool:
+    """A flag that follows a condition.
+
+    Attributes:
+        flag: the persistent.
+        condition: its value now.
+    """
+
+    flag: Reference
+    condition: Callable[[], bool]
+
+
+@dataclass(frozen=True, slots=True)
 class Prepared:
     """A module ready to be loaded.
 
@@ -132,9 +145,12 @@ class Task:
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
+        planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
+        cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
+        spy, end_of_spy: called before each statement while execution is recorded, and then (SpyStart, SpyStop).
     """
 
     def __init__(self, name: str, host: Host, library: Library, entry: str = "main") -> None:
@@ -144,12 +160,16 @@ class Task:
         self.entry = entry
         self.repeats = False
         self.breakpoints: set[tuple[str, int]] = set()
+        self.cyclic_bools: dict[str, CyclicBool] = {}
+        self.spy: Callable[[StackEntry], None] | None = None
+        self.end_of_spy: Callable[[], None] = lambda: None
         self.now = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
         self.clock: Callable[[], float] = lambda: 0.0
         self.background: Callable[[Callable[[], Any]], Future[Any]] = at_once
+        self.planning: Callable[[Callable[[], Any]], Future[Any]] = at_once
         self.is_running = False
         system_data = {
             name.lower(): Variable(name, library.type(type_name), 0.0, s.Storage.CONST, is_local=False)
@@ -157,7 +177,9 @@ class Task:
         }
         self.program = Program(library, host, system_data)
         self._ended_at = -1.0
+        self._pp_moved = self._stop_event = ""
         self._machine = Machine(self)
+        self._pauses: Callable[[Frame], EventKind | None] | None = None
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
         self._prepared: Prepared | None = None
@@ -303,6 +325,7 @@ class Task:
         """
         self.check()
         self._begin(self._main())
+        self._pp_moved = "main"
 
     def move_pp_to_routine(self, name: str, module: str = "") -> None:
         """Put the program pointer on a procedure without parameters, otherwise as `move_pp_to_main`.
@@ -323,6 +346,7 @@ class Task:
         ):
             raise RapidReferenceError(f"The task {self.name} has no procedure {name}() without parameters.")
         self._begin(found)
+        self._pp_moved = "routine"
 
     def check(self) -> None:
         """Link and compile the program; raises as `move_pp_to_main`, and changes nothing."""
@@ -336,6 +360,8 @@ class Task:
         self._machine.interrupts.clear()
         self._failures.clear()
         self._booked.clear()
+        self.cyclic_bools.clear()
+        self.spy = None
         initialise_variables(self.program)
         self._machine.enter(routine, (), None)
         self._execution = Execution.READY
@@ -362,11 +388,29 @@ class Task:
         if not self._machine.frames:
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
         self._machine.frames[-1].is_interrupted = False  # by a step or a breakpoint
-        self._machine.pause = self._pauses(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
+        self._pauses = self._pauses_at(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
+        self.watch_statements()
+        self._stop_event, self._pp_moved = self._pp_moved, ""
         self._execution = Execution.STARTED
         self.is_running = True
 
-    def _pauses(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
+    def watch_statements(self) -> None:
+        """Let the machine ask before each statement what steps, breakpoints and a recording need; otherwise not."""
+        pauses = self._pauses
+
+        def watch(frame: Frame) -> EventKind | None:
+            if self.spy is not None:
+                self.spy(StackEntry(frame.routine.module.name, frame.routine.name, frame.next_line))
+            return None if pauses is None else pauses(frame)
+
+        self._machine.pause = pauses if self.spy is None else watch
+
+    @property
+    def stop_event(self) -> str:
+        """Where the program pointer was moved to before the last start: "main", "routine", or "" when it was not."""
+        return self._stop_event
+
+    def _pauses_at(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
         frames = self._machine.frames
         depth, top = len(frames), frames[-1]
@@ -479,6 +523,10 @@ class Task:
     def remaining_retries(self) -> float:
         """How often the error handler that is being executed may still RETRY its statement."""
         return self._machine.frames[-1].remaining_retries
+
+    def retry(self) -> None:
+        """Begin the statement that failed again, as RETRY in the error handler that is being executed."""
+        self._machine.frames[-1].retry()
 
     def reset_retries(self) -> None:
         self._machine.frames[-1].reset_retries()

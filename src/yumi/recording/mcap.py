@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -252,8 +252,8 @@ STATE = "state"
 BEFORE = 11.0
 """A flight record as a whole: its ten seconds end a little before the event [s]."""
 
-AFTER = 1.0
-"""What the robot did once it was to hold [s]."""
+AFTER = 2.0
+"""A flight record goes on for so long after its event: what the robot did once it was to hold [s]."""
 
 _MISSING = "Recordings need mcap; install yumi-ros2[record]."
 CHUNK = 2**16
@@ -396,20 +396,6 @@ class RecordingWriter:
         return round((self._epoch + time) * 1e9)
 
 
-def write_flight_record(file: Path, epoch: float, event: RecordedEvent, frames: Mapping[Side, Sequence[Frame]]) -> None:
-    """The cycles that led to ``event``, and the event.
-
-    Raises:
-        MissingPrerequisite: the library is not installed.
-        OSError: the file cannot be written.
-    """
-    with RecordingWriter(file, epoch) as writer:
-        for side, each in frames.items():
-            for frame in each:
-                writer.add_frame(side, frame)
-        writer.add_event(event)
-
-
 def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) -> Recording:
     """Events of a whole recording, and the cycles around the one that stopped a motion, by default its end.
 
@@ -502,28 +488,33 @@ class Recorder:
         keep: how many of them stay; the oldest ones are deleted.
         recorders: the memory of each arm.
         report: called with one sentence for each file; on another thread.
+        clock: of the events.
     """
 
     def __init__(
-        self, folder: Path, keep: int, recorders: Mapping[Side, FlightRecorder], report: Callable[[str], None]
+        self,
+        folder: Path,
+        keep: int,
+        recorders: Mapping[Side, FlightRecorder],
+        report: Callable[[str], None],
+        clock: Clock,
     ) -> None:
         self._folder = folder
         self._keep = keep
         self._recorders = recorders
         self._report = report
+        self._clock = clock
         self._failures = Failures()
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
+        self._is_over = Flag()
+        self._thread = ThreadPoolExecutor(len(recorders), thread_name_prefix="flight-records")
         self._full: FullRecorder | None = None
 
-    def record_all(
-        self, file: Path, epoch: float, clock: Clock | None = None, sources: Mapping[str, Source] | None = None
-    ) -> None:
+    def record_all(self, file: Path, epoch: float, sources: Mapping[str, Source] | None = None) -> None:
         """Write every cycle from now on to ``file``, and what ``sources`` show when it changes.
 
         Args:
             file: a new one, or one to be replaced.
             epoch: time of day when the monotonic clock was 0 [s since 1970].
-            clock: gives the monotonic time; needed with sources.
             sources: by topic, what to look at ten times a second: a value class, or None while nothing is known.
 
         Raises:
@@ -531,13 +522,13 @@ class Recorder:
             MissingPrerequisite: the library is not installed.
         """
         try:
-            self._full = FullRecorder(file, epoch, self._recorders, self._report, clock, sources)
+            self._full = FullRecorder(file, epoch, self._recorders, self._report, self._clock, sources)
         except OSError as error:
             raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
         self._full.start()
 
     def on_event(self, event: Event, now: float, time_of_day: float) -> None:
-        """Write down what happened; does not wait for a disk.
+        """Write down what happened, and what follows for :data:`AFTER`; does not wait for a disk.
 
         Args:
             event: of the control loop.
@@ -554,7 +545,8 @@ class Recorder:
             self._full.on_event(event, now)
 
     def close(self) -> None:
-        """Wait until everything is written."""
+        """Wait until everything is written; a record that is not at its end yet ends now."""
+        self._is_over.set()
         self._thread.shutdown()
         if self._full:
             self._full.close()
@@ -564,19 +556,29 @@ class Recorder:
         name = f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
         file = self._folder / name
         # The cycles that led to the event; not those of an earlier session.
-        frames = tuple(frame for frame in memory.frames() if frame.time >= event.time - BEFORE)
+        frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
+        seconds = frames[-1].time - frames[0].time if frames else 0.0
+        follows = ""
         try:
-            write_flight_record(file, time_of_day - event.time, event, {side: frames})
+            with RecordingWriter(file, time_of_day - event.time) as writer:
+                for frame in frames:
+                    writer.add_frame(side, frame)
+                writer.add_event(event)
+                # What has been written so far can be read, whatever happens to this process meanwhile.
+                self._is_over.wait(event.time + AFTER - self._clock.now())
+                for frame in self._recorders[side].since(memory.newest):
+                    if frame.time <= event.time + AFTER:
+                        writer.add_frame(side, frame)
+                        follows = f", and {max(0.0, frame.time - event.time):.1f} s after the stop,"
             for oldest in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
-                oldest.unlink()
+                oldest.unlink(missing_ok=True)  # the other arm's record makes room, too
         except (YumiError, OSError) as error:
             self._report(f"The flight record could not be written to {file}: {error}")
             return
         except Exception as error:  # the thread pool would keep it to itself
             self._failures.note(f"Writing the flight record {file}", error)
             return
-        seconds = frames[-1].time - frames[0].time if frames else 0.0
-        self._report(f"The last {seconds:.1f} s of the {side.word} arm are in {file}: yumi record show {file}")
+        self._report(f"The last {seconds:.1f} s of the {side.word} arm{follows} are in {file}: yumi record show {file}")
 
 
 class FullRecorder:

@@ -15,7 +15,7 @@ from rich.text import Text
 
 from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import STAGES, Recording
+from yumi.recording.mcap import AFTER, STAGES, Recording
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 
@@ -90,7 +90,6 @@ GAP = 0.02
 MOVED = radians(0.1)
 """An axis is drawn when it, its command or its reference changed by more than this [rad]."""
 
-_WINDOW = 2.0  # on either side of the event [s]
 _LINES = (
     ("reference", ":", "#8b949e"),
     ("desired", "--", "#009e73"),
@@ -123,7 +122,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     stop = recording.stop
     zero = stop.time if stop else frames[-1].time
     # An event long after the last cycle: the last cycles are what there is to see.
-    window = max(_WINDOW, 2.0 * (zero - frames[-1].time))
+    window = max(AFTER, 2.0 * (zero - frames[-1].time))
     shown = [frame for frame in frames if abs(frame.time - zero) <= window]
     gaps = [(begin - zero, end - zero) for begin, end in gaps_of(shown)]
     if stop and shown[-1].time < zero + window - GAP:
@@ -178,7 +177,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
         panel.grid(alpha=0.3)
         panel.set(xlim=(-window, window), xlabel="time from the event [s]" if stop else "time from the last cycle [s]")
     headline = fill(stop.sentence if stop else f"{side.word.capitalize()} arm: nothing stopped a motion.", 55 * columns)
-    figure.suptitle(f"{headline}\nRed: the event. Grey: no datagrams. Axes at rest are left out.", fontsize=10)
+    figure.suptitle(f"{headline}\nRed: the event. Grey: no datagrams recorded. Axes at rest are left out.", fontsize=10)
     figure.savefig(file, dpi=120)
 
 

@@ -249,7 +249,7 @@ def missing(now: Wrist, target: WristTarget) -> Row:
 
 
 class Solver:
-    """Changes of the joints that make wanted changes of position, rotation and arm angle, as in :func:`missing`.
+    """Changes of the joints that make desired changes of position, rotation and arm angle, as in :func:`missing`.
 
     The pose comes first, the arm angle takes what freedom is left. Away from singularities both are exact. Where the
     pose cannot change in a direction, its changes are damped; where the elbow cannot turn with the pose held, it gives
@@ -286,13 +286,13 @@ class Solver:
         self._free = [value - own for value, own in zip(elbow, kept, strict=True)]
         self._freedom = max(sum(map(mul, self._free, self._free)), _ELBOW_FREEDOM)
 
-    def change(self, wanted: Row, most: float = inf) -> Joints:
-        """The change of the joints for a wanted change [m], [rad], in the foot frame.
+    def change(self, desired: Row, most: float = inf) -> Joints:
+        """The change of the joints for a desired change [m], [rad], in the foot frame.
 
-        Where the weakest direction would take the joints further than ``most`` [rad], less of it is wanted: at the end
+        Where the weakest direction would take the joints further than ``most`` [rad], less of it is made: at the end
         of its reach the arm slides along it.
         """
-        px, py, pz, rx, ry, rz, angle = wanted
+        px, py, pz, rx, ry, rz, angle = desired
         goal: tuple[float, ...] = (_METRE * px, _METRE * py, _METRE * pz, rx, ry, rz)
         weak, furthest = sum(map(mul, goal, self.weakest)), most * self.independence
         if abs(weak) > furthest:

@@ -22,7 +22,7 @@ Poses are in the body frame, which RAPID and EGM call world; the arm angle is ``
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import floor, pi, tau
@@ -49,6 +49,7 @@ from yumi.robot.kinematics import (
 )
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 _X, _Y, _Z = range(3)
 # Each joint in the all-zero pose, from body to flange: the axis it turns about and the offset in front of it [m].
@@ -81,20 +82,24 @@ class Unreachable(CommandRefused):
 
 
 @dataclass(frozen=True, slots=True)
-class _Target:
-    """A pose and an arm angle in the foot frame.
+class _Targets:
+    """n poses with their arm angles in the foot frame of one arm.
 
     Attributes:
-        wrist: where axis 6 starts, the flange's length behind tool0 [m], (3,).
-        rotation: of axis 6's frame at a6 = 0; its first column runs along axis 6, (3, 3).
-        angle: the arm angle [rad].
-        reference: the direction the arm angle is counted from, (3,).
+        wrist: where axis 6 starts, the flange's length behind tool0 [m], (n, 3).
+        rotation: of axis 6's frame at a6 = 0; its first column runs along axis 6, (n, 3, 3).
+        angle: the arm angle [rad], (n,).
+        reference: the direction the arm angles are counted from, (3,).
     """
 
     wrist: Array
     rotation: Array
-    angle: float
+    angle: Array
     reference: Array
+
+    def of(self, rows: Rows) -> _Targets:
+        """The targets with these numbers, in this order; a number may come more than once."""
+        return _Targets(self.wrist[rows], self.rotation[rows], self.angle[rows], self.reference)
 
 
 class Configuration(NamedTuple):
@@ -138,7 +143,7 @@ def arm_angle_from(reference: NDArray[np.float64], position: Joints) -> float:
     _, axes, wrist, _ = _chain(np.array([position]))
     line = _unit(wrist - _SHOULDER)[0]
     sine, cosine = (
-        np.cross(line, reference) @ axes[0, 3],
+        _cross(line, reference) @ axes[0, 3],
         axes[0, 3] @ reference - (axes[0, 3] @ line) * (line @ reference),
     )
     return float(_wrapped(np.arctan2(sine, cosine) + pi / 2.0))
@@ -160,7 +165,7 @@ def jacobian(side: Side, position: Joints, tool: Pose | None = None) -> Array:
     if tool is not None:
         tip = tip + rotation @ _TOOL0_TO_AXIS_6 @ np.array(tool.position)
     foot = matrix(foot_to_body(side).orientation)
-    return np.concatenate([foot @ np.cross(axes, tip - points).T, foot @ axes.T])
+    return np.concatenate([foot @ _cross(axes, tip - points).T, foot @ axes.T])
 
 
 def postures(side: Side, tool0: Pose, angle: float, limits: JointLimits = YUMI_LIMITS) -> tuple[Joints, ...]:
@@ -177,16 +182,40 @@ def postures(side: Side, tool0: Pose, angle: float, limits: JointLimits = YUMI_L
         Exactly where axes 1 and 7 (a2 = 0) or 4 and 6 (a5 = 0) are in line, a whole curve of postures has the pose and
         the arm angle; one or more of them are returned.
     """
-    target = _target(side, tool0, angle)
-    found = _polished(_candidates(target), target)
-    new = found
+    return postures_of_each(side, [tool0], [angle], limits)[0]
+
+
+def postures_of_each(
+    side: Side, tool0s: Sequence[Pose], angles: Sequence[float], limits: JointLimits = YUMI_LIMITS
+) -> list[tuple[Joints, ...]]:
+    """As :func:`postures`, of many poses at once: a map of what is in reach takes a fifth of the time.
+
+    Args:
+        side: the arm.
+        tool0s: poses of tool0 in the body frame.
+        angles: an arm angle [rad] for each of them.
+        limits: the ranges of the joints.
+    """
+    if not len(tool0s):
+        return []
+    targets = _targets(side, tool0s, angles)
+    found, of = _polished(*_candidates(targets), targets)
+    new, of_new = found, of
     while len(new):
-        singular = np.linalg.svd(_residual(new, target)[1], compute_uv=False)[:, -1] < _NEARLY_SINGULAR
-        more = _polished(np.concatenate([_turned_over(new), *_beside(new[singular], target)]), target)
-        together = _distinct(np.concatenate([found, more]))
-        found, new = together, together[len(found) :]
-    within = [position for base in found for position in _turns(base, limits)]
-    return tuple(sorted((joints(position) for position in within), key=lambda each: max(map(abs, each))))
+        singular = _smallest_singular_value(new, targets.of(of_new)) < _NEARLY_SINGULAR
+        turned, of_turned = _turned_over(new), np.tile(of_new, 3)
+        beside, of_beside = _beside(new[singular], of_new[singular], targets)
+        more, of_more = _polished(np.concatenate([turned, beside]), np.concatenate([of_turned, of_beside]), targets)
+        count = len(found)
+        found, of = np.concatenate([found, more]), np.concatenate([of, of_more])
+        kept = _distinct(found, of)
+        found, of, is_new = found[kept], of[kept], kept >= count
+        new, of_new = found[is_new], of[is_new]
+    result = []
+    for number in range(len(tool0s)):
+        within = [joints(each) for base in found[of == number] for each in _turns(base, limits)]
+        result.append(tuple(sorted(within, key=lambda each: max(map(abs, each)))))
+    return result
 
 
 def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> Joints:
@@ -206,7 +235,7 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
     # Quickly where the arm is free; near singularities, and where there is no posture, with more care.
     result, miss = posture_near(side, wrist_target(side, tool0, angle), seed)
     if miss > _CONVERGED:
-        position, error = _polish(np.array([seed]), _target(side, tool0, angle))
+        position, error = _polish(np.array([seed]), _targets(side, [tool0], [angle]))
         result, miss = joints(position[0]), float(error[0])
     if miss > _CONVERGED:
         raise Unreachable(
@@ -222,10 +251,12 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
     return result
 
 
-def _target(side: Side, tool0: Pose, angle: float) -> _Target:
-    in_foot = compose(inverse(foot_to_body(side)), tool0)
-    rotation = matrix(in_foot.orientation) @ _TOOL0_TO_AXIS_6.T
-    return _Target(np.array(in_foot.position) - rotation[:, _X] * FLANGE, rotation, angle, _reference(side))
+def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Targets:
+    body_to_foot = inverse(foot_to_body(side))
+    in_foot = [compose(body_to_foot, tool0) for tool0 in tool0s]
+    rotation = np.array([matrix(each.orientation) for each in in_foot]).reshape(-1, 3, 3) @ _TOOL0_TO_AXIS_6.T
+    tip = np.array([each.position for each in in_foot]).reshape(-1, 3)
+    return _Targets(tip - rotation[:, :, _X] * FLANGE, rotation, np.array(angles, dtype=float), _reference(side))
 
 
 def _reference(side: Side) -> Array:
@@ -257,88 +288,101 @@ def _chain(positions: Array) -> tuple[Array, Array, Array, Array]:
     return points, axes, point, rotation
 
 
-def _residual(positions: Array, target: _Target) -> tuple[Array, Array]:
-    """What is missing to the target, and how it shrinks with the joints.
+def _residual(positions: Array, targets: _Targets) -> tuple[Array, Array]:
+    """What is missing to the targets, one for each posture, and how it shrinks with the joints.
 
     Returns:
         Position [m], rotation [rad] and arm angle [rad] missing, (n, 7), and their derivatives, (n, 7, 7).
     """
     points, axes, wrist, rotation = _chain(positions)
-    turn = target.rotation @ np.swapaxes(rotation, 1, 2)
+    turn = targets.rotation @ np.swapaxes(rotation, 1, 2)
     vector = 0.5 * np.stack(
         [turn[:, 2, 1] - turn[:, 1, 2], turn[:, 0, 2] - turn[:, 2, 0], turn[:, 1, 0] - turn[:, 0, 1]], -1
     )
-    sine, cosine = np.linalg.norm(vector, axis=1), (np.trace(turn, axis1=1, axis2=2) - 1.0) / 2.0
+    sine, cosine = np.linalg.norm(vector, axis=1), (turn[:, 0, 0] + turn[:, 1, 1] + turn[:, 2, 2] - 1.0) / 2.0
     vector *= np.where(sine > 1e-9, np.arctan2(sine, cosine) / np.maximum(sine, 1e-9), 1.0)[:, None]
 
     from_shoulder = wrist - _SHOULDER
     length = np.linalg.norm(from_shoulder, axis=1)[:, None]
-    line, elbow, reference = from_shoulder / length, axes[:, 3], target.reference
-    normal = np.cross(line, reference)
+    line, elbow, reference = from_shoulder / length, axes[:, 3], targets.reference
+    normal = _cross(line, reference)
     along, along_reference = np.sum(line * elbow, 1)[:, None], (line @ reference)[:, None]
     y, x = np.sum(normal * elbow, 1)[:, None], (elbow @ reference)[:, None] - along * along_reference
-    missing = _wrapped(target.angle - np.arctan2(y, x) - pi / 2.0)
+    missing = _wrapped(targets.angle[:, None] - np.arctan2(y, x) - pi / 2.0)
 
-    d_wrist = np.cross(axes, wrist[:, None] - points)
+    d_wrist = _cross(axes, wrist[:, None] - points)
     d_line = (d_wrist - line[:, None] * np.sum(d_wrist * line[:, None], 2, keepdims=True)) / length[:, None]
     d_elbow = np.zeros_like(axes)
-    d_elbow[:, :3] = np.cross(axes[:, :3], elbow[:, None])
-    d_y = np.sum(np.cross(d_line, reference) * elbow[:, None], 2) + np.sum(d_elbow * normal[:, None], 2)
+    d_elbow[:, :3] = _cross(axes[:, :3], elbow[:, None])
+    d_y = np.sum(_cross(d_line, reference) * elbow[:, None], 2) + np.sum(d_elbow * normal[:, None], 2)
     d_along = np.sum(d_elbow * line[:, None], 2) + np.sum(d_line * elbow[:, None], 2)
     d_x = d_elbow @ reference - d_along * along_reference - along * (d_line @ reference)
     d_angle = (x * d_y - y * d_x) / np.maximum(x * x + y * y, 1e-30)
     derivative = np.concatenate([np.swapaxes(d_wrist, 1, 2), np.swapaxes(axes, 1, 2), d_angle[:, None]], 1)
-    return np.concatenate([target.wrist - wrist, vector, missing], 1), derivative
+    return np.concatenate([targets.wrist - wrist, vector, missing], 1), derivative
 
 
-def _polish(positions: Array, target: _Target) -> tuple[Array, Array]:
+def _polish(positions: Array, targets: _Targets) -> tuple[Array, Array]:
     """Newton's method on all seven equations: positions [rad], and the largest of what is still missing, (n,)."""
-    missing, derivative = _residual(positions, target)
+    positions, left = positions.copy(), np.arange(len(positions))
     for _ in range(16):
+        missing, derivative = _residual(positions[left], targets.of(left))
         step = _solve(derivative, missing)
         largest = np.max(np.abs(step), 1)
-        positions = positions + step * np.minimum(1.0, 0.5 / np.maximum(largest, 1e-30))[:, None]
-        missing, derivative = _residual(positions, target)
-        if float(largest.max()) < 1e-9:  # quadratic: the next step would be rounding
+        positions[left] += step * np.minimum(1.0, 0.5 / np.maximum(largest, 1e-30))[:, None]
+        left = left[largest > 1e-9]  # quadratic: the next step would be rounding
+        if not len(left):
             break
-    return positions, np.max(np.abs(missing), 1)
+    return positions, np.max(np.abs(_residual(positions, targets)[0]), 1)
 
 
-def _solve(derivative: Array, missing: Array, rank: int = 7) -> Array:
-    """The smallest step that makes up for what is missing, in the ``rank`` directions that something depends on."""
-    left, values, right = np.linalg.svd(derivative)
-    gained = np.einsum("nji,nj->ni", left, missing)[:, :rank] / np.maximum(values[:, :rank], 1e-13)
-    return np.asarray(np.einsum("nji,nj->ni", right[:, :rank], gained))
+def _solve(derivative: Array, missing: Array) -> Array:
+    """The steps of the joints that make up for what is missing; where nothing does, the smallest that comes nearest."""
+    try:
+        return np.asarray(np.linalg.solve(derivative, missing[:, :, None])[:, :, 0])
+    except np.linalg.LinAlgError:  # one of them is exactly singular
+        return np.asarray((np.linalg.pinv(derivative, rcond=1e-13) @ missing[:, :, None])[:, :, 0])
 
 
-def _polished(positions: Array, target: _Target) -> Array:
-    """Those of ``positions`` from which a posture is reached, each posture once, joints from -π to π."""
+def _smallest_singular_value(positions: Array, targets: _Targets) -> Array:
+    return np.asarray(np.linalg.svd(_residual(positions, targets)[1], compute_uv=False)[:, -1])
+
+
+def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Rows]:
+    """Those from which a posture of the target ``of`` is reached, each once, joints from -π to π, and their targets."""
     if not len(positions):
-        return positions
-    positions, errors = _polish(positions, target)
-    return _distinct(_wrapped(positions[errors < _CONVERGED]))
+        return positions, of
+    positions, errors = _polish(positions, targets.of(of))
+    good = errors < _CONVERGED
+    positions, of = _wrapped(positions[good]), of[good]
+    kept = _distinct(positions, of)
+    return positions[kept], of[kept]
 
 
 # -- Where postures may be --------------------------------------------------------------------------------------------
 
 
 class _TwoEquations:
-    """What is left of the seven equations, in axes 1 and 2, for one of the two senses of axis 7."""
+    """What is left of the seven equations, in axes 1 and 2, for one of the two senses of axis 7.
 
-    def __init__(self, target: _Target, a1: Array, a2: Array, sense: Array) -> None:
-        line = target.wrist - _SHOULDER
-        along = _unit(line[None])[0]
-        y = _unit(np.cross(along, target.reference)[None])[0]
-        x = np.cross(y, along)
-        beta = target.angle - pi / 2.0
+    One target for each pair of angles, or one for all of them.
+    """
+
+    def __init__(self, targets: _Targets, a1: Array, a2: Array, sense: Array) -> None:
+        line = targets.wrist - _SHOULDER
+        along = _unit(line)
+        y = _unit(_cross(along, targets.reference))
+        x = _cross(y, along)
+        beta = targets.angle[:, None] - pi / 2.0
         inside = x * np.cos(beta) + y * np.sin(beta)  # in the half-plane of axis 3, normal to the line
         c1, s1, c2, s2 = np.cos(a1), np.sin(a1), np.cos(a2), np.sin(a2)
 
         def behind_axis_1(vector: Array) -> tuple[Array, Array, Array]:
-            return c1 * vector[_X] + s1 * vector[_Y], c1 * vector[_Y] - s1 * vector[_X], vector[_Z]
+            x, y, z = vector.T
+            return c1 * x + s1 * y, c1 * y - s1 * x, z
 
         # Axis 7: e lies in the plane, e·normal = 0.
-        normal_x, normal_y, normal_z = behind_axis_1(np.cross(along, inside))
+        normal_x, normal_y, normal_z = behind_axis_1(_cross(along, inside))
         across = c2 * normal_x - s2 * normal_z
         size = np.hypot(normal_y, across) + 1e-300
         s7, c7 = sense * normal_y / size, sense * across / size
@@ -350,7 +394,7 @@ class _TwoEquations:
         d_x = d_x - (SHOULDER_OFFSET * (c2 - 1.0) + ELBOW_OFFSET * c2 * c7 + UPPER_ARM * s2)
         d_y = d_y - ELBOW_OFFSET * s7
         d_z = d_z - (UPPER_ARM * c2 - SHOULDER_OFFSET * s2 - ELBOW_OFFSET * s2 * c7)
-        n_x, n_y, n_z = behind_axis_1(target.rotation[:, _X])
+        n_x, n_y, n_z = behind_axis_1(targets.rotation[:, :, _X])
         n_e, d_n = n_x * e_x + n_y * e_y + n_z * e_z, d_x * n_x + d_y * n_y + d_z * n_z
         distance_squared = d_x * d_x + d_y * d_y + d_z * d_z
         numerator = distance_squared - ELBOW_OFFSET**2 - FOREARM**2
@@ -364,7 +408,7 @@ class _TwoEquations:
         self._a1_a2, self._s7_c7, self._s2_c2, self._d = (a1, a2), (s7, c7), (s2, c2), (d_x, d_y, d_z)
         self._s5_c5, self._s4_s5, self._c4_s5 = (s5, c5), n_e, c4_s5
 
-    def positions(self, target: _Target) -> Array:
+    def positions(self, targets: _Targets) -> Array:
         """All seven joints [rad], (n, 7), for axes 1 and 2 at or near a root."""
         (s5, c5), (s7, c7), (s2, c2), (d_x, d_y, d_z) = self._s5_c5, self._s7_c7, self._s2_c2, self._d
         sign = np.where(s5 < 0.0, -1.0, 1.0)
@@ -376,44 +420,53 @@ class _TwoEquations:
         a1, a2 = self._a1_a2
         result = np.stack([a1, a2, np.arctan2(s7, c7), a3, a4, np.arctan2(s5, c5), np.zeros_like(a1)], 1)
         *_, rotation = _chain(result)
-        left = np.swapaxes(rotation, 1, 2) @ target.rotation
+        left = np.swapaxes(rotation, 1, 2) @ targets.rotation
         result[:, 6] = np.arctan2(left[:, 2, 1], left[:, 1, 1])
         return result
 
 
-def _candidates(target: _Target) -> Array:
-    """Postures near a root of the two equations: cells of the grid that may hold one, refined by Newton's method."""
+def _candidates(targets: _Targets) -> tuple[Array, Rows]:
+    """Postures near a root of the two equations, cells of the grid that may hold one refined; and their targets."""
     a1, a2 = (
         np.linspace(low - _GRID_MARGIN, high + _GRID_MARGIN, count + 1)
         for low, high, count in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, _GRID, strict=False)
     )
-    grid = _TwoEquations(target, a1[None, :, None], a2[None, None, :], np.array([1.0, -1.0])[:, None, None])
-    may_hold = _over_corners(np.maximum, grid.side_of_plane) > -0.1
-    for values in (grid.first, grid.second):
-        low, high = _over_corners(np.minimum, values), _over_corners(np.maximum, values)
-        may_hold &= (low <= _CELL_MARGIN * (high - low)) & (high >= -_CELL_MARGIN * (high - low))
-    senses, i, j = np.nonzero(may_hold)
     cell = np.array([a1[1] - a1[0], a2[1] - a2[0]])
-    start = np.stack([a1[i], a2[j]], 1) + cell / 2.0
-    sense, at, step = np.where(senses == 0, 1.0, -1.0), start, 1e-6
+    starts, senses, numbers = [], [], []
+    for number in range(len(targets.angle)):
+        one = targets.of(np.array([number]))
+        grid = _TwoEquations(one, a1[None, :, None], a2[None, None, :], np.array([1.0, -1.0])[:, None, None])
+        may_hold = _over_corners(np.maximum, grid.side_of_plane) > -0.1
+        for values in (grid.first, grid.second):
+            low, high = _over_corners(np.minimum, values), _over_corners(np.maximum, values)
+            may_hold &= (low <= _CELL_MARGIN * (high - low)) & (high >= -_CELL_MARGIN * (high - low))
+        i_sense, i, j = np.nonzero(may_hold)
+        starts.append(np.stack([a1[i], a2[j]], 1) + cell / 2.0)
+        senses.append(np.where(i_sense == 0, 1.0, -1.0))
+        numbers.append(np.full(len(i), number))
+    start, of = np.concatenate(starts), np.concatenate(numbers)
+    sense: Array = np.concatenate(senses)
+    at, step = start, 1e-6
     for _ in range(8):
-        here = _TwoEquations(target, at[:, 0], at[:, 1], sense)
-        right = _TwoEquations(target, at[:, 0] + step, at[:, 1], sense)
-        up = _TwoEquations(target, at[:, 0], at[:, 1] + step, sense)
-        f, g = here.first, here.second
-        f_1, g_1 = (right.first - f) / step, (right.second - g) / step
-        f_2, g_2 = (up.first - f) / step, (up.second - g) / step
+        # Here, and a step further in each of the two directions.
+        offsets = np.array([(0.0, 0.0), (step, 0.0), (0.0, step)]).repeat(len(at), axis=0)
+        places = np.tile(at, (3, 1)) + offsets
+        near = _TwoEquations(targets.of(np.tile(of, 3)), places[:, 0], places[:, 1], np.tile(sense, 3))
+        (f, f_right, f_up), (g, g_right, g_up) = near.first.reshape(3, -1), near.second.reshape(3, -1)
+        f_1, g_1, f_2, g_2 = (f_right - f) / step, (g_right - g) / step, (f_up - f) / step, (g_up - g) / step
         determinant = f_1 * g_2 - f_2 * g_1
         determinant = np.where(np.abs(determinant) < 1e-12, np.copysign(1e-12, determinant), determinant)
         change = np.stack([f_2 * g - g_2 * f, g_1 * f - f_1 * g], 1) / determinant[:, None]
         at = at + change * np.minimum(1.0, 1.0 / np.maximum(np.max(np.abs(change) / cell, 1), 1e-30))[:, None]
-        near = np.all(np.abs(at - start) < 3.0 * cell, 1)  # what goes further away belongs to another cell
-        at, start, sense = at[near], start[near], sense[near]
-    end = _TwoEquations(target, at[:, 0], at[:, 1], sense)
+        kept = np.all(np.abs(at - start) < 3.0 * cell, 1)  # what goes further away belongs to another cell
+        at, start, sense, of = at[kept], start[kept], sense[kept], of[kept]
+    end = _TwoEquations(targets.of(of), at[:, 0], at[:, 1], sense)
     good = (np.abs(end.first) < 1e-2) & (np.abs(end.second) < 1e-2) & (end.side_of_plane > -1e-3)
-    _, first = np.unique(np.round(np.stack([at[:, 0], at[:, 1], sense], 1)[good], 5), axis=0, return_index=True)
-    at, sense = at[good][first], sense[good][first]
-    return _TwoEquations(target, at[:, 0], at[:, 1], sense).positions(target)
+    at, sense, of = at[good], sense[good], of[good]
+    _, first = np.unique(np.round(np.column_stack([of, at, sense]), 5), axis=0, return_index=True)
+    at, sense, of = at[first], sense[first], of[first]
+    own = targets.of(of)
+    return _TwoEquations(own, at[:, 0], at[:, 1], sense).positions(own), of
 
 
 def _over_corners(function: np.ufunc, values: Array) -> Array:
@@ -429,51 +482,62 @@ def _turned_over(positions: Array) -> Array:
     return np.concatenate([wrist, both])
 
 
-def _beside(positions: Array, target: _Target, step: float = 0.08, steps: int = 90) -> Iterator[Array]:
-    """Postures that lie close to nearly singular ones, or on one curve with them.
+def _beside(positions: Array, of: Rows, targets: _Targets, step: float = 0.08, steps: int = 90) -> tuple[Array, Rows]:
+    """Postures that lie close to nearly singular ones, or on one curve with them; and their targets.
 
     At a nearly singular posture one combination of the seven equations (the left singular vector of the smallest
     singular value) hardly depends on the joints. The other six leave a curve of postures (for two axes in line: the
     arm's self-motion at the fixed pose); other postures are where that combination is zero again.
     """
     if not len(positions):
-        return
-    left, _, right = np.linalg.svd(_residual(positions, target)[1])
-    weak = np.concatenate([left[:, :, -1], left[:, :, -1]])
+        return positions, of
+    left, _, right = np.linalg.svd(_residual(positions, targets.of(of))[1])
+    weak, others = (np.concatenate([each, each]) for each in (left[:, :, -1], np.swapaxes(left[:, :, :-1], 1, 2)))
     at, direction = np.concatenate([positions, positions]), np.concatenate([right[:, -1], -right[:, -1]])
+    of = np.concatenate([of, of])
+    own = targets.of(of)
 
-    def without_weak(values: Array) -> Array:
-        return np.asarray(values - np.einsum("ni,nj,nj...->ni...", weak, weak, values))
+    def followed(at: Array, direction: Array) -> tuple[Array, Array, Array]:
+        """The step back onto the curve, the curve's direction, and how far off the weak combination is."""
+        missing, derivative = _residual(at, own)
+        rows = np.concatenate([others @ derivative, direction[:, None]], 1)
+        off = np.einsum("nij,nj->ni", others, missing)
+        back = _solve(rows, np.concatenate([off, np.zeros((len(at), 1))], 1))
+        tangent = _solve(rows, np.broadcast_to(np.eye(7)[6], at.shape))
+        return np.clip(back, -0.2, 0.2), _unit(tangent), np.sum(weak * missing, 1)
 
     path, off = [at], [np.zeros(len(at))]
     for _ in range(steps):
         at = at + step * direction
-        for _ in range(3):  # back onto the curve along the shortest way
-            missing, derivative = _residual(at, target)
-            at = at + np.clip(_solve(without_weak(derivative), without_weak(missing), rank=6), -0.2, 0.2)
-        missing, derivative = _residual(at, target)
-        tangent = np.linalg.svd(without_weak(derivative))[2][:, -1]
-        direction = tangent * np.sign(np.sum(tangent * direction, 1))[:, None]
+        for _ in range(2):
+            at = at + followed(at, direction)[0]
+        _, direction, value = followed(at, direction)
         path.append(at)
-        off.append(np.sum(weak * missing, 1))
+        off.append(value)
     # Closer than a step: a parabola through what is off one step ahead, here (nothing) and one step back.
     ahead, back = np.split(off[1], 2)
     share = (back - ahead) / np.where(ahead + back == 0.0, 1.0, ahead + back)
-    yield positions + np.clip(share, -2.0, 2.0)[:, None] * step * right[:, -1]
+    found = [positions + np.clip(share, -2.0, 2.0)[:, None] * step * right[:, -1]]
+    found_of = [of[: len(positions)]]
     for first in range(1, steps):
         before, here, after = off[first - 1], off[first], off[first + 1]
         crosses = (here * after <= 0.0) & (np.abs(here - after) < 2.0)
         touches = (np.abs(here) < 0.1) & (np.abs(here) < np.abs(before)) & (np.abs(here) <= np.abs(after))
         share = np.where(crosses, here / np.where(crosses & (here != after), here - after, 1.0), 0.0)[:, None]
-        yield ((1.0 - share) * path[first] + share * path[first + 1])[crosses | touches]
+        found.append(((1.0 - share) * path[first] + share * path[first + 1])[crosses | touches])
+        found_of.append(of[crosses | touches])
+    return np.concatenate(found), np.concatenate(found_of)
 
 
-def _distinct(positions: Array) -> Array:
-    kept: list[Array] = []
-    for position in positions:
-        if all(np.max(np.abs(_wrapped(position - other))) > _SAME for other in kept):
-            kept.append(position)
-    return np.array(kept).reshape(-1, 7)
+def _distinct(positions: Array, of: Rows) -> Rows:
+    """Which of the postures to keep, so that no target has one of them twice."""
+    order = np.argsort(of, kind="stable")
+    kept = []
+    for rows in np.split(order, np.flatnonzero(np.diff(of[order])) + 1):
+        own = positions[rows]
+        is_same = np.max(np.abs(_wrapped(own[:, None] - own)), 2, initial=0.0) <= _SAME
+        kept.append(rows[~np.any(np.tril(is_same, -1), 1)])
+    return np.sort(np.concatenate(kept))
 
 
 def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
@@ -488,6 +552,12 @@ def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
 
 def _wrapped(angles: Array) -> Array:
     return np.asarray((angles + pi) % tau - pi)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """As numpy's, in a fifth of its time: most arrays here are small."""
+    ax, ay, az, bx, by, bz = a[..., 0], a[..., 1], a[..., 2], b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], -1)
 
 
 def _unit(vectors: Array) -> Array:

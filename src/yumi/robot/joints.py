@@ -32,6 +32,8 @@ class Side(Enum):
     RIGHT = "r"
     LEFT = "l"
 
+    __hash__ = object.__hash__  # each arm is one object: an enumeration's own hash costs a call at every look-up
+
     @property
     def other(self) -> Side:
         """The arm on the other side."""

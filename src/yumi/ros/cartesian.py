@@ -211,9 +211,9 @@ class TargetPoseTopic(_ToolTopic):
             start,
             [Waypoint(target)],
             self.limits,
-            self._frames.tcp(side),
-            number(values, "line.speed"),
-            number(values, "line.turning"),
+            tool=self._frames.tcp(side),
+            speed=number(values, "line.speed"),
+            turning=number(values, "line.turning"),
             acceleration=number(values, "line.acceleration"),
         )
         if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while

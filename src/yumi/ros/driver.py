@@ -118,6 +118,7 @@ class RosDriver:
         self._timers = TimerThread(clock, log_error)
         slow_timers = {side: TimerThread(clock, log_error, f"slow-timers-{side.value}") for side in Side}
 
+        base = settings.ros.frames + prefixed("yumi_base_link")
         buffers, robot, polled = control.buffers, manager.monitor.state, manager.monitor.joints
         self._trajectories = TrajectoryControllers(
             dual,
@@ -128,6 +129,7 @@ class RosDriver:
             limits,
             self._timers,
             manager.monitor,
+            base,
         )
         frames = RobotFrames(
             robot_description(limits, {side: grippers.settings.modules(side) for side in Side}, _meshes()),
@@ -182,17 +184,16 @@ class RosDriver:
             topic.why_stopped = manager.monitor.cause
 
         self._services = RobotManagerServices(self._node, manager, self.check_arms, self.update_activity)
-        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self.update_activity)
+        self._actions = RobotManagerActions(self._node, manager, self.check_arms, self.update_activity, base)
         self._speed = SpeedScaleInterface(self._node, manager.speed, self._timers)
         signal_timers = TimerThread(clock, log_error, "signal-timers")
-        self._signals = SignalsTopic(self._node, manager.signals, signal_timers)
+        self._signals = SignalsTopic(self._node, manager.signals, signal_timers, base)
         self._executors.add_multi_threaded("services", self._node, description_node)
         self._executors.add_multi_threaded("services-dual", dual)
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", *streams)
 
         manager.monitor.reads_joints = True
-        base = settings.ros.frames + prefixed("yumi_base_link")
         self._states = [
             JointStatePublisher(arm.node, side, buffers[side], clock, polled, base) for side, arm in self._arms.items()
         ]
@@ -200,7 +201,7 @@ class RosDriver:
             *(self._timers, *slow_timers.values(), signal_timers),
             *(*self._states, self._grippers, self._executors),
         )
-        self._state = RobotStateTopic(self._node, robot, clock, self._timers)
+        self._state = RobotStateTopic(self._node, robot, clock, self._timers, base)
         self._merged = MergedJointStates(
             self._stream,
             buffers,

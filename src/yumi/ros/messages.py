@@ -439,19 +439,17 @@ def seconds(duration: Any) -> float:
     return float(duration.sec) + float(duration.nanosec) / _NS
 
 
-def feedback_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> Any:
-    """The feedback of an action that moves the arms of ``feedbacks``."""
-    message = FollowJointTrajectory.Feedback()
-    message.header.stamp = stamp(time_ns)
+def feedback_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int, frame: str = "") -> Any:
+    """The feedback of an action that moves the arms of ``feedbacks``; ``frame`` as in joint states."""
+    message = FollowJointTrajectory.Feedback(header=Header(stamp=stamp(time_ns), frame_id=frame))
     message.joint_names = _names(feedbacks)
     message.desired, message.actual, message.error = _points(feedbacks)
     return message
 
 
-def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int) -> Any:
+def state_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int, frame: str = "") -> Any:
     """The state of a controller that commands the arms of ``feedbacks``; its error is reference - feedback."""
-    message = JointTrajectoryControllerState()
-    message.header.stamp = stamp(time_ns)
+    message = JointTrajectoryControllerState(header=Header(stamp=stamp(time_ns), frame_id=frame))
     message.joint_names = _names(feedbacks)
     message.reference, message.feedback, message.error = _points(feedbacks)
     rows = ("output", "output_velocity")
@@ -492,10 +490,10 @@ _LAST_SECOND = 2**31 - 1
 _LARGEST_CODE = 2**32 - 1
 
 
-def robot_state(state: RobotState, time_ns: int) -> RobotStateMessage:
-    """The state as a message; what is not known is empty."""
+def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateMessage:
+    """The state as a message; what is not known is empty. ``frame`` is that of the robot's base."""
     return RobotStateMessage(
-        header=Header(stamp=stamp(time_ns)),
+        header=Header(stamp=stamp(time_ns), frame_id=frame),
         is_connected=state.is_connected,
         is_ready=not state.reason,
         reason=state.reason,
@@ -562,10 +560,10 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
     )
 
 
-def gpio_states(values: Mapping[str, float], time_ns: int) -> Any:
+def gpio_states(values: Mapping[str, float], time_ns: int, frame: str = "") -> Any:
     """I/O signals by name as one group, ``controller``; only where the installed package has the type."""
     return GPIO_STATES(
-        header=Header(stamp=stamp(time_ns)),
+        header=Header(stamp=stamp(time_ns), frame_id=frame),
         interface_groups=["controller"],
         interface_values=[InterfaceValue(interface_names=list(values), values=list(values.values()))],
     )

@@ -74,7 +74,7 @@ class Grip:
     """How a gripper command ended.
 
     Attributes:
-        position: finger position [m].
+        position: of one finger, from the middle [m].
         outcome: how.
     """
 
@@ -85,6 +85,11 @@ class Grip:
     def word(self) -> str:
         """``holding``, ``open``, ``closed``, ``in place`` or ``stalled``."""
         return self.outcome.value
+
+    @property
+    def width(self) -> str:
+        """Between both fingers, which move alike, with its unit."""
+        return f"{2e3 * self.position:.1f} mm"
 
 
 @dataclass(slots=True)
@@ -291,7 +296,7 @@ class MoveAndGrab:
         if failures:
             raise GoalNotReached(failures[0])
         self._progress.note(
-            ", ".join(f"{side.word}: {grip.word} at {grip.position * 1e3:.1f} mm" for side, grip in grips.items())
+            ", ".join(f"{side.word}: {grip.word}, {grip.width} between the fingers" for side, grip in grips.items())
         )
         return grips
 

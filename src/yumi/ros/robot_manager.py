@@ -147,10 +147,18 @@ class _Cancelled(Exception):
 
 
 class RobotManagerActions:
-    """The actions of the robot manager's node; arguments as of :class:`RobotManagerServices`."""
+    """The actions of the robot manager's node; arguments as of :class:`RobotManagerServices`, ``frame`` is the base."""
 
-    def __init__(self, node: Any, manager: RobotManager, check_arms: CheckArms, on_change: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        node: Any,
+        manager: RobotManager,
+        check_arms: CheckArms,
+        on_change: Callable[[], None],
+        frame: str = "",
+    ) -> None:
         self._node = node
+        self._frame = frame
         self._log = node.get_logger()
         self._clock = node.get_clock()
         self._manager = manager
@@ -199,7 +207,7 @@ class RobotManagerActions:
             finally:
                 if is_alone:
                     self._busy.release()
-            result.state = robot_state(self._manager.monitor.state(), self._clock.now().nanoseconds)
+            result.state = robot_state(self._manager.monitor.state(), self._clock.now().nanoseconds, self._frame)
             self._on_change()
             return result
 
@@ -234,9 +242,13 @@ class SignalsTopic:
         node: the robot manager's node.
         read: reads them all; raises YumiError.
         timers: of its own, since a controller may take seconds to answer.
+        frame: of the robot's base.
     """
 
-    def __init__(self, node: Any, read: Callable[[], Mapping[str, float]], timers: TimerThread) -> None:
+    def __init__(
+        self, node: Any, read: Callable[[], Mapping[str, float]], timers: TimerThread, frame: str = ""
+    ) -> None:
+        self._frame = frame
         self._log = node.get_logger()
         self._clock = node.get_clock()
         self._read = read
@@ -252,7 +264,7 @@ class SignalsTopic:
         except YumiError as error:
             self._log.warning(f"gpio_states: {error}", throttle_duration_sec=10.0)
             return
-        self._publisher.publish(gpio_states(values, self._clock.now().nanoseconds))
+        self._publisher.publish(gpio_states(values, self._clock.now().nanoseconds, self._frame))
 
 
 NAME = "speed_scale"

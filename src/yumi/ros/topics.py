@@ -522,7 +522,10 @@ PERIOD = 1.0
 class RobotStateTopic:
     """Publishes ``~/state`` of the robot manager, latched, on each change and once a second."""
 
-    def __init__(self, node: Any, state: Callable[[], RobotState], clock: Clock, timers: TimerThread) -> None:
+    def __init__(
+        self, node: Any, state: Callable[[], RobotState], clock: Clock, timers: TimerThread, frame: str = ""
+    ) -> None:
+        self._frame = frame
         self._publisher = node.create_publisher(RobotStateMessage, "~/state", LATCHED)
         self._ros_clock = node.get_clock()
         self._state = state
@@ -537,4 +540,4 @@ class RobotStateTopic:
         if state == self._last and now - self._published < PERIOD:
             return
         self._last, self._published = state, now
-        self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds))
+        self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds, self._frame))

@@ -176,6 +176,7 @@ class TrajectoryAction:
         limits: what the joints may do.
         timers: publish what the controllers report.
         causes: knows what stopped the robot; that is added to refusals and results.
+        frame: of the robot's base, for the headers.
     """
 
     def __init__(
@@ -188,8 +189,10 @@ class TrajectoryAction:
         limits: JointLimits,
         timers: TimerThread,
         causes: Causes | None = None,
+        frame: str = "",
     ) -> None:
         self._causes = causes
+        self._frame = frame
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
         self._stamps = Stamps.of(node, clock)
@@ -411,7 +414,7 @@ class TrajectoryAction:
         self._seen = {side: number for side, (number, _) in news.items()}
         feedbacks = {side: feedback for side, (_, feedback) in news.items()}
         time_ns = self._stamps.at(min(each.time for each in feedbacks.values()))
-        self._states.publish(state_message(feedbacks, time_ns))
+        self._states.publish(state_message(feedbacks, time_ns, self._frame))
         if self._skews is not None:
             self._skews.publish(Float64MultiArray(data=feedbacks[self._sides[0]].skew))
         numbers = {feedback.goal for feedback in feedbacks.values()}
@@ -421,7 +424,7 @@ class TrajectoryAction:
             return
         if goal.handle is not None and goal.handle.is_active and not goal.is_over.is_set():
             goal.feedback_due = first.time + first.monitor_period - 0.5 * CYCLE
-            goal.handle.publish_feedback(feedback_message(feedbacks, time_ns))
+            goal.handle.publish_feedback(feedback_message(feedbacks, time_ns, self._frame))
 
 
 DUAL_ARM = "dual_arm_trajectory_controller"
@@ -445,11 +448,12 @@ class TrajectoryControllers:
         limits: JointLimits,
         timers: TimerThread,
         causes: Causes | None = None,
+        frame: str = "",
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, timers, causes)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, timers, causes, frame)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, timers, causes)
+            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, timers, causes, frame)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {

@@ -10,15 +10,19 @@ C++ client sends values unescaped, Python clients percent-encode them; both must
 
 from __future__ import annotations
 
+import builtins
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TypeVar
 from urllib.parse import quote, unquote
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 from yumi.errors import ProtocolError
+
+E = TypeVar("E", bound=Enum)
 
 Pairs = tuple[tuple[str, str], ...]
 
@@ -50,6 +54,19 @@ def first_value(pairs: Pairs, name: str) -> str | None:
 
 def _text(raw: str) -> str:
     return unquote(_BLANK_PLUS.sub(" ", raw))
+
+
+def member(kind: type[E], text: str | int) -> E:
+    """The member of ``kind`` with the value ``text``.
+
+    Raises:
+        ProtocolError: there is none.
+    """
+    try:
+        return kind(text)
+    except ValueError as error:
+        allowed = ", ".join(str(each.value) for each in kind)
+        raise ProtocolError(f"The controller says {text!r} where only {allowed} have a meaning.") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +114,41 @@ class State:
         if name not in self.fields:
             raise ProtocolError(f"The controller's {self.type!r} of {self.title!r} lacks the field {name!r}.")
         return self.fields[name]
+
+    def number(self, name: str) -> float:
+        """The number in field ``name``.
+
+        Raises:
+            ProtocolError: there is none.
+        """
+        text = self.text(name)
+        try:
+            return float(text)
+        except ValueError as error:
+            raise ProtocolError(f"The controller's {name!r} is {text!r}, not a number.") from error
+
+    def whole(self, name: str) -> int:
+        """The whole number in field ``name``.
+
+        Raises:
+            ProtocolError: there is none.
+        """
+        value = self.number(name)
+        if not value.is_integer():
+            raise ProtocolError(f"The controller's {name!r} is {self.text(name)!r}, not a whole number.")
+        return int(value)
+
+    def flag(self, name: str) -> bool:
+        """Whether field ``name`` says yes: TRUE, On or active; False where it is missing."""
+        return self.fields.get(name, "").strip().lower() in ("true", "on", "active", "1")
+
+    def member(self, kind: builtins.type[E], name: str) -> E:
+        """The member of ``kind`` that field ``name`` spells.
+
+        Raises:
+            ProtocolError: it spells none.
+        """
+        return member(kind, self.text(name))
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,15 +7,13 @@ from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
-from enum import Enum
 from math import radians
-from typing import TypeVar
 from urllib.parse import unquote, unquote_plus
 
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, chain_from_abb, joints
 from yumi.rws import types as codes
-from yumi.rws.documents import Page, State, read_status
+from yumi.rws.documents import Page, member, read_status
 from yumi.rws.types import (
     CollisionState,
     ControllerState,
@@ -26,7 +24,6 @@ from yumi.rws.types import (
     TaskExecution,
 )
 
-E = TypeVar("E", bound=Enum)
 SixAxes = tuple[float, float, float, float, float, float]
 
 _NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
@@ -70,12 +67,13 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class TaskInfo:
-    """One RAPID task."""
+    """One RAPID task; a normal one is started by hand, a static or semistatic one starts with the controller."""
 
     name: str
     execution: TaskExecution
     is_active: bool
     is_motion_task: bool
+    starts_by_hand: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +174,7 @@ def progress(page: Page) -> Progress:
     if not page.states:
         raise ProtocolError("The controller's answer holds no progress.")
     state = page.states[0]
-    return Progress(_whole(state, "code"), state.text("state"))
+    return Progress(state.whole("code"), state.text("state"))
 
 
 def clock(page: Page) -> datetime:
@@ -190,18 +188,18 @@ def clock(page: Page) -> datetime:
 
 def controller_state(page: Page) -> ControllerState:
     """``/rw/panel/ctrlstate``."""
-    return _enum(ControllerState, page.one("pnl-ctrlstate").text("ctrlstate"))
+    return page.one("pnl-ctrlstate").member(ControllerState, "ctrlstate")
 
 
 def operating_mode(page: Page) -> OperatingMode:
     """``/rw/panel/opmode``."""
-    return _enum(OperatingMode, page.one("pnl-opmode").text("opmode"))
+    return page.one("pnl-opmode").member(OperatingMode, "opmode")
 
 
 def collision_state(page: Page) -> CollisionState:
     """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
     fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
-    return _enum(CollisionState, fields.get("coldetstate", ""))
+    return member(CollisionState, fields.get("coldetstate", ""))
 
 
 def mastership(page: Page) -> str:
@@ -215,12 +213,12 @@ def mastership(page: Page) -> str:
 
 def speed_ratio(page: Page) -> int:
     """``/rw/panel/speedratio`` [%]."""
-    return _whole(page.one("pnl-speedratio"), "speedratio")
+    return page.one("pnl-speedratio").whole("speedratio")
 
 
 def execution(page: Page) -> ExecutionState:
     """``/rw/rapid/execution``."""
-    return _enum(ExecutionState, page.one("rap-execution").text("ctrlexecstate"))
+    return page.one("rap-execution").member(ExecutionState, "ctrlexecstate")
 
 
 def tasks(page: Page) -> tuple[TaskInfo, ...]:
@@ -228,9 +226,10 @@ def tasks(page: Page) -> tuple[TaskInfo, ...]:
     return tuple(
         TaskInfo(
             name=state.text("name"),
-            execution=_enum(TaskExecution, state.text("excstate")[:4].lower()),
+            execution=member(TaskExecution, state.text("excstate")[:4].lower()),
             is_active=state.text("active").lower() == "on",
             is_motion_task=state.text("motiontask").lower() == "true",
+            starts_by_hand=state.fields.get("type", "norm").lower().startswith("norm"),
         )
         for state in page.of_type("rap-task-li")
     )
@@ -265,7 +264,7 @@ def symbol_type(page: Page) -> str:
 def signal(page: Page) -> Signal:
     """``/rw/iosystem/signals/{name}``."""
     state = page.one("ios-signal", "ios-signal-li")
-    return Signal(state.text("name"), _enum(SignalType, state.text("type")), _number(state, "lvalue"))
+    return Signal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
 
 
 def signals(page: Page) -> Mapping[str, float]:
@@ -273,7 +272,7 @@ def signals(page: Page) -> Mapping[str, float]:
     values: dict[str, float] = {}
     for state in page.of_type("ios-signal-li"):
         with suppress(ProtocolError):
-            values[state.text("name")] = _number(state, "lvalue")
+            values[state.text("name")] = state.number("lvalue")
     return values
 
 
@@ -288,8 +287,8 @@ def cfg(page: Page) -> tuple[CfgInstance, ...]:
 def joint_target(page: Page) -> JointTarget:
     """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
     state = page.one("ms-jointtarget")
-    a1, a2, a3, a4, a5, a6 = (_number(state, f"rax_{axis}") for axis in range(1, 7))
-    external = tuple(_number(state, f"eax_{letter}") for letter in "abcdef")
+    a1, a2, a3, a4, a5, a6 = (state.number(f"rax_{axis}") for axis in range(1, 7))
+    external = tuple(state.number(f"eax_{letter}") for letter in "abcdef")
     return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in external))
 
 
@@ -303,8 +302,8 @@ def events(page: Page) -> tuple[Event, ...]:
         found.append(
             Event(
                 number=int(number),
-                type=_enum(EventType, _whole(state, "msgtype")),
-                code=_whole(state, "code"),
+                type=member(EventType, state.whole("msgtype")),
+                code=state.whole("code"),
                 time=state.text("tstamp"),
                 title=state.text("title"),
                 description=state.text("desc"),
@@ -317,7 +316,7 @@ def events(page: Page) -> tuple[Event, ...]:
 def files(page: Page) -> tuple[FileInfo, ...]:
     """``/fileservice/{directory}``."""
     return tuple(
-        FileInfo(state.title, _whole(state, "fs-size") if state.type == "fs-file" else None)
+        FileInfo(state.title, state.whole("fs-size") if state.type == "fs-file" else None)
         for state in page.of_type("fs-dir", "fs-file")
     )
 
@@ -331,26 +330,3 @@ def refusal(what: str, status: int, content_type: str, body: bytes) -> Controlle
     reason = codes.sentence(known.code) or known.message or "the controller gives no reason"
     name = f"{codes.name_of(known.code)} {known.code}".strip()
     return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)
-
-
-def _enum(kind: type[E], text: str | int) -> E:
-    try:
-        return kind(text)
-    except ValueError as error:
-        allowed = ", ".join(str(member.value) for member in kind)
-        raise ProtocolError(f"The controller says {text!r} where only {allowed} have a meaning.") from error
-
-
-def _number(state: State, name: str) -> float:
-    text = state.text(name)
-    try:
-        return float(text)
-    except ValueError as error:
-        raise ProtocolError(f"The controller's {name!r} is {text!r}, not a number.") from error
-
-
-def _whole(state: State, name: str) -> int:
-    value = _number(state, name)
-    if not value.is_integer():
-        raise ProtocolError(f"The controller's {name!r} is {state.text(name)!r}, not a whole number.")
-    return int(value)

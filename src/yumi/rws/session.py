@@ -5,6 +5,7 @@
   login.
 * A request that only reads is repeated, at most twice, when the connection breaks or the controller is busy (503).
 * Any other request is never repeated after it may have been carried out.
+* The content of a file may take longer than the timeout, as long as it goes on (``LONGEST_TRANSFER``).
 * Requests keep the rate a controller asks for; waiting for it is not part of a request's timeout.
 * One request at a time; but one that a peer lets wait delays another one only shortly: that goes on a second
   connection, which belongs to the same session (reference/rws.md §2.2: cookies hold on every connection).
@@ -28,7 +29,7 @@ import httpx
 from yumi.clock import Clock
 from yumi.errors import LoginRefused, NoConnection, ProtocolError
 from yumi.rws.documents import FORM_TYPE, Pairs, encode_form
-from yumi.rws.transport import ConnectionLost, Listener, Socket, until
+from yumi.rws.transport import ConnectionLost, Listener, Socket, TransferDeadline, until
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
 
 INTERVAL = 0.051
@@ -38,6 +39,9 @@ BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
 
 BUSY = 503
+LONGEST_TRANSFER = 600.0
+"""Longest time a file may take [s], however steadily it goes or comes."""
+
 _UNAUTHORIZED = 401
 _REPEATS = 2
 _CONNECTIONS = 2
@@ -86,6 +90,11 @@ class Request:
         if self.content is not None:
             return "application/octet-stream"
         return None if self.form is None else FORM_TYPE
+
+    @property
+    def is_transfer(self) -> bool:
+        """Whether it carries the content of a file, which takes as long as it is long."""
+        return self.method in ("GET", "PUT") and self.path.startswith("/fileservice")
 
     @property
     def is_repeatable(self) -> bool:
@@ -170,6 +179,8 @@ class RwsSession:
         self._pace.wait()
         with self._turn():
             deadline = self._clock.now() + self._timeout
+            if request.is_transfer:
+                deadline = TransferDeadline(self._clock.now() + LONGEST_TRANSFER, self._timeout)
             repeats = _REPEATS if request.is_repeatable else 0
             while True:
                 try:
@@ -254,7 +265,7 @@ class RwsSession:
                 f"http://{self.address}{request.target}",
                 headers={} if request.content_type is None else {"Content-Type": request.content_type},
                 content=request.body,
-                extensions=until(deadline, max(0.0, deadline - self._clock.now())),
+                extensions=until(deadline, min(self._timeout, max(0.0, deadline - self._clock.now()))),
             )
         except httpx.InvalidURL as error:
             raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error

@@ -2,7 +2,7 @@
 
 httpx and httpcore have timeouts for each read, so that a peer which sends a byte now and then is waited for endlessly.
 Here the timeout of a request is the time at which its exchange ends (``until``), and each operation on the socket gets
-what is left of it.
+what is left of it. A file may take as long as it needs: its deadline begins anew with each part that goes or comes.
 """
 
 from __future__ import annotations
@@ -66,8 +66,22 @@ class Socket(Protocol):
     def close(self) -> None: ...
 
 
+class TransferDeadline(float):
+    """The end of an exchange that carries a file; it ends earlier when nothing goes or comes for ``stall`` [s]."""
+
+    stall: float
+
+    def __new__(cls, end: float, stall: float) -> TransferDeadline:
+        deadline = super().__new__(cls, end)
+        deadline.stall = stall
+        return deadline
+
+
 def until(deadline: float, timeout: float) -> dict[str, Any]:
-    """The extensions of a request whose exchange must end at ``deadline``, at most ``timeout`` [s] from now."""
+    """The extensions of a request whose exchange must end at ``deadline``; it waits ``timeout`` [s] for its turn.
+
+    With a :class:`TransferDeadline` the content of the request and of the response take as long as they need.
+    """
     return {"timeout": {"connect": deadline, "read": deadline, "write": deadline, "pool": timeout}}
 
 
@@ -145,7 +159,7 @@ class HttpTransport(httpx.BaseTransport):
 
 
 class _Backend(httpcore.NetworkBackend):
-    """Opens connections; the ``timeout`` that httpcore passes on is the deadline of the exchange."""
+    """Opens connections; the timeouts of their reads and writes are the deadline of the exchange."""
 
     def __init__(self, clock: Clock, address: str) -> None:
         self._clock = clock
@@ -162,6 +176,9 @@ class _Backend(httpcore.NetworkBackend):
         socket_options: Iterable[Any] | None = None,
     ) -> _Stream:
         assert timeout is not None, "every exchange has a deadline"
+        deadline = timeout
+        if isinstance(timeout, TransferDeadline):
+            deadline = min(timeout, self._clock.now() + timeout.stall)
         if not self._hosts:
             try:
                 found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
@@ -171,8 +188,8 @@ class _Backend(httpcore.NetworkBackend):
         *others, last = self._hosts
         for each in others:
             with suppress(httpcore.ConnectError, httpcore.ConnectTimeout):
-                return self._connect(each, port, timeout)
-        return self._connect(last, port, timeout)
+                return self._connect(each, port, deadline)
+        return self._connect(last, port, deadline)
 
     def _connect(self, host: str, port: int, deadline: float) -> _Stream:
         left = deadline - self._clock.now()
@@ -194,10 +211,10 @@ class _Stream(httpcore.NetworkStream):
         self._socket: socket.socket = stream.get_extra_info("socket")
         self._clock = clock
         self._address = address
+        self._sent_at = clock.now()
 
     def read(self, max_bytes: int, timeout: float | None = None) -> bytes:
-        assert timeout is not None, "every exchange has a deadline"
-        left = timeout - self._clock.now()
+        left = self._left(timeout, is_content=self.head_left is None)
         if left <= 0.0:
             raise httpcore.ReadTimeout("no time is left")
         data = self._stream.read(max_bytes, left)
@@ -208,20 +225,28 @@ class _Stream(httpcore.NetworkStream):
         return data
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:
-        assert timeout is not None, "every exchange has a deadline"
         self.head_left = _MAX_HEAD
         rest = memoryview(buffer)
         try:
             while rest:  # httpcore's own stream would begin the timeout again with each part that is sent
-                left = timeout - self._clock.now()
+                left = self._left(timeout, is_content=True)
                 if left <= 0.0:
                     raise httpcore.WriteTimeout("no time is left")
                 self._socket.settimeout(left)
                 rest = rest[self._socket.send(rest) :]
+                self._sent_at = self._clock.now()
         except TimeoutError as error:
             raise httpcore.WriteTimeout(str(error)) from error
         except OSError as error:
             raise httpcore.WriteError(str(error)) from error
+
+    def _left(self, deadline: float | None, *, is_content: bool) -> float:
+        """Time until an operation has to end [s]; the head of a response has one deadline however slowly it comes."""
+        assert deadline is not None, "every exchange has a deadline"
+        left = deadline - self._clock.now()
+        if not isinstance(deadline, TransferDeadline):
+            return left
+        return min(left, deadline.stall if is_content else self._sent_at + deadline.stall - self._clock.now())
 
     def close(self) -> None:
         with suppress(OSError):  # the peer has closed it already

@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from ipaddress import ip_address
-from math import inf, isfinite
+from math import inf, isfinite, radians
 from urllib.parse import urlsplit
 
 from yumi.errors import CommandRefused, YumiError
@@ -63,6 +63,7 @@ class FaultInjection:
             Fault.RWS_BUSY: service.be_busy,
         }
         self._with_strength: Mapping[Fault, Callable[[Side, float], None]] = {
+            Fault.ARM_PUSHED: lambda side, degrees: world.arms[side].push(radians(degrees)),
             Fault.OBJECT_PLACED: self._place_object,
             Fault.OBJECT_UNDER_CUPS: self._put_under_cups,
         }

@@ -35,12 +35,13 @@ from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.path import PREFETCH
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.symbols import quoted
-from yumi.virtual.sockets import LocalNetwork
+from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
 
 T = TypeVar("T")
@@ -127,10 +128,10 @@ _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=r
 class Background:
     """Does long work in a thread of its own, one piece after another, while the robot goes on."""
 
-    def __init__(self) -> None:
+    def __init__(self, name: str = "background") -> None:
         self._work: Queue[Callable[[], None] | None] = Queue()
         # A daemon, since parsing a long module takes seconds, and the process must end before.
-        self._thread = Thread(target=self._run, name="background", daemon=True)
+        self._thread = Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
         self._thread.start()
@@ -174,7 +175,7 @@ class VirtualController:
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
-        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`LocalNetwork`).
+        rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`ProgramNetwork`).
     """
 
     def __init__(
@@ -195,17 +196,19 @@ class VirtualController:
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(settings)
-        self.world.controller.devices.network = LocalNetwork(rapid_sockets or host)
+        self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
         self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
         self._faults = FaultInjection(self.world, self._service)
-        self._background = Background()
+        self._background, self._planning = Background(), Background("planning")
         self._last_fault = ""
         for task in self.world.controller.tasks.values():
             task.clock = time.thread_time  # without the time of other threads and processes
-            task.background = self._background.submit
+            task.background, task.planning = self._background.submit, self._planning.submit
+        for arm in self.world.arms.values():  # planning takes its time however fast the robot is
+            arm.path.prefetch = PREFETCH * max(speed, 1.0)
         self._link_to = link
         self._destinations: dict[Side, tuple[str, int]] = {}
         self._links: dict[Side, UdpClient] = {}
@@ -224,6 +227,7 @@ class VirtualController:
         prefer_process()
         gc.set_threshold(700, 10, _RARELY)  # a full collection takes longer than a cycle once programs are long
         self._background.start()
+        self._planning.start()
         try:
             with short_switch_interval(), self._server as server:
                 prefer_thread()  # the robot's; those of the server and of the background have begun and stay ordinary
@@ -244,6 +248,7 @@ class VirtualController:
                     pace.wait()
         finally:
             self._background.stop()
+            self._planning.stop()
             release_process()
             for link in (*self._links.values(), *self._foreign_links.values()):
                 link.close()

@@ -27,7 +27,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-class LocalNetwork:
+class ProgramNetwork:
     """Makes the sockets of all tasks.
 
     Args:
@@ -46,17 +46,17 @@ class LocalNetwork:
         """Whether nothing leaves this machine."""
         return is_loopback(self.address)
 
-    def tcp(self) -> LocalSocket:
+    def tcp(self) -> ProgramSocket:
         """A TCP socket."""
         return self._made(socket.SOCK_STREAM)
 
-    def udp(self) -> LocalSocket:
+    def udp(self) -> ProgramSocket:
         """A UDP socket."""
         return self._made(socket.SOCK_DGRAM)
 
-    def _made(self, kind: socket.SocketKind) -> LocalSocket:
+    def _made(self, kind: socket.SocketKind) -> ProgramSocket:
         self.check_room()
-        return LocalSocket(self, socket.socket(socket.AF_INET, kind))
+        return ProgramSocket(self, socket.socket(socket.AF_INET, kind))
 
     def check_room(self) -> None:
         """Raise OSError where there are too many sockets."""
@@ -68,10 +68,10 @@ class LocalNetwork:
         return (self.address if self.is_local else address), port
 
 
-class LocalSocket:
+class ProgramSocket:
     """A socket of this machine that never waits; see :class:`yumi.rapid.devices.Socket`."""
 
-    def __init__(self, network: LocalNetwork, made: socket.socket) -> None:
+    def __init__(self, network: ProgramNetwork, made: socket.socket) -> None:
         self._network = network
         self._socket = made
         network.count += 1
@@ -90,14 +90,14 @@ class LocalSocket:
         """Let others connect."""
         self._socket.listen()
 
-    def accept(self) -> tuple[LocalSocket, str] | None:
+    def accept(self) -> tuple[ProgramSocket, str] | None:
         """The next connection with the other side's address."""
         self._network.check_room()
         try:
             connection, (address, _) = self._socket.accept()
         except BlockingIOError:
             return None
-        return LocalSocket(self._network, connection), address
+        return ProgramSocket(self._network, connection), address
 
     def connect(self, address: str, port: int) -> None:
         """Begin to connect."""
@@ -159,6 +159,6 @@ class LocalSocket:
         self._close()
 
 
-def _closed(network: LocalNetwork, made: socket.socket) -> None:
+def _closed(network: ProgramNetwork, made: socket.socket) -> None:
     network.count -= 1
     made.close()

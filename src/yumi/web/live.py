@@ -6,48 +6,56 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from ipaddress import ip_address
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import aiohttp
 import msgspec
 
-from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER
-from yumi.driver import endpoint as wire
+from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
 from yumi.driver.endpoint import (
     Arm,
     DriverState,
     EventReport,
     Failure,
+    Follow,
     GetState,
-    Jog,
+    GetSurroundings,
     MotionReport,
     Request,
+    Surroundings,
     SwitchControllers,
     failure_of,
 )
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.joints import ZERO
+from yumi.robot.description import FINGERTIPS
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
+from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.process import inject_fault
 from yumi.web.link import DriverLink
+from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JogJoints, JogTool, PlanMotion
+from yumi.web.planning import PlanningProcess
+from yumi.web.shapes import Distances, NearestPair
+
+if TYPE_CHECKING:
+    from yumi.planning.planner import Plan
 
 RATE = 30.0
 """A page gets the state so often [1/s]."""
 
-MAX_JOINT_SPEED = 1.0
-"""No joint is jogged faster than this [rad/s], before speed_scale."""
-
-MAX_LINEAR, MAX_ANGULAR = 0.2, 1.0
-"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale."""
-
 STALE = 0.15
-"""A jog that a page has sent longer ago is not carried out [s]."""
+"""A jog that has waited here for longer is not carried out [s]."""
+
+OLDEST_SEEN = 0.5
+"""A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
 log = logging.getLogger(__name__)
 
 _LOOKED_FOR = "The driver is being looked for."
+_DISTANCES = 3  # states for one calculation of distances
+_SHOWN = 120  # points of a plan that the page gets, about
 _EVENTS = 200  # of the driver's log that a new page gets
 _SEARCH = 1.0  # [s] between two attempts to find a driver
 _STAND = 3.0  # [s] after its end a jogged arm stands
@@ -55,62 +63,30 @@ _POLL = 0.05  # [s]
 _LAST_ANSWER = 0.3  # [s] the driver has for the end of a jog, before its connection is closed
 _JUST_NOW = 0.5  # [s] so long ago an arm may have been jogged that moves
 
-_Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
-_Linear = Annotated[float, msgspec.Meta(ge=-MAX_LINEAR, le=MAX_LINEAR)]
-_Angular = Annotated[float, msgspec.Meta(ge=-MAX_ANGULAR, le=MAX_ANGULAR)]
-
-
-class JogJoints(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type", tag="jog_joints"
-):
-    """A key is held: joint speeds of an arm [rad/s]; zeros when it is released. ``hold`` counts the holds."""
-
-    arm: Arm
-    hold: int
-    speeds: tuple[_Speed, _Speed, _Speed, _Speed, _Speed, _Speed, _Speed]
-
-    @property
-    def request(self) -> Request:
-        """What the driver is asked for."""
-        return Jog(arm=self.arm, speeds=self.speeds)
-
-    @property
-    def at_rest(self) -> Request:
-        """The same without motion."""
-        return Jog(arm=self.arm, speeds=ZERO)
-
-
-class JogTool(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type", tag="jog_tool"):
-    """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
-
-    arm: Arm
-    hold: int
-    frame: Literal["base", "tool"] = "base"
-    linear: tuple[_Linear, _Linear, _Linear] = (0.0, 0.0, 0.0)
-    angular: tuple[_Angular, _Angular, _Angular] = (0.0, 0.0, 0.0)
-    elbow: _Speed = 0.0
-
-    @property
-    def request(self) -> Request:
-        """What the driver is asked for."""
-        return wire.JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
-
-    @property
-    def at_rest(self) -> Request:
-        """The same without motion."""
-        return wire.JogTool(arm=self.arm, frame=self.frame)
-
-
-AnyJog = JogJoints | JogTool
 Send = Callable[[dict[str, Any]], None]
 """Sends a message to a page; ``type`` says of what kind."""
 
 
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
-    """The state as the driver wrote it, with the events since the one before."""
+    """The state as the driver wrote it, with the events since the one before.
 
+    ``time`` is when it came, on this machine's monotonic clock [s]; ``nearest`` are the parts nearest to each other.
+    """
+
+    time: float
     state: msgspec.Raw
     events: tuple[EventReport, ...]
+    nearest: NearestPair | None
+
+
+class _Position(msgspec.Struct, frozen=True):
+    position: Joints | None
+
+
+class _Positions(msgspec.Struct, frozen=True):
+    """What is needed of a state for distances."""
+
+    arms: dict[str, _Position]
 
 
 class LiveRobot:
@@ -126,6 +102,8 @@ class LiveRobot:
         address: of the robot; empty while it is unknown.
         is_virtual: whether it is a virtual one on this machine.
         events: the newest lines of the driver's log.
+        surroundings: what must not collide, as the driver declares it.
+        before: the controllers that commanded arms before pages jogged them.
     """
 
     def __init__(self, robot: str, on_state: Callable[[bytes], None], on_change: Callable[[], None]) -> None:
@@ -133,6 +111,8 @@ class LiveRobot:
         self.why_not = _LOOKED_FOR
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
+        self.surroundings = Surroundings()
+        self.before: dict[Arm, tuple[str, ...]] = {}
         self._on_state, self._on_change = on_state, on_change
         self._state: tuple[float, msgspec.Raw] | None = None
         self._watched = asyncio.Event()
@@ -168,21 +148,31 @@ class LiveRobot:
                 sentence, self.is_virtual = _failure(error).message, False
                 if sentence != self.why_not:
                     self.why_not, self._state = sentence, None
+                    self.before.clear()  # the next driver begins anew
                     self._on_change()
                 await asyncio.sleep(_SEARCH)
 
     async def _follow(self, link: DriverLink) -> None:
         self.events.clear()
+        self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
+        distances, nearest, count = Distances(self.surroundings), None, 0
         async for raw, events in link.states(RATE):
             is_new = self._state is None
-            self._state = time.monotonic(), raw
+            now = time.monotonic()
+            self._state = now, raw
             self.events.extend(events)
             if is_new:
                 self.address = self.state().robot
                 self.is_virtual = await _is_virtual(self.address)
                 self.why_not = ""
                 self._on_change()
-            self._on_state(msgspec.json.encode(StateMessage(raw, events)))
+            if count % _DISTANCES == 0:
+                arms = msgspec.json.decode(raw, type=_Positions).arms
+                known = {side: arms[side.word].position for side in Side}
+                positions = {side: position for side, position in known.items() if position is not None}
+                nearest = distances.nearest(positions) if len(positions) == len(Side) else None
+            count += 1
+            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, nearest)))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return
@@ -219,16 +209,19 @@ class Operator:
     Args:
         live: the robot.
         send: sends to the page.
+        planning: plans motions.
     """
 
-    def __init__(self, live: LiveRobot, send: Send) -> None:
-        self._live, self._send = live, send
+    def __init__(self, live: LiveRobot, send: Send, planning: PlanningProcess) -> None:
+        self._live, self._send, self._planning = live, send, planning
+        self._plans = 0
+        self._plan: Plan | None = None  # the one that the page shows
         self._link: DriverLink | None = None
         self._held: _Held | None = None
         self._is_held = asyncio.Event()
         self._jogging: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
-        self._before: dict[Arm, tuple[str, ...]] = {}  # controllers that commanded the arms before they were jogged
+        self._refused = -1  # the hold that was refused: its further messages are left aside
 
     async def open(self) -> None:
         """Connect to the driver; raises RobotNotReady where none runs."""
@@ -253,26 +246,57 @@ class Operator:
                     await asyncio.wait_for(link.ask(self._held.jog.at_rest), _LAST_ANSWER)
         finally:
             await link.close()
-        if gives_back and self._before:
+        if gives_back and self._live.before:
+            before = dict(self._live.before)
+            self._live.before.clear()
             with suppress(YumiError):  # the driver has ended, or EGM has: no controller commands there
-                await _give_back(self._live, self._before)
+                await _give_back(self._live, before)
 
-    def ask(self, number: int, request: Request) -> None:
-        """Have the driver carry out a request; the page gets its steps and its end under ``number``."""
-        if isinstance(request, SwitchControllers):
-            self._before.pop(request.arm, None)  # what was active before a jog is not wanted again
-        task = asyncio.create_task(self.carry_out(number, request))
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+    def take(self, message: Ask | Inject | PlanMotion | ExecutePlan | AnyJog) -> None:
+        """Begin what the page asks for; it gets steps and end under the number of its message."""
+        if isinstance(message, JogJoints | JogTool):
+            self._take_jog(message)
+        elif isinstance(message, Ask):
+            if isinstance(message.request, SwitchControllers):
+                self._live.before.pop(message.request.arm, None)  # what was active before a jog is not wanted again
+            self._begin(self.carry_out(message.id, message.request))
+        elif isinstance(message, Inject):
+            self._begin(self._inject(message))
+        elif isinstance(message, PlanMotion):
+            self._begin(self._make_plan(message))
+        else:
+            self._execute(message)
 
-    def jog(self, jog: AnyJog) -> None:
-        """Take a jog message: the newest one counts."""
-        self._held = _Held(jog, time.monotonic())
+    def _take_jog(self, jog: AnyJog) -> None:
+        """Take a jog message: the newest one counts, unless the page sent it so long ago that it stands no more."""
+        now = time.monotonic()
+        if not now - jog.seen <= OLDEST_SEEN and jog.request != jog.at_rest:
+            sentence = "Jog refused: the connection to the page is too slow now; press again when it is better."
+            self._refuse_jog(jog.hold, CommandRefused(sentence))
+            return
+        self._held = _Held(jog, now)
         self._is_held.set()
 
-    def inject(self, number: int, name: str, form: dict[str, str]) -> None:
-        """Inject a fault into a virtual robot."""
-        task = asyncio.create_task(self._inject(number, name, form))
+    def _refuse_jog(self, hold: int, error: Exception) -> None:
+        if hold != self._refused:
+            self._refused = hold
+            self._send({"type": "jog_refused", "hold": hold, "error": _failure(error)})
+
+    def _execute(self, message: ExecutePlan) -> None:
+        """Have the arms follow the plan that the page shows."""
+        plan = self._plan if message.plan == self._plans else None
+        if plan is None:
+            sentence = "This plan is not the one that was made last, or was followed already; plan again."
+            self._send({"type": "failed", "id": message.id, "error": failure_of(CommandRefused(sentence))})
+            return
+        self._plan = None
+        ways = {side.word: tuple(tuple(point) for point in points) for side, points in plan.points.items()}
+        start = {side.word: position for side, position in plan.start.items()}
+        request = msgspec.convert({"method": "follow", "start": start, **ways}, Follow)
+        self._begin(self.carry_out(message.id, request))
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
@@ -293,35 +317,74 @@ class Operator:
         except Exception as error:
             self._send({"type": "failed", "id": number, "error": _failure(error)})
 
-    async def _inject(self, number: int, name: str, form: dict[str, str]) -> None:
+    async def _make_plan(self, message: PlanMotion) -> None:
+        try:
+            self._plan = None
+            arms, start = self._live.state().arms, {}
+            for side in Side:
+                position = arms[side.word].position
+                if position is None:
+                    raise RobotNotReady(f"Where the {side.word} arm is is not known; start EGM, then plan.")
+                start[side] = position
+            goals: dict[Side, Joints | Pose] = {}
+            for side, goal in ((Side.RIGHT, message.right), (Side.LEFT, message.left)):
+                if goal is None:
+                    continue
+                if not message.is_pose:
+                    goals[side] = checked_goal(side, goal, start[side])
+                    continue
+                if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
+                    raise CommandRefused("A pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z.")
+                goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
+            plan = await self._planning.plan(self._live.surroundings, start, goals)
+            self._plans += 1
+            self._plan = plan
+            shown = {
+                side.word: [
+                    [round(point.time, 3), [round(value, 4) for value in point.position]]
+                    for point in (*points[: -1 : max(1, len(points) // _SHOWN)], points[-1])
+                ]
+                for side, points in plan.points.items()
+            }
+            result = {
+                "plan": self._plans,
+                "duration": plan.duration,
+                "planning_time": plan.planning_time,
+                "clearance": plan.clearance,
+                "arms": shown,
+            }
+            self._send({"type": "done", "id": message.id, "result": result})
+        except Exception as error:
+            self._send({"type": "failed", "id": message.id, "error": _failure(error)})
+
+    async def _inject(self, message: Inject) -> None:
         try:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
-            await asyncio.to_thread(inject_fault, self._live.address, name, form)
-            self._send({"type": "done", "id": number, "result": f"{name}: done"})
+            await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
+            self._send({"type": "done", "id": message.id, "result": f"{message.name}: done"})
         except Exception as error:
-            self._send({"type": "failed", "id": number, "error": _failure(error)})
+            self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
     async def _jog_on(self) -> None:
         """Carry out the newest jog message again and again; one request to the driver is under way at a time."""
-        refused = -1  # the hold that was refused: its further messages are left aside
         while True:
             await self._is_held.wait()
             self._is_held.clear()
             held = self._held
-            if held is None or self._link is None or held.jog.hold == refused:
+            if held is None or self._link is None or held.jog.hold == self._refused:
                 continue
             if time.monotonic() - held.time > STALE:
                 continue
-            arm = held.jog.arm
+            jog = held.jog
             try:
                 state = self._live.state()
-                if arm not in self._before:
-                    self._before[arm] = tuple(each.name for each in state.controllers[arm] if each.commands)
-                await self._link.ask(held.jog.request)
+                leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)
+                if leading not in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,)):
+                    self._live.before[jog.arm] = leading
+                await self._link.ask(jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
-                refused = held.jog.hold
-                self._send({"type": "jog_refused", "hold": refused, "error": _failure(error)})
+                self._refuse_jog(jog.hold, error)
 
 
 def _failure(error: Exception) -> Failure:

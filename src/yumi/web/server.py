@@ -24,17 +24,20 @@ import msgspec
 from aiohttp import WSMsgType, web
 
 import yumi.robot
-from yumi.driver.endpoint import AnyRequest, StopEgm, failure_of
+from yumi.driver.endpoint import StopEgm, failure_of
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.virtual.controller.fault_names import Fault
-from yumi.web.live import JogJoints, JogTool, LiveRobot, Operator
+from yumi.web.live import LiveRobot, Operator
+from yumi.web.messages import AnyMessage, Ask, ExecutePlan, GiveBack, Inject, PlanMotion, Seen, TakeControl
 from yumi.web.model import robot_model
+from yumi.web.planning import PlanningProcess
 
 MAX_PAGES = 8
 """So many pages are served at once."""
 
 _STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
+_messages = msgspec.json.Decoder(AnyMessage)
 _COOKIE = "yumi_view_token"
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
@@ -51,43 +54,6 @@ _HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-
-
-# ---- what a page sends
-
-
-class _Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type"):
-    pass
-
-
-class TakeControl(_Message, frozen=True, tag="take_control"):
-    """A person has clicked on it; a page that has control loses it."""
-
-
-class GiveBack(_Message, frozen=True, tag="give_back"):
-    """Control is given back."""
-
-
-class Ask(_Message, frozen=True, tag="ask"):
-    """Something that the driver is asked for; answers have this ``id``."""
-
-    id: int
-    request: AnyRequest
-
-
-class Inject(_Message, frozen=True, tag="inject"):
-    """A fault for a virtual robot, with the options of ``yumi fault``."""
-
-    id: int
-    name: str
-    form: dict[str, str] = {}
-
-
-class Seen(_Message, frozen=True, tag="seen"):
-    """The state that was sent is shown; the next one may come."""
-
-
-_messages = msgspec.json.Decoder(TakeControl | GiveBack | Ask | Inject | Seen | JogJoints | JogTool)
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +151,7 @@ class ViewServer:
         self.port = settings.port
         self._settings = settings
         self._live = LiveRobot(settings.robot, self._publish, self._introduce_all)
+        self._planning = PlanningProcess()
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
         self._switching = asyncio.Lock()  # one change of control at a time
@@ -228,6 +195,7 @@ class ViewServer:
     async def stop(self) -> None:
         """Give control back, close all pages and end."""
         await self._release(None, "yumi view has ended.")
+        self._planning.close()
         if self._following is not None:
             self._following.cancel()
         for page in tuple(self._pages):
@@ -296,7 +264,7 @@ class ViewServer:
         return socket
 
     async def _take(self, page: _Page, data: str) -> None:
-        """Carry out a message of a page."""
+        """Carry out a message of a page, or have its operator do so."""
         try:
             message = _messages.decode(data)
         except msgspec.DecodeError as error:
@@ -320,16 +288,12 @@ class ViewServer:
         if operator is None or (why_not and not is_stop):
             sentence = why_not or "Take control first."
             failure = failure_of(CommandRefused(sentence))
-            if isinstance(message, Ask | Inject):
+            if isinstance(message, Ask | Inject | PlanMotion | ExecutePlan):
                 page.send({"type": "failed", "id": message.id, "error": failure})
             else:
                 page.send({"type": "jog_refused", "hold": message.hold, "error": failure})
-        elif isinstance(message, Ask):
-            operator.ask(message.id, message.request)
-        elif isinstance(message, Inject):
-            operator.inject(message.id, message.name, message.form)
         else:
-            operator.jog(message)
+            operator.take(message)
 
     async def _take_control(self, page: _Page) -> None:
         why_not = self._why_not_operated(page)
@@ -340,7 +304,7 @@ class ViewServer:
         async with self._switching:
             if self._operator is not None or page not in self._pages:
                 return  # it has it already, another one was faster, or it is gone
-            operator = Operator(self._live, page.send)
+            operator = Operator(self._live, page.send, self._planning)
             try:
                 await operator.open()
             except YumiError as error:
@@ -364,7 +328,7 @@ class ViewServer:
         self._introduce_all()
 
     async def _stop_egm(self, page: _Page, message: Ask) -> None:
-        operator = Operator(self._live, page.send)
+        operator = Operator(self._live, page.send, self._planning)
         try:
             await operator.open()
         except YumiError as error:
@@ -413,6 +377,7 @@ class ViewServer:
                 "why_not_operated": self._why_not_operated(page),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
                 "events": tuple(self._live.events),
+                "surroundings": self._live.surroundings,
                 "faults": [_fault(each) for each in Fault] if self._live.is_virtual else [],
             }
         )
@@ -424,7 +389,10 @@ def _fault(fault: Fault) -> dict[str, Any]:
         "name": kind.name,
         "meaning": kind.meaning,
         "has_side": kind.has_side,
+        "has_duration": kind.has_duration,
+        "default_duration": kind.default_duration,
         "unit": "" if kind.amount is None else kind.amount.unit,
+        "default": None if kind.amount is None else kind.amount.default,
     }
 
 

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
 
@@ -34,7 +33,7 @@ def no_gripper() -> None:
 
 
 def show(robot: FakeRobot, **values: object) -> None:
-    robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], **values)  # type: ignore[arg-type]
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(**values)  # type: ignore[arg-type]
 
 
 def test_arm_reports_what_is_measured(arm: Arm) -> None:

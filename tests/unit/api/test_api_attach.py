@@ -24,13 +24,14 @@ from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.events import SessionLost
+from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
+from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import Side, home, named_pose
+from yumi.robot.joints import ZERO, Side, home, named_pose
 
 
 @pytest.fixture(autouse=True)
@@ -248,7 +249,7 @@ def test_impossible_position_is_refused_and_changes_nothing(
 
 def test_arm_that_moves_is_left_to_who_moves_it(driver: FakeDriver, attached: RunningDriver) -> None:
     control = driver.robot.control
-    control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], velocity=(0.1,) * 7)
+    control.snapshots[Side.RIGHT] = control.snapshots[Side.RIGHT]._replace(velocity=(0.1,) * 7)
     with pytest.raises(CommandRefused, match=f"The right arm moves, commanded by {GOAL_CONTROLLER}; wait"):
         attached.move_to(right="home")
     assert control.commands == []
@@ -380,11 +381,24 @@ def test_fault_of_ours_ends_a_subscription_with_its_sentence(
 def test_client_that_sends_too_long_a_line_is_disconnected(driver: FakeDriver) -> None:
     connection, file = raw()
     with connection, file:
-        connection.sendall(b"x" * (1 << 17))
-        assert "longer than 65536 bytes" in json.loads(file.readline())["error"]["message"]
+        connection.sendall(b"x" * (MAX_REQUEST + 1))
+        assert f"longer than {MAX_REQUEST} bytes" in json.loads(file.readline())["error"]["message"]
         poll_until(lambda: not driver.server.client_count)
     with attach() as attached:
         assert attached.state.is_connected
+
+
+def test_joints_that_egm_does_not_report_are_those_the_controller_was_asked_for(driver: FakeDriver) -> None:
+    driver.robot.control.snapshots[Side.LEFT] = Snapshot()
+    driver.read[Side.LEFT] = JointStates(0.0, home(Side.LEFT), ZERO)
+    connection, file = raw()
+    with connection, file:
+        connection.sendall(b'{"method": "subscribe", "id": 1, "rate": 30.0}\n')
+        arms = json.loads(file.readline())["state"]["arms"]
+    assert arms["left"]["position"] is None
+    assert tuple(arms["left"]["resting"]) == home(Side.LEFT)
+    assert arms["right"]["resting"] is None
+    assert driver.subscriptions == 1
 
 
 def test_client_that_does_not_read_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:

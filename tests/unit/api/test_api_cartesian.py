@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import degrees, inf, nan, pi
 
 import pytest
@@ -12,7 +11,17 @@ import yumi
 from fake_robot import FakeRobot
 from unit.robot.test_robot_kinematics import rad
 from yumi.api import motion
-from yumi.api.cartesian import FINGERTIPS, Frames, planned, pose, pose_from, poses_from, posture_for, postures_of
+from yumi.api.cartesian import (
+    FINGERTIPS,
+    Frames,
+    boxes_from,
+    planned,
+    pose,
+    pose_from,
+    poses_from,
+    posture_for,
+    postures_of,
+)
 from yumi.api.cartesian import Path as ToolPathOfArm
 from yumi.api.motion import GOAL_CONTROLLER
 from yumi.api.robot import Arm
@@ -89,7 +98,7 @@ def test_both_arms_end_at_the_same_time() -> None:
 def test_an_arms_pose_is_that_of_its_tool() -> None:
     robot, frames = FakeRobot(), Frames()
     snapshot = robot.control.snapshots[Side.RIGHT]
-    robot.control.snapshots[Side.RIGHT] = replace(snapshot, position=POSTURE)
+    robot.control.snapshots[Side.RIGHT] = snapshot._replace(position=POSTURE)
     arm = Arm(Side.RIGHT, lambda: robot.executor, None, frames=frames)  # type: ignore[arg-type]
     assert arm.pose == HERE
     arm.tool = "fingertips"
@@ -133,3 +142,21 @@ def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> No
             FakeRobot().executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
         assert paths[Side.RIGHT].speed == 0.25 * speed
         assert paths[Side.RIGHT].turning == 0.25 * TURNING
+
+
+def test_boxes_are_given_by_name_with_pose_and_edges() -> None:
+    (crate,) = boxes_from({"crate": ((0.4, 0, 0.1, 1, 0, 0, 0), (0.2, 0.1, 0.3))})
+    assert (crate.name, crate.centre.position, crate.size) == ("crate", (0.4, 0.0, 0.1), (0.2, 0.1, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("centre", "size", "sentence"),
+    [
+        ((0.4, 0, 0.1, 1, 0, 0, 0), (0.2, 0.1), "give 3 finite numbers"),
+        ((0.4, 0, 0.1, 1, 0, 0, 0), (0.2, 0.1, 0.0), "an edge of 'crate' is not longer than 0"),
+        ((400, 0, 0.1, 1, 0, 0, 0), (0.2, 0.1, 0.1), "positions are in metres"),
+    ],
+)
+def test_box_that_is_none_is_refused(centre, size, sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=sentence):
+        boxes_from({"crate": (centre, size)})

@@ -7,8 +7,14 @@ from math import inf, nan
 import pytest
 
 from fake_robot import FakeRobot, Switch
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER, MotionRegistry
-from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal
+from yumi.api.motion import (
+    GOAL_CONTROLLER,
+    JOG_CONTROLLER,
+    STREAM_CONTROLLER,
+    TRAJECTORY_CONTROLLER,
+    MotionRegistry,
+)
+from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import (
@@ -18,6 +24,7 @@ from yumi.control.events import (
     RobotStoppedFollowing,
     SessionLost,
 )
+from yumi.control.loop import Commands
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
 from yumi.driver.stops import Cause
@@ -128,7 +135,7 @@ def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> N
 
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], is_running=False)
+    robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(is_running=False)
     with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
         robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
     assert robot.control.commands == []
@@ -241,7 +248,7 @@ def test_stop_ends_a_stream_and_is_a_motion_itself(robot: FakeRobot) -> None:
 
 
 def test_arm_that_no_one_commands_needs_no_stop(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.LEFT] = replace(robot.control.snapshots[Side.LEFT], activation=0)
+    robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(activation=0)
     assert robot.executor.stop((Side.LEFT,)) == ()
 
 
@@ -267,7 +274,7 @@ def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot,
 
     def plan(_: object) -> dict[Side, ArmPlan]:
         before = robot.control.snapshots[Side.RIGHT]
-        robot.control.snapshots[Side.RIGHT] = replace(before, **change)  # type: ignore[arg-type]
+        robot.control.snapshots[Side.RIGHT] = before._replace(**change)  # type: ignore[arg-type]
         points = (TrajectoryPoint(1.0, RIGHT),)
         return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
 
@@ -311,11 +318,11 @@ def test_impossible_trajectory_is_refused_and_no_one_asked(robot: FakeRobot, poi
 def test_motion_knows_how_far_it_is(robot: FakeRobot) -> None:
     begin = robot.control.snapshots[Side.RIGHT]
     goal = (RIGHT[0] + 1.0, *RIGHT[1:])
-    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = begin._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: goal}, 0.5, 0.5)
     whole = motion.remaining
     assert motion.progress == 0.0
-    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.5, *RIGHT[1:]))
+    robot.control.snapshots[Side.RIGHT] = begin._replace(position=(RIGHT[0] + 0.5, *RIGHT[1:]))
     half = motion.remaining
     assert motion.progress == pytest.approx(0.5)
     assert whole is not None
@@ -325,7 +332,7 @@ def test_motion_knows_how_far_it_is(robot: FakeRobot) -> None:
 
 
 def test_motion_takes_longer_when_the_speed_is_scaled_down(robot: FakeRobot) -> None:
-    robot.control.snapshots[Side.RIGHT] = replace(robot.control.snapshots[Side.RIGHT], sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
     before = motion.remaining
     robot.speed_scale = 0.1
@@ -369,9 +376,9 @@ def test_trajectory_knows_how_far_it_is(robot: FakeRobot) -> None:
 
 def test_motion_that_ended_elsewhere_stays_as_far_as_it_was(robot: FakeRobot) -> None:
     begin = robot.control.snapshots[Side.RIGHT]
-    robot.control.snapshots[Side.RIGHT] = replace(begin, sent=RIGHT)
+    robot.control.snapshots[Side.RIGHT] = begin._replace(sent=RIGHT)
     (motion,) = robot.executor.move({Side.RIGHT: (RIGHT[0] + 1.0, *RIGHT[1:])}, None, None)
-    robot.control.snapshots[Side.RIGHT] = replace(begin, position=(RIGHT[0] + 0.3, *RIGHT[1:]))
+    robot.control.snapshots[Side.RIGHT] = begin._replace(position=(RIGHT[0] + 0.3, *RIGHT[1:]))
     assert motion.progress == pytest.approx(0.3)
     robot.end(robot.control.commands[0], GoalOutcome.STOPPED)
     assert motion.progress == pytest.approx(0.3)
@@ -416,6 +423,69 @@ def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
     assert newest[1].velocity == speeds
+
+
+def test_jog_ends_when_its_client_asks_no_more_and_leaves_what_others_command(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds = (0.1, *ZERO[1:])
+    for _ in range(2):
+        robot.executor.jog(Side.RIGHT, speeds)
+    robot.executor.end_jog(Side.RIGHT)
+    newest = robot.speeds[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].velocity == ZERO
+    robot.executor.jog(Side.RIGHT, speeds)
+    robot.executor.move({Side.RIGHT: RIGHT}, None, None)
+    written = robot.speeds[Side.RIGHT].read()
+    robot.executor.end_jog(Side.RIGHT)
+    assert robot.speeds[Side.RIGHT].read() == written
+
+
+def test_jog_is_refused_while_another_program_streams_to_the_same_controller(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds, other = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    for _ in range(2):
+        robot.executor.jog(Side.RIGHT, speeds)
+    write_speeds(robot.speeds[Side.RIGHT], 1, other)  # as a ROS topic does
+    with pytest.raises(CommandRefused, match="another program streams to the joint_velocity_controller"):
+        robot.executor.jog(Side.RIGHT, speeds)
+    robot.executor.end_jog(Side.RIGHT)
+    newest = robot.speeds[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].velocity == other
+
+
+def test_jog_takes_over_no_arm_that_another_program_moves_by_the_same_controller(robot: FakeRobot) -> None:
+    robot.control.call(Commands.switch_controllers, Side.RIGHT, (JOG_CONTROLLER,), (GOAL_CONTROLLER,))
+    moving = replace(robot.control.snapshots[Side.RIGHT], velocity=(0.3, *ZERO[1:]))
+    robot.control.snapshots[Side.RIGHT] = moving
+    with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
+        robot.executor.jog(Side.RIGHT, (0.1, *ZERO[1:]))
+
+
+def test_jog_does_not_take_an_arm_back_that_another_program_has_taken_while_a_key_is_held(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds = (0.1, *ZERO[1:])
+    for _ in range(2):
+        robot.executor.jog(Side.RIGHT, speeds)
+    robot.control.call(Commands.switch_controllers, Side.RIGHT, (TRAJECTORY_CONTROLLER,), (JOG_CONTROLLER,))
+    with pytest.raises(CommandRefused, match="another program has switched the controllers of the right arm"):
+        robot.executor.jog(Side.RIGHT, speeds)
+    assert robot.control.switches[-1].activate == (TRAJECTORY_CONTROLLER,)
+    robot.executor.jog(Side.RIGHT, speeds)  # the key is pressed again
+    assert robot.control.switches[-1].activate == (JOG_CONTROLLER,)
+
+
+def test_trajectory_from_elsewhere_than_where_it_was_planned_is_refused(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    start = {side: home(side) for side in Side}
+    away = {**start, Side.LEFT: (home(Side.LEFT)[0] + 0.03, *home(Side.LEFT)[1:])}
+    points = [(0.0, home(Side.RIGHT)), (1.0, home(Side.RIGHT))]
+    with pytest.raises(CommandRefused, match=r"the left arm is 1\.7° away from where it was when the plan was made"):
+        robot.executor.follow({Side.RIGHT: points}, away)
+    assert robot.control.commands == []
+    robot.executor.follow({Side.RIGHT: points}, start)
+    assert isinstance(robot.control.commands[-1].message, FollowTrajectory)
 
 
 def test_motion_that_is_not_wanted_any_more_is_not_sent(robot: FakeRobot) -> None:

@@ -1,12 +1,15 @@
 from __future__ import annotations
 
 import errno
+import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from threading import Event
 from typing import Any, NoReturn
 from unittest.mock import Mock
 
+import click
 import pytest
 from click.testing import CliRunner, Result
 
@@ -151,3 +154,22 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
     (said,) = [line for line in order if line.startswith("speed_scale is ")]
     assert said.startswith(f"speed_scale is {value}")
     assert said.endswith("Change it with yumi speed-scale or the setting robot.speed_scale.")
+
+
+def commands(group: click.Group) -> Iterator[click.Command]:
+    """All commands, with those of groups and of other packages."""
+    context = click.Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        assert command is not None
+        yield command
+        if isinstance(command, click.Group):
+            yield from commands(command)
+
+
+def test_examples_of_every_help_are_a_line_each() -> None:
+    helps = {str(command.name): command.get_help(click.Context(command)) for command in commands(main)}
+    assert {"bench", "evaluate", "tune", "up", "show"} <= helps.keys()
+    for name, text in helps.items():
+        assert "\\b" not in text, name  # click's mark for lines that stay as they are
+        assert not re.search(r"Examples?: +yumi", text), name

@@ -170,7 +170,7 @@ def test_impossible_goal_is_refused_and_changes_nothing(
 
 def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
     control = driver.robot.control
-    control.snapshots[Side.RIGHT] = replace(control.snapshots[Side.RIGHT], is_running=False)
+    control.snapshots[Side.RIGHT] = control.snapshots[Side.RIGHT]._replace(is_running=False)
     sentence = refusal("move", "right", "home")
     assert "yumi recover" in sentence
     assert "robot.recover()" not in sentence

@@ -60,6 +60,20 @@ def test_file_is_uploaded_and_listed(where: list[str], controller: PlainControll
     assert "pick.mod" in rws(where, "ls", "HOME:/").stdout
 
 
+def test_json_has_values_instead_of_text(where: list[str]) -> None:
+    assert json.loads(rws(where, "get", "signal:hand_MaxSpeed_R", "--json").stdout) == 200.0
+    assert json.loads(rws(where, "get", "T_ROB_R/TRobMain/points", "--json").stdout) == [[0.0] * 3] * 3
+    assert {"name": "user.sys", "size": 33} in json.loads(rws(where, "ls", "--json").stdout)
+    assert len(json.loads(rws(where, "ls", "/rw/iosystem/signals?start=0&limit=3", "--json").stdout)) == 4
+    line = rws(where, "watch", "opmode", "--count", "1", "--json").stdout
+    assert json.loads(line) == {"path": "/rw/panel/opmode", "opmode": "AUTO"}
+
+
+def test_file_is_written_where_it_is_wanted(where: list[str], tmp_path: Path) -> None:
+    rws(where, "get", "HOME:/user.sys", "-o", str(tmp_path / "user.sys"))
+    assert (tmp_path / "user.sys").read_text() == "MODULE user(SYSMODULE)\nENDMODULE\n"
+
+
 def test_watch_prints_the_values_and_ends_after_its_count(where: list[str]) -> None:
     result = rws(where, "watch", "opmode", "signal:EGM_START_JOINT", "--count", "2")
     assert result.stdout.splitlines() == [

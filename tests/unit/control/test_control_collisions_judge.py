@@ -1,4 +1,4 @@
-"""Another library with other shapes, the meshes of the robot's covers, finds no contact in what the limiter let pass."""
+"""Another library with the meshes of the robot's covers finds no contact in what the limiter let pass."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from yumi.control.collisions import BODY_MARGIN, MARGIN
 from yumi.robot.joints import Side, home, named_pose
 
 pytest.importorskip("fcl", reason="python-fcl is not installed")
-from mesh_judge import MeshJudge
+from cover_judge import CoverJudge
 
 EPISODE, EVERY = 400, 10
 ROUNDING = 1e-3
@@ -19,7 +19,7 @@ ROUNDING = 1e-3
 
 def test_judge_knows_contact_and_a_free_robot() -> None:
     """Both arms at home are free; turned towards each other they overlap."""
-    judge = MeshJudge()
+    judge = CoverJudge()
     assert 0.005 < judge.distance({side: home(side) for side in Side}) < 0.02
     turned = {side: (sign * np.radians(100.0), *home(side)[1:]) for side, sign in zip(Side, (1.0, -1.0), strict=True)}
     assert judge.distance(turned) <= 0.0
@@ -28,7 +28,7 @@ def test_judge_knows_contact_and_a_free_robot() -> None:
 @pytest.mark.parametrize("cycles", [short(60), long(COLLISION_CYCLES, 48 * 3600.0)])
 def test_nothing_touches_in_adversarial_cycles(cycles: int) -> None:
     """Arms are driven at each other, into the body and boxes, held, swung, and not heard for a while."""
-    judge, generator = MeshJudge((TABLE, POST)), np.random.default_rng(22)
+    judge, generator = CoverJudge((TABLE, POST)), np.random.default_rng(22)
     nearest_commanded, nearest_measured, worst = np.inf, np.inf, np.inf
     arms, drives, left = ApartArms({side: named_pose(side, "ready") for side in Side}), {}, dict.fromkeys(Side, 0)
     for cycle in range(1, cycles + 1):

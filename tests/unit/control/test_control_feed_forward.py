@@ -76,7 +76,7 @@ def sine(time: float) -> tuple[float, float]:
     return 0.8 * (time - sin(pi * time) / pi) / 2.0, 0.4 * (1.0 - cos(pi * time))
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(derandomize=True)
 @given(orders=st.lists(st.tuples(st.floats(-4.0, 4.0), st.floats(-9.0, 9.0)), min_size=1, max_size=20))
 def test_robot_stays_within_its_limits_whatever_position_and_speed_are_wanted(
     orders: list[tuple[float, float]],

@@ -6,7 +6,7 @@ from math import nan
 from struct import pack_into
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.control.cycle import Cycle
@@ -73,7 +73,6 @@ def test_recorder_keeps_the_times_of_the_stations(recorder: FlightRecorder) -> N
     assert recorder.frames()[0].stages.receive == 0.25
 
 
-@settings(max_examples=25, deadline=None)
 @given(st.lists(st.integers(1, 2 * RECORDED_CYCLES), min_size=1, max_size=4))
 def test_recorder_remembers_the_newest_cycles_whatever_came_before(counts: list[int]) -> None:
     recorder = FlightRecorder(flight_memory())

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruckig import RuckigError
 
+from soak import long, short
 from yumi.control import motion
 from yumi.control.limiter import FEEDBACK_DELAY, Limiter
 from yumi.control.motion import EGM_GAIN
@@ -356,14 +357,14 @@ def test_limiter_does_not_report_a_slow_robot_as_ignoring_references(middle: Joi
         assert limiter.problem is Problem.NONE
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.parametrize("seconds", [short(20.0), long(600.0, 600.0)])
 @pytest.mark.parametrize(("noise", "deadband"), [(0.0, 1e-5), (0.0, 1e-4), (5e-5, 0.0), (2e-4, 0.0)])
 def test_limiter_does_not_report_a_robot_at_rest_as_ignoring_references(
-    limiter: Limiter, middle: Joints, noise: float, deadband: float
+    limiter: Limiter, middle: Joints, noise: float, deadband: float, seconds: float
 ) -> None:
     """One that settles a little short, and one whose measured positions a controller turns into noise of its goals."""
     planned, random, command = middle, Random(1), ArmCommand(middle)
-    for count in range(round(120.0 / DT)):
+    for count in range(round(seconds / DT)):
         rows = zip(planned, command.position, command.velocity, strict=True)
         planned = joints(
             [now + DT * (EGM_GAIN * (to - now) + speed) * (abs(to - now) > deadband) for now, to, speed in rows]

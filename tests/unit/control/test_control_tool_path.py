@@ -65,7 +65,7 @@ def test_a_tool_is_what_moves_straight() -> None:
     begin = tool0_to_body(Side.RIGHT, START, tool)
     x, y, z = begin.position
     goal = Pose((x, y - 0.1, z), multiply(begin.orientation, quaternion_of((0.0, 0.0, 0.5))))
-    plan = plan_path(Side.RIGHT, START, [Waypoint(goal)], YUMI_LIMITS, tool)
+    plan = plan_path(Side.RIGHT, START, [Waypoint(goal)], YUMI_LIMITS, tool=tool)
     assert deviation(Side.RIGHT, sampled(plan), begin, goal, tool).position < 1e-6
 
 

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import replace
 
 import pytest
@@ -179,6 +181,40 @@ def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
         assert arm.wire_counters().malformed == 0
         robot.close()
         forger.close()
+
+
+FLOOD = """
+import socket, sys
+flooder = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+flooder.bind(("127.0.0.2", 0))
+print("begun", flush=True)
+while True:
+    flooder.sendto(bytes(200), ("127.0.0.1", int(sys.argv[1])))
+"""
+
+
+def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_address() -> None:
+    with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
+        robot, arm = Sender(server), EgmArm(server, SensorSession(JointCodec()))
+        robot.send(0)
+        assert arm.read(0.0) is not None
+        answered = set()
+        command = (sys.executable, "-c", FLOOD, str(server.port))
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as flooder:
+            try:
+                assert flooder.stdout is not None
+                assert flooder.stdout.readline() == "begun\n"
+                for seqno in range(1, 400):
+                    robot.send(seqno)
+                    if any(arm.read(seqno * CYCLE) for look in range(2)):
+                        arm.write(ArmCommand(HOME))
+                        answered.add(seqno)
+                        assert robot.answers() == 1
+            finally:
+                flooder.kill()
+        assert answered >= set(range(100, 400))  # the buffer is full of others' before the system drops them
+        assert arm.wire_counters().foreign >= 32
+        robot.close()
 
 
 def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:

@@ -111,6 +111,41 @@ def test_server_hands_out_what_one_sender_sent_then_what_another_did() -> None:
         other.close()
 
 
+def test_server_reads_no_more_than_a_bound_at_once_however_much_waits() -> None:
+    with UdpServer("127.0.0.1", 0, remote="192.0.2.1") as server:
+        reads = 0
+
+        def flood(size: int) -> tuple[bytes, tuple[str, int]]:
+            nonlocal reads
+            reads += 1
+            return b"junk", ("127.0.0.2", 6510)
+
+        server._receive = flood  # type: ignore[assignment]
+        assert server.receive() == []
+        assert reads == server.foreign == 256
+
+
+def test_system_drops_a_flood_of_others_so_that_the_pinned_sender_is_heard_at_once() -> None:
+    with UdpServer("127.0.0.1", 0) as server:
+        robot, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)
+        robot.send(b"1")
+        assert receive(server) == [b"1"]
+        server.pin()
+        for _ in range(40):
+            other.send(b"junk")
+        assert server.receive() == []
+        assert server.foreign == 40
+        for _ in range(2000):  # more than the socket's buffer holds
+            other.send(b"junk")
+        robot.send(b"2")
+        assert (server.receive_next(), server.receive(), server.foreign) == (b"2", [], 40)
+        server.release()
+        other.send(b"a")
+        assert receive(server) == [b"a"]
+        robot.close()
+        other.close()
+
+
 def test_server_hears_and_answers_only_the_sender_that_is_pinned() -> None:
     with UdpServer("127.0.0.1", 0) as server:
         robot, other = UdpClient("127.0.0.1", server.port), UdpClient("127.0.0.1", server.port)

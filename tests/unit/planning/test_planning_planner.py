@@ -10,6 +10,7 @@ from statistics import median
 import numpy as np
 import pytest
 
+from mesh_judge import MeshJudge
 from soak import long, short, tell
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
 from yumi.errors import CommandRefused, PlanNotFound
@@ -17,7 +18,7 @@ from yumi.planning.planner import Goal, Plan, Planner
 from yumi.planning.scene import disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
@@ -34,6 +35,16 @@ FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
 @pytest.fixture(scope="module")
 def planner() -> Planner:
     return Planner(obstacles=(BOX,))
+
+
+@pytest.fixture(scope="module")
+def problem(planner: Planner) -> tuple[dict[Side, Joints], dict[Side, Joints]]:
+    return next(problems(planner, 7))
+
+
+@pytest.fixture(scope="module")
+def planned(planner: Planner, problem) -> Plan:
+    return planner.plan(*problem)
 
 
 def splines(plan: Plan) -> dict[Side, SplineSampler]:
@@ -83,9 +94,10 @@ def problems(planner: Planner, seed: int) -> Iterator[tuple[dict[Side, Joints], 
             yield start, goal
 
 
-@pytest.mark.parametrize("count", [short(2), long(PROBLEMS, 3600.0)])
+@pytest.mark.parametrize("count", [short(1), long(PROBLEMS, 3600.0)])
 def test_way_of_both_arms_is_found_where_the_straight_one_is_not_free(planner: Planner, count: int) -> None:
-    times, missed, distances = [], 0, []
+    judge = MeshJudge((BOX,))
+    times, missed, distances, judged, durations = [], 0, [], [], []
     for number, (start, goal) in enumerate(islice(problems(planner, 1), count), 1):
         try:
             plan = planner.plan(start, goal, timeout=30.0)
@@ -94,28 +106,34 @@ def test_way_of_both_arms_is_found_where_the_straight_one_is_not_free(planner: P
             continue
         times.append(plan.planning_time)
         distances.append(nearest(plan) - plan.clearance)
+        ways = splines(plan)
+        for time in np.arange(0.0, plan.duration + 0.015, 0.015).tolist():
+            distance, *pair = judge.distance({side: ways[side].position(time) for side in Side})
+            assert distance > 0.0, (number, time, pair)
+            judged.append(distance)
+        durations.append(plan.duration)
         for side, points in plan.points.items():
             assert points[0].position == pytest.approx(start[side], abs=1e-9)
             assert points[-1].position == pytest.approx(goal[side], abs=1e-9)
-        if count > 2 and number % 20 == 0:
+        if count > 1 and number % 20 == 0:
             tell(
                 f"{number} problems: {missed} not solved, median {median(times):.2f} s, slowest {max(times):.1f} s; "
-                f"nearest to the clearance {min(distances) * 1e3:.1f} mm"
+                f"nearest to the clearance {min(distances) * 1e3:.1f} mm, meshes {min(judged) * 1e3:.1f} mm apart; "
+                f"motions of {median(durations):.2f} s"
             )
     assert missed <= 0.05 * count
     assert min(distances) > -0.002  # between two checked postures
 
 
-def test_plan_keeps_speed_acceleration_and_jerk(planner: Planner) -> None:
-    start, goal = next(problems(planner, 5))
-    plan = planner.plan(start, goal, speed_scale=0.5)
+def test_plan_keeps_speed_acceleration_and_jerk(planner: Planner, problem) -> None:
+    plan = planner.plan(*problem, speed_scale=0.5)
     for side, sampler in splines(plan).items():
         rows = np.array([sampler.position(time) for time in np.arange(0.0, plan.duration, 0.004).tolist()])
         for order, (most, share) in enumerate(
             ((YUMI_LIMITS.velocity, 0.5), (YUMI_LIMITS.acceleration, 1.0), (YUMI_LIMITS.jerk, 1.0)), 1
         ):
             rates = np.abs(np.diff(rows, order, axis=0)) / 0.004**order
-            assert np.all(rates <= np.array(most) * share * 1.05), (side, order)
+            assert np.all(rates <= np.array(most) * share * 1.001), (side, order)
 
 
 def test_pose_is_reached_in_a_posture_that_is_free(planner: Planner) -> None:
@@ -127,10 +145,24 @@ def test_pose_is_reached_in_a_posture_that_is_free(planner: Planner) -> None:
     assert nearest(plan) > plan.clearance - 0.002
 
 
-def test_same_seed_finds_the_same_way(planner: Planner) -> None:
-    start, goal = next(problems(planner, 7))
-    first, second = (planner.plan(start, goal, seed=3) for _ in range(2))
-    assert first.points == second.points
+def test_planning_ends_at_its_limit_of_time_with_the_way_that_was_found(
+    planner: Planner, problem, planned: Plan, monkeypatch
+) -> None:
+    ticks = iter(range(0, 10**6, 100))
+    monkeypatch.setattr("yumi.planning.planner.time.monotonic", lambda: float(next(ticks)))
+    hurried = planner.plan(*problem, timeout=250.0)  # over once the search has looked at the clock
+    assert hurried.duration > planned.duration  # which was shortened
+    assert nearest(hurried) > hurried.clearance - 0.002
+
+
+def test_arm_that_is_there_gets_a_motion_of_one_cycle(planner: Planner) -> None:
+    plan = planner.plan(HOME, {Side.RIGHT: HOME[Side.RIGHT]})
+    assert plan.duration == pytest.approx(CYCLE)
+    assert {point.position for point in plan.points[Side.RIGHT]} == {HOME[Side.RIGHT]}
+
+
+def test_same_seed_finds_the_same_way(planner: Planner, problem, planned: Plan) -> None:
+    assert planner.plan(*problem).points == planned.points
 
 
 @pytest.mark.parametrize(
@@ -147,10 +179,9 @@ def test_impossible_goal_is_refused_in_a_sentence(planner: Planner, goal: dict[S
         planner.plan(HOME, goal)
 
 
-def test_way_that_is_not_found_in_time_is_told(planner: Planner) -> None:
-    start, goal = next(problems(planner, 9))
+def test_way_that_is_not_found_in_time_is_told(planner: Planner, problem) -> None:
     with pytest.raises(PlanNotFound, match="No way was found in"):
-        planner.plan(start, goal, timeout=0.0)
+        planner.plan(*problem, timeout=0.0)
 
 
 @pytest.mark.parametrize("count", [short(300), long(100_000, 1800.0)])

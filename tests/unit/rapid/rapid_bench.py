@@ -6,7 +6,7 @@ from yumi.rapid import InstructionSet, Task, TaskEvent
 from yumi.rapid.devices import Devices
 from yumi.rapid.program import Severity
 from yumi.virtual.controller.files import FileStore, RapidDisk
-from yumi.virtual.sockets import LocalNetwork
+from yumi.virtual.sockets import ProgramNetwork
 
 
 class RecordingHost:
@@ -17,7 +17,7 @@ class RecordingHost:
         self.events: list[TaskEvent] = []
         self.log: list[tuple[str, str, Severity]] = []
         self.files: dict[str, str] = {}
-        self.devices = Devices(RapidDisk(FileStore({})), LocalNetwork())
+        self.devices = Devices(RapidDisk(FileStore({})), ProgramNetwork())
         self.devices.log = lambda number, title, text, severity: self.log.append((title, text, severity))
         self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0, "ai1": 0.0, "ao1": 0.0, "gi1": 0.0}
 

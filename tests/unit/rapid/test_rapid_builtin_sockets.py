@@ -10,7 +10,7 @@ import pytest
 from rapid_bench import Bench, started
 
 from yumi.egm.udp import free_port
-from yumi.virtual.sockets import LocalNetwork
+from yumi.virtual.sockets import ProgramNetwork
 
 SERVER = """
 VAR socketdev server; VAR socketdev client; VAR string text; VAR string address; VAR num port; VAR num count;
@@ -219,5 +219,5 @@ def test_receiver_that_does_not_read_delays_its_sender_only(serve: type[Served])
     [("127.0.0.1", True), ("127.8.0.1", True), ("localhost", True), ("0.0.0.0", False), ("127.evil.org", False)],
 )
 def test_programs_stay_on_a_controller_that_listens_on_this_machine_only(address: str, is_local: bool) -> None:
-    assert LocalNetwork(address).is_local is is_local
-    assert LocalNetwork(address).remote("192.0.2.1", 80) == (address if is_local else "192.0.2.1", 80)
+    assert ProgramNetwork(address).is_local is is_local
+    assert ProgramNetwork(address).remote("192.0.2.1", 80) == (address if is_local else "192.0.2.1", 80)

@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
-from flight import CYCLE, LOST, flown
+from flight import CYCLE, LOST, flown, write_flight_record
 from yumi.control.events import RobotFollows
 from yumi.control.flight_recorder import Frame
 from yumi.control.statistics import StageTimes
@@ -23,7 +23,6 @@ from yumi.recording.mcap import (
     frame_message,
     read_recording,
     recorded_event,
-    write_flight_record,
 )
 from yumi.robot.joints import Side
 

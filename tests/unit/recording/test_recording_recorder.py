@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from flight import LOST, flown, record_motion
+from flight import CYCLE, LOST, flown, record_motion
+from yumi.clock import ManualClock, SystemClock
 from yumi.control.events import (
     ControllerFailed,
     ControlProcessEnded,
@@ -17,7 +18,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
-from yumi.recording.mcap import FullRecorder, Recorder, read_recording
+from yumi.recording.mcap import AFTER, FullRecorder, Recorder, read_recording
 from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -36,7 +37,7 @@ def said() -> list[str]:
 
 @pytest.fixture
 def records(tmp_path: Path, recorders: dict[Side, FlightRecorder], said: list[str]) -> Recorder:
-    return Recorder(tmp_path / "flights", 3, recorders, said.append)
+    return Recorder(tmp_path / "flights", 3, recorders, said.append, SystemClock())
 
 
 def files(folder: Path) -> list[Path]:
@@ -76,13 +77,18 @@ def test_what_was_ordered_leaves_no_record(records: Recorder, tmp_path: Path, ev
     assert files(tmp_path) == []
 
 
-def test_record_shows_the_moment_of_the_event_though_the_line_goes_on(
-    records: Recorder, recorders: dict[Side, FlightRecorder], tmp_path: Path
+def test_record_goes_on_after_the_event_until_it_is_in_the_middle_of_the_picture(
+    recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path
 ) -> None:
-    records.on_event(LOST, 0.25, EPOCH)
-    record_motion(recorders[RIGHT], 10)
+    stop = 1.2
+    records = Recorder(tmp_path / "flights", 3, recorders, said.append, ManualClock(stop))
+    records.on_event(LOST, stop, EPOCH)
+    record_motion(recorders[RIGHT], 1000)  # until 4.2 s
     records.close()
-    assert len(read_recording(files(tmp_path)[0]).frames[RIGHT]) == 50
+    frames = read_recording(files(tmp_path)[0]).frames[RIGHT]
+    assert [frame.number for frame in frames] == list(range(1, len(frames) + 1))
+    assert frames[-1].time == pytest.approx(stop + AFTER, abs=CYCLE)
+    assert said[0].startswith("The last 0.2 s of the right arm, and 2.0 s after the stop, are in ")
 
 
 def test_record_leaves_out_what_was_long_before(

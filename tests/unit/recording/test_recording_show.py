@@ -6,10 +6,10 @@ import pytest
 from click.testing import CliRunner
 from matplotlib.figure import Figure
 
-from flight import LOST, SENTENCE, flown
+from flight import LOST, SENTENCE, flown, write_flight_record
 from yumi.cli.main import main
 from yumi.errors import CommandRefused
-from yumi.recording.mcap import Recording, read_recording, recorded_event, write_flight_record
+from yumi.recording.mcap import Recording, read_recording, recorded_event
 from yumi.recording.pictures import GAP, draw_recording, gaps_of, quantile
 from yumi.robot.joints import Side
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from math import degrees, pi, radians
+from time import perf_counter
 
 import numpy as np
 import pytest
 
-from soak import long, short
+from soak import long, short, tell
 from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
 from yumi.robot.inverse_kinematics import (
     Unreachable,
@@ -17,6 +18,7 @@ from yumi.robot.inverse_kinematics import (
     jacobian,
     nearest_posture,
     postures,
+    postures_of_each,
 )
 from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
 from yumi.robot.kinematics import matrix, tool0_to_body
@@ -34,6 +36,8 @@ ARM_ANGLES = [
     (-146.69, 119.74),
     (165.86, 50.38),
 ]
+
+BATCH = 500
 
 
 def random_postures(seed: int, count: int) -> list[tuple[Side, Joints]]:
@@ -54,15 +58,39 @@ def errors(side: Side, position: Joints, pose: Pose, angle: float) -> tuple[floa
     )
 
 
-@pytest.mark.parametrize("count", [short(40), long(100_000, 6 * 3600.0)])
-def test_postures_of_a_pose_contain_the_one_it_was_made_from(count: int) -> None:
-    for side, position in random_postures(14000, count):
-        pose, angle = tool0_to_body(side, position), arm_angle(side, position)
-        found = postures(side, pose, angle)
-        assert min(np.max(np.abs(np.subtract(each, position))) for each in found) < 1e-6, (side, position)
-        for each in found:
-            assert YUMI_LIMITS.outside(each) is None
-            assert max(errors(side, each, pose, angle)) < 1e-9, (side, position, each)
+@pytest.mark.parametrize("side", Side)
+@pytest.mark.parametrize("count", [short(25), long(100_000, 3 * 3600.0)])
+def test_postures_of_a_pose_contain_the_one_it_was_made_from(side: Side, count: int) -> None:
+    generator = np.random.default_rng(14000 + (side is Side.LEFT))
+    begin, found = perf_counter(), 0
+    for batch in range(0, count, BATCH):
+        values = generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper, (min(BATCH, count - batch), 7))
+        positions = [joints(each) for each in values.tolist()]
+        poses = [tool0_to_body(side, position) for position in positions]
+        angles = [arm_angle(side, position) for position in positions]
+        solutions = postures_of_each(side, poses, angles)
+        for position, pose, angle, own in zip(positions, poses, angles, solutions, strict=True):
+            assert min(np.max(np.abs(np.subtract(each, position))) for each in own) < 1e-6, position
+            for each in own:
+                assert YUMI_LIMITS.outside(each) is None
+                assert max(errors(side, each, pose, angle)) < 1e-9, (position, each)
+            found += len(own)
+        if count > BATCH and batch % (20 * BATCH) == 0:
+            done = batch + len(positions)
+            tell(f"{side.word}: {done} postures, {found / done:.1f} solutions and ")
+            tell(f"{(perf_counter() - begin) / done * 1e3:.1f} ms each")
+
+
+def test_many_poses_at_once_have_the_postures_of_each_alone() -> None:
+    side, positions = Side.LEFT, [position for _, position in random_postures(3, 6)]
+    poses = [tool0_to_body(side, position) for position in positions]
+    poses.append(Pose((2.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0)))
+    angles = [*(arm_angle(side, position) for position in positions), 0.0]
+    for pose, angle, found in zip(poses, angles, postures_of_each(side, poses, angles), strict=True):
+        alone = postures(side, pose, angle)
+        assert len(found) == len(alone)
+        assert np.array(found).reshape(-1, 7) == pytest.approx(np.array(alone).reshape(-1, 7), abs=1e-6)
+    assert postures_of_each(side, [], []) == []
 
 
 NEARLY_SINGULAR = [

@@ -21,7 +21,7 @@ PROGRAM = """MODULE Faulty
   ENDPROC
   PROC helper(num n)
     missing n;
-    SearchExtJ n;
+    StepBwdPath n;
   ENDPROC
   FUNC num broken(num n)
     RETURN n +;

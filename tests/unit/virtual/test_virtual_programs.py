@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from yumi.egm.udp import free_port
-from yumi.virtual.sockets import LocalNetwork
+from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World
 
 PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.mod"))
@@ -38,7 +38,7 @@ class Outside:
         self.clients: dict[str, socket.socket] = {}
         self.world = World()
         controller = self.world.controller
-        controller.devices.network = LocalNetwork()
+        controller.devices.network = ProgramNetwork()
         for name, module in (("T_ROB_R", text.replace("5000", str(self.port))), ("T_ROB_L", IDLE)):
             task = controller.tasks[name]
             task.lose_pp()

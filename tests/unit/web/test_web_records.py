@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from flight import LOST, SENTENCE, flown
+from flight import LOST, SENTENCE, flown, write_flight_record
 from yumi.errors import ProtocolError
-from yumi.recording.mcap import RecordingWriter, recorded_event, write_flight_record
+from yumi.recording.mcap import RecordingWriter, recorded_event
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
 from yumi.web import records

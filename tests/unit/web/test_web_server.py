@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import asyncio
 import json
+import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import aiohttp
 import pytest
 
-from fake_driver import FakeDriver
+from fake_driver import BOX, FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
+from yumi.control.controllers.joint_trajectory import FollowTrajectory
+from yumi.control.shared_state import Snapshot
+from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
+from yumi.driver.endpoint import Surroundings
 from yumi.errors import SettingsError
-from yumi.robot.joints import ZERO, Side
+from yumi.planning.planner import Plan
+from yumi.robot.joints import ZERO, Side, home
 from yumi.web import live, server
+from yumi.web.live import OLDEST_SEEN
+from yumi.web.planning import PlanningProcess
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
+from yumi.web.shapes import Distances
 
 SOON = 10.0
 SPEEDS = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2]
@@ -43,8 +53,11 @@ class Page:
 
     def __init__(self, socket: aiohttp.ClientWebSocketResponse) -> None:
         self.socket = socket
+        self.seen = 0.0
 
     async def send(self, **message: Any) -> None:
+        if message["type"].startswith("jog"):
+            message = {"seen": self.seen, **message}
         await self.socket.send_str(json.dumps(message))
 
     async def until(self, kind: str, is_meant: Callable[[dict[str, Any]], bool] = lambda message: True) -> Any:
@@ -57,6 +70,7 @@ class Page:
     async def receive(self) -> Any:
         message = json.loads(await asyncio.wait_for(self.socket.receive_str(), SOON))
         if message["type"] == "state":
+            self.seen = message["time"]
             await self.send(type="seen")
         return message
 
@@ -282,7 +296,7 @@ async def held(page: Page, condition: Callable[[], object], **jog: Any) -> None:
         await page.send(arm="right", **jog)
         if condition():
             return
-        await asyncio.sleep(0.033)
+        await page.until("state")  # thirty times a second
     raise AssertionError("the condition did not come true")
 
 
@@ -345,6 +359,119 @@ def test_message_that_means_nothing_is_refused_and_changes_nothing(
     run(story, may_operate=True)
 
 
+def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    start = {side: home(side) for side in Side}
+    goal = (start[Side.RIGHT][0] + 0.2, *start[Side.RIGHT][1:])
+    points = tuple(
+        TrajectoryPoint(time, position, ZERO, ZERO) for time, position in ((0.0, start[Side.RIGHT]), (1.0, goal))
+    )
+
+    async def plan(self: object, surroundings: Surroundings, begin: Any, goals: Any) -> Plan:
+        assert [box.name for box in surroundings.boxes] == ["table"]
+        assert (begin, goals) == (start, {Side.RIGHT: goal})
+        return Plan(start, {Side.RIGHT: points}, 1.0, 0.5, 0.02)
+
+    monkeypatch.setattr(PlanningProcess, "plan", plan)
+    driver.robot.control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("state")
+            await page.send(type="plan", id=1, right={"j1": goal[0]})
+            assert (await page.until("failed"))["error"]["message"] == "Take control first."
+            await page.take_control()
+            await page.send(type="plan", id=2, right={"j1": goal[0]})
+            result = (await page.until("done"))["result"]
+            assert (result["duration"], result["clearance"]) == (1.0, 0.02)
+            assert [time for time, _ in result["arms"]["right"]] == [0.0, 1.0]
+            assert not driver.robot.control.commands
+            for _ in range(2):
+                await page.send(type="execute", id=3, plan=result["plan"])
+            assert "plan again" in (await page.until("failed"))["error"]["message"]
+            await eventually(lambda: driver.robot.control.commands)
+            await eventually(lambda: isinstance(driver.robot.control.commands[-1].message, FollowTrajectory))
+            await page.send(type="plan", id=4, right=[0.4, 0.0, 0.3], is_pose=True)
+            assert "A pose of the fingertips" in (await page.until("failed"))["error"]["message"]
+
+    run(story, may_operate=True)
+
+
+def test_plan_needs_to_know_where_both_arms_are(driver: FakeDriver) -> None:
+    driver.robot.control.snapshots[Side.LEFT] = Snapshot()
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="plan", id=2, right="home")
+            assert "Where the left arm is is not known" in (await page.until("failed"))["error"]["message"]
+
+    run(story, may_operate=True)
+
+
+def test_page_is_shown_boxes_and_the_parts_that_are_nearest(driver: FakeDriver) -> None:
+    folded = (-0.2, 0.5, -0.3, 0.4, 0.0, 0.3, 0.0)
+    at_box = replace(driver.robot.control.snapshots[Side.RIGHT], position=folded)
+    driver.robot.control.snapshots[Side.RIGHT] = at_box
+    expected = Distances(Surroundings(boxes=(BOX,))).nearest({Side.RIGHT: folded, Side.LEFT: home(Side.LEFT)})
+    assert expected is not None
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            view = await page.until("view", lambda view: not view["why_no_robot"])
+            assert view["surroundings"]["boxes"][0]["name"] == "table"
+            part, other, distance, *_ = (await page.until("state"))["nearest"]
+            assert (part, other, distance) == (expected.part, expected.other, pytest.approx(expected.distance))
+
+    run(story)
+
+
+def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            begin = time.monotonic()
+            await eventually(lambda: speeds_of(driver) == ZERO)  # whatever timeout the controller has
+            assert time.monotonic() - begin < 0.5
+
+    run(story, may_operate=True)
+
+
+def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            late = time.monotonic() - OLDEST_SEEN - 0.1  # as if what was sent had waited in a tunnel
+            await page.send(type="jog_joints", arm="right", hold=2, seen=late, speeds=[0.5] * 7)
+            assert "too slow" in (await page.until("jog_refused", lambda it: it["hold"] == 2))["error"]["message"]
+            await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
+            await eventually(lambda: speeds_of(driver) == ZERO)
+
+    run(story, may_operate=True)
+
+
+def test_next_page_gives_back_what_a_page_that_was_closed_has_jogged(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as other:
+            async with site.page() as page:
+                await page.take_control()
+                await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            await eventually(lambda: speeds_of(driver) == ZERO)
+            assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
+            await other.take_control()
+            await other.send(type="give_back")
+            await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+
+    run(story, may_operate=True)
+
+
 def test_page_that_shows_nothing_gets_no_more_states_and_loses_control(
     driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -385,11 +512,10 @@ def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDri
 
 
 def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
-
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
+            monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
             assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"]
             assert (await page.ask("stop_egm"))["type"] == "done"
 

@@ -117,6 +117,7 @@ _SLOWEST = 0.3
 _FASTEST_WEAK = 0.3  # [rad/s] so much may lead through a singularity
 _LEAD = (0.002, 0.002, 0.002, 0.02, 0.02, 0.02, 0.05)  # [m], [rad] a velocity takes the target no further ahead
 _UNMOVED = 1e-5  # [rad/s]
+_SMALL = 1e-4  # [s] a step over which a rate is taken
 _SLOWEST_PERIOD = 0.25  # [s] poses that come less often are goals of their own
 _PERIODS = 2.2  # without a pose for so many of its periods a stream has ended
 _LEARNING = 0.2  # weight of one interval in the learned period
@@ -188,12 +189,24 @@ class _Stream:
         time = now if isnan(goal.time) else goal.time
         if goal.is_twist:
             if not self._is_twist:
+                # A target's turn is counted in the frame of its anchor, a velocity is seen from the body.
                 self._is_twist = True
-                self._twist, self._changes = self._rates, [0.0] * JOINT_COUNT
+                x, y, z, *_, bend = self._rates
+                turn = [a + _SMALL * rate for a, rate in zip(self._target[3:6], self._rates[3:6], strict=True)]
+                w, i, j, k = self._pose.orientation
+                later = multiply(self._anchor, quaternion_of((turn[0], turn[1], turn[2])))
+                spin = [value / _SMALL for value in rotation_vector(multiply(later, (w, -i, -j, -k)))]
+                self._twist, self._changes = joints([x, y, z, *spin, bend]), [0.0] * JOINT_COUNT
             self._goal, self._given_at = goal, time
             return
         if self._is_twist:
             self._is_twist = False
+            x, y, z, roll, pitch, yaw, bend = self._twist
+            here = self._pose
+            turned = Pose(here.position, multiply(quaternion_of((roll, pitch, yaw), _SMALL), here.orientation))
+            target = self._numbers(turned, self._target[6])
+            rates = [(b - a) / _SMALL for a, b in zip(self._target[3:6], target[3:6], strict=True)]
+            self._rates = joints([x, y, z, *rates, bend])
             self._filter.begin(self._target, self._rates)
             self.predictor.rest_at(self._target)
         # A slow stream is one, too: its period says for how long it may be predicted.

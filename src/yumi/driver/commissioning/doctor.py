@@ -36,6 +36,13 @@ _DISPENSABLE = {
 _LOAD = "load the RAPID modules of this package: yumi install"
 _INSTALL = "yumi install"
 _DOMAINS = ("cfg", "rapid")
+_MOST_SESSIONS, _MANY_SESSIONS = 70, 50
+_ALL_GRANTS = "UAS_FULL_ACCESS"
+_NEEDED_GRANTS = {
+    "UAS_RAPID_EXECUTE": "start and stop programs",
+    "UAS_RAPID_CURRVALUE": "write RAPID data",
+    "UAS_IO_WRITE": "write signals",
+}
 _NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
 _WORST_LOSS = 0.001
 _WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
@@ -66,7 +73,7 @@ def examine_controller(
     checks = LaunchChecks(client, addresses)
     for side in Side:
         yield _checked(f"arm {side.unit}", "moved by this controller", partial(checks.check_unit, side))
-    for look in (_mode, _motors, _execution, _panel, _masterships, _tasks):
+    for look in (_mode, _motors, _execution, _panel, _masterships, _grants, _sessions, _tasks):
         yield from _guarded(partial(look, client))
     for side in Side:
         yield from _guarded(partial(_foreign_program, client, side))
@@ -136,7 +143,9 @@ def _mode(client: RwsClient) -> list[Finding]:
     mode = client.operating_mode()
     if mode is OperatingMode.AUTO:
         return [Finding("operating mode", Verdict.OK, mode.value)]
-    return [Finding("operating mode", Verdict.PROBLEM, mode.value, "turn it to AUTO on the FlexPendant")]
+    remedy = "turn it to AUTO on the FlexPendant"
+    found = f"{mode.value}: programs on a computer may change nothing, but with a privilege that a person grants (RMMP)"
+    return [Finding("operating mode", Verdict.PROBLEM, found, remedy)]
 
 
 def _motors(client: RwsClient) -> list[Finding]:
@@ -184,6 +193,25 @@ def _masterships(client: RwsClient) -> list[Finding]:
         )
         for domain, holder in held
     ]
+
+
+def _grants(client: RwsClient) -> list[Finding]:
+    """What the user may do; a controller that does not say it in ABB's words is not judged."""
+    grants = set(client.grants())
+    missing = [f"{name} ({what})" for name, what in _NEEDED_GRANTS.items() if name not in grants]
+    if not missing or _ALL_GRANTS in grants or not any(name.startswith("UAS_") for name in grants):
+        return [Finding("grants", Verdict.OK, f"the user has {len(grants)}")]
+    remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user"
+    return [Finding("grants", Verdict.PROBLEM, f"the user lacks {', '.join(missing)}", remedy)]
+
+
+def _sessions(client: RwsClient) -> list[Finding]:
+    """How many clients there are, as far as the controller shows them."""
+    used = len(client.users())
+    if used <= _MANY_SESSIONS:
+        return [Finding("sessions", Verdict.OK, f"{used} of {_MOST_SESSIONS} clients are known")]
+    remedy = "end programs that log in again and again without logging out; an idle session ends after 5 minutes"
+    return [Finding("sessions", Verdict.NOTE, f"{used} of {_MOST_SESSIONS} clients are logged in", remedy)]
 
 
 def _tasks(client: RwsClient) -> list[Finding]:

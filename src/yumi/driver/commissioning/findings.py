@@ -86,6 +86,10 @@ _BACKGROUND = {
     "motion data": ("EGM is set up with it", f"{_CONFIGURATION}, Motion, External Motion Interface Data"),
     "restart": ("a changed configuration acts after a restart", "Restart"),
     "clock": ("events of both sides are found by their times", "Control Panel, Date and Time"),
+    "grants": (
+        "a user may do what the controller's administrator has granted",
+        "Control Panel, Controller Settings, Users (RobotStudio)",
+    ),
     "sessions": ("a controller has 70 sessions; one that is left idle ends after five minutes", ""),
     "UDP port": ("one program can listen at a port", ""),
     "firewall": ("a firewall that drops EGM is the most frequent fault of a new set-up", ""),

@@ -12,7 +12,7 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime
 from importlib.resources import files
 from math import isclose
@@ -20,12 +20,20 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
-from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
+from yumi.driver.commissioning.modules import (
+    GRIPPER_MODULE,
+    OWN_MODULE,
+    delivered_modules,
+    essence,
+    foreign_mains,
+    has_main,
+)
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
-from yumi.rws.client import OnProgress, RwsClient
+from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
+from yumi.rws.services.requests import OnProgress
 from yumi.rws.types import Code, ExecutionState, OperatingMode
 
 FOLDER = "HOME:/yumi/"
@@ -85,7 +93,7 @@ class Contents:
         """The same things, none of them there."""
         return Contents(dict.fromkeys(self.files), dict.fromkeys(self.cfg), dict.fromkeys(self.modules))
 
-    def over(self, other: Contents) -> Contents:
+    def completed_from(self, other: Contents) -> Contents:
         """This, and what only the other has."""
         return Contents({**other.files, **self.files}, {**other.cfg, **self.cfg}, {**other.modules, **self.modules})
 
@@ -217,7 +225,7 @@ def _with_own_routines(present: Contents, wanted: Contents) -> Contents:
         return wanted
     text = present.files.get(file) or next(filter(None, map(present.modules.get, modules)), None) or wanted.files[file]
     own = Contents({file: text}, modules={key: present.modules.get(key) or text for key in modules})
-    return own.over(wanted)
+    return own.completed_from(wanted)
 
 
 def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[str]]:
@@ -238,9 +246,9 @@ def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[s
     for module, text in before.modules.items():
         now = present.modules.get(module)
         if now is not None and module.name.lower() not in names and not _is_same_module(now, text):
-            kept = Contents(modules={module: now}).over(kept)
+            kept = Contents(modules={module: now}).completed_from(kept)
             notes.append(f"{module.name} in {module.task} was loaded since: it stays as it is")
-    return kept.over(before), notes
+    return kept.completed_from(before), notes
 
 
 def _own(contents: Contents) -> tuple[str, list[ModuleKey]]:
@@ -339,7 +347,7 @@ class Plan:
         changes: line by line; empty when all is there.
         wanted: what will be there.
         present: what is there of it now.
-        obstacles: why it cannot be done now, each with what to do; empty when it can.
+        refusals: why it cannot be done now, each with what to do; empty when it can.
         notes: what is worth knowing.
         is_restart_due: whether the controller has not restarted since an earlier change of its configuration.
     """
@@ -347,7 +355,7 @@ class Plan:
     changes: tuple[Change, ...]
     wanted: Contents
     present: Contents
-    obstacles: tuple[str, ...] = ()
+    refusals: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     is_restart_due: bool = False
 
@@ -393,7 +401,7 @@ class Installation:
         add_in = _add_in_of(system)
         has_grippers = GRIPPER_PRODUCT in system.options
         wanted = delivered(addresses, has_grippers=has_grippers, has_add_in=add_in is not None)
-        obstacles = [*self._unsuitable(system), *self._busy()]
+        refusals = [*self._unsuitable(system), *self._busy()]
         notes = []
         if add_in is not None:
             notes.append(
@@ -402,37 +410,33 @@ class Installation:
             )
         if not has_grippers:
             notes.append(f"the product {GRIPPER_PRODUCT!r} is missing: {GRIPPER_MODULE} is left out, which needs it")
-        if add_in is None:
-            for module, text in self._foreign_mains():
-                if replaces_main:
-                    wanted = replace(wanted, modules={**wanted.modules, module: None})
-                    notes.append(f"{module.name} in {module.task} has a main of its own; it is unloaded, and kept")
-                else:
-                    lines = len(text.splitlines())
-                    obstacles.append(
-                        f"{module.task} has a program of its own: its module {module.name} ({lines} lines) has a main, "
-                        "and a task can have only one; save it and remove it (FlexPendant: Program Editor, Tasks and "
-                        "Programs, Show Modules, File, Delete Module), or say --replace-main: it comes back with "
-                        "--roll-back"
-                    )
+        for removal, found, remedy in self._foreign_mains(wanted) if add_in is None else ():
+            if replaces_main:
+                wanted = removal.completed_from(wanted)
+                notes.append(f"{found}: it goes, and comes back with --roll-back")
+            else:
+                refusals.append(
+                    f"{found}, and a task can have only one; {remedy}, or say --replace-main: it comes back with "
+                    "--roll-back"
+                )
         present = self.read(wanted)
         wanted = _with_own_routines(present, wanted)
         for key, attributes in wanted.cfg.items():
             now = present.cfg.get(key)
             for name in ("SignalType", "Type", "Device"):
                 if attributes and now and now.get(name, "") != attributes.get(name, ""):
-                    obstacles.append(
+                    refusals.append(
                         f"{key.domain} {key.type} has another {key.name}, with {name} {now.get(name, '')!r} instead of "
                         f"{attributes.get(name, '')!r}; rename it (FlexPendant: Control Panel, Configuration), as "
                         "its name is needed"
                     )
-        return self._plan(present, wanted, obstacles, notes)
+        return self._plan(present, wanted, refusals, notes)
 
-    def _plan(self, present: Contents, wanted: Contents, obstacles: Iterable[str], notes: Iterable[str]) -> Plan:
+    def _plan(self, present: Contents, wanted: Contents, refusals: Iterable[str], notes: Iterable[str]) -> Plan:
         is_due = self._record.is_restart_due
         if is_due:
             notes = (*notes, "the controller has not restarted since its configuration was changed: it does now")
-        return Plan(differences(present, wanted), wanted, present, tuple(obstacles), tuple(notes), is_due)
+        return Plan(differences(present, wanted), wanted, present, tuple(refusals), tuple(notes), is_due)
 
     def plan_roll_back(self) -> Plan:
         """How everything becomes as the record says.
@@ -440,15 +444,12 @@ class Installation:
         Raises:
             CommandRefused: this machine has no record.
         """
-        before = self._recorded()
+        before = self._record.before
+        if before is None:
+            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
         present = self.read(before)
         wanted, notes = _without_loss(present, before)
         return self._plan(present, wanted, self._busy(), notes)
-
-    def _recorded(self) -> Contents:
-        if self._record.before is None:
-            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
-        return self._record.before
 
     def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
         """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
@@ -456,11 +457,11 @@ class Installation:
             return self.plan_roll_back()
         add_in = _add_in_of(system)
         if add_in is not None:
-            obstacle = (
+            refusal = (
                 f"ABB's Add-In {add_in!r} is on the controller, and this machine has no record of an installation: "
                 "what has the names of this package is the Add-In's; remove it from the computer that installed"
             )
-            return Plan((), Contents(), Contents(), (obstacle, *self._busy()))
+            return Plan((), Contents(), Contents(), (refusal, *self._busy()))
         ours = delivered(addresses)
         present = self.read(ours.absent())
         wanted, kept = _without_loss(present, ours.absent())
@@ -491,10 +492,35 @@ class Installation:
         if self._client.execution() is ExecutionState.RUNNING:
             yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
 
-    def _foreign_mains(self) -> Iterator[tuple[ModuleKey, str]]:
+    def _foreign_mains(self, wanted: Contents) -> Iterator[tuple[Contents, str, str]]:
+        """What has a ``main`` and is not of this package: its removal, what it is, and how it is removed by hand."""
         for side in Side:
             for name, text in foreign_mains(self._client, side):
-                yield ModuleKey(side.task, name), text
+                found = f"its module {name} ({len(text.splitlines())} lines) has a main"
+                yield (
+                    Contents(modules={ModuleKey(side.task, name): None}),
+                    f"{side.task} has a program of its own: {found}",
+                    "save it and remove it (FlexPendant: Program Editor, Tasks and Programs, Show Modules, File, "
+                    "Delete Module)",
+                )
+        tasks = {side.task.lower() for side in Side}
+        for name, (_, attributes) in self._instances("SYS", "CAB_TASK_MODULES").items():
+            key = CfgKey("SYS", "CAB_TASK_MODULES", name)
+            task = (attributes or {}).get("Task", "").lower()
+            if key in wanted.cfg or (task and task not in tasks):
+                continue
+            try:
+                text = self._client.download(name)
+            except ControllerRefused as error:
+                if error.status not in _NOT_FOUND:
+                    raise
+                continue  # what is not there is not loaded
+            if has_main(text):
+                yield (
+                    Contents(cfg={key: None}),
+                    f"the configuration loads {name} at each start, which has a main",
+                    "remove it (FlexPendant: Control Panel, Configuration, Controller, Automatic Loading of Modules)",
+                )
 
     def read(self, wanted: Contents) -> Contents:
         """What is there of all that is named in ``wanted``."""
@@ -544,11 +570,11 @@ class Installation:
         """Carry out a plan; afterwards everything that is wanted is there, as was read back.
 
         Raises:
-            RobotNotReady: there are obstacles, or what was read back is not what is wanted.
-            YumiError: the controller refused a step, or it is gone; ``roll_back`` is possible then.
+            RobotNotReady: the plan has refusals, or what was read back is not what is wanted.
+            YumiError: the controller refused a step, or it is gone; ``undo`` is possible then.
         """
-        for obstacle in (*plan.obstacles, *self._busy()):  # it may have been started since the plan was made
-            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        for refusal in (*plan.refusals, *self._busy()):  # it may have been started since the plan was made
+            raise RobotNotReady(f"Nothing was changed: {refusal}.")
         if plan.is_empty:
             return
         if makes_backup and plan.changes:
@@ -585,46 +611,33 @@ class Installation:
 
         A program of another that is there now is as its owner wants it, whatever an earlier record has of it.
         """
-        present, known = self.read(wanted), self._record.before
-        if known is not None:
+        present, recorded = self.read(wanted), self._record.before
+        if recorded is not None:
             others = {key: text for key, text in present.modules.items() if text and wanted.modules[key] is None}
-            present = Contents(modules=others).over(known.over(present))
+            present = Contents(modules=others).completed_from(recorded.completed_from(present))
         self._record.before = present
         self._record.save()
 
     def _refuse_if_busy(self) -> None:
-        for obstacle in self._busy():
-            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
+        for refusal in self._busy():
+            raise RobotNotReady(f"Nothing was changed: {refusal}.")
 
-    def roll_back(self) -> None:
-        """Make everything as it was before the first installation, from wherever that has been interrupted.
+    def undo(self, plan: Plan) -> None:
+        """Carry out a plan of ``plan_roll_back`` or ``plan_removal``, from wherever an earlier one was interrupted.
 
         Raises:
-            CommandRefused: this machine has no record.
-            RobotNotReady: a program runs, the mode is wrong, or what was read back is not what was there.
+            RobotNotReady: the plan has refusals, a program runs, or what was read back is not what was wanted.
         """
-        before = self._recorded()
-        self._refuse_if_busy()
-        wanted, _ = _without_loss(self.read(before), before)
+        for refusal in (*plan.refusals, *self._busy()):
+            raise RobotNotReady(f"Nothing was changed: {refusal}.")
+        if self._record.before is None:
+            if not plan.changes:
+                return
+            self._record.before = plan.wanted  # so that one that is interrupted goes on
+            self._record.save()
+        before = self._record.before
+        wanted, _ = _without_loss(self.read(before), before)  # which may have changed since the plan was made
         self._apply(wanted)
-        self._record.close()
-
-    def remove(self, plan: Plan) -> None:
-        """Carry out a plan of removal.
-
-        Raises:
-            RobotNotReady: there are obstacles, or what was read back is not what is wanted.
-        """
-        if self._record.before is not None:
-            self.roll_back()
-            return
-        for obstacle in (*plan.obstacles, *self._busy()):
-            raise RobotNotReady(f"Nothing was changed: {obstacle}.")
-        if not plan.changes:
-            return
-        self._record.before = plan.wanted  # so that one that is interrupted goes on removing
-        self._record.save()
-        self._apply(plan.wanted)
         self._record.close()
 
     def _apply(self, wanted: Contents) -> None:
@@ -637,8 +650,8 @@ class Installation:
                 self._client.unload_module(module.task, module.name)
         self._apply_cfg(present, wanted)
         if self._record.is_restart_due:
-            for obstacle in self._busy():  # a user may have begun to work with it
-                raise RobotNotReady(f"The controller was not restarted, which is due: {obstacle}; then go on.")
+            for refusal in self._busy():  # a user may have begun to work with it
+                raise RobotNotReady(f"The controller was not restarted, which is due: {refusal}; then go on.")
             self._client.wait_for_restart(self._report)
             self._record.is_restart_due = False
             self._record.save()

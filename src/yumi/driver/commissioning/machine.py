@@ -26,6 +26,8 @@ _CLOSES = re.compile(r"hook input[^}]*policy drop|-P INPUT DROP|\breject\b|-j (?
 _MTU = 576
 """The smallest one of IPv4; a datagram of EGM has a few hundred bytes, so that it is never cut with this."""
 
+_DISCOVERY = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
+_DISCOVERY_REMEDY = "set it to LOCALHOST, or to SUBNET for several machines, or unset it"
 _LAST_DOMAIN = 232
 _SAFE_DOMAIN = 101
 """Above this, ports of ROS 2 lie where Linux takes those of outgoing connections."""
@@ -149,8 +151,18 @@ def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:
         found = f"ROS_DOMAIN_ID is {text}: its ports may be taken by outgoing connections"
         yield Finding("ROS domain", Verdict.NOTE, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
     else:
-        found = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "as the driver sets it")
-        yield Finding("ROS domain", Verdict.OK, f"{text}, discovery range {found}")
+        yield Finding("ROS domain", Verdict.OK, text)
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    if environment.get("ROS_LOCALHOST_ONLY") and reach:
+        found = f"ROS_LOCALHOST_ONLY, which is set too, overrules ROS_AUTOMATIC_DISCOVERY_RANGE={reach}"
+        yield Finding("ROS discovery", Verdict.NOTE, found, "unset ROS_LOCALHOST_ONLY")
+    elif reach.upper() == "OFF":
+        yield Finding("ROS discovery", Verdict.NOTE, "OFF: no other program finds the driver", _DISCOVERY_REMEDY)
+    elif reach and reach.upper() not in _DISCOVERY:
+        found = f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, which means SUBNET: all machines of the network find it"
+        yield Finding("ROS discovery", Verdict.PROBLEM, found, _DISCOVERY_REMEDY)
+    else:
+        yield Finding("ROS discovery", Verdict.OK, reach or "as the driver sets it")
 
 
 def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:

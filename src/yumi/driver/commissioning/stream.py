@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
@@ -15,7 +16,8 @@ from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Joints, Side
-from yumi.rws.client import OnProgress, RwsClient
+from yumi.rws.client import RwsClient
+from yumi.rws.services.requests import OnProgress
 
 START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
 
@@ -102,7 +104,7 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
     """Position streams of both arms for the time of the block; afterwards motors and program are on or off as before.
 
     Where no program runs, the motors go on and the program starts at main, with its variables as they begin; its
-    pointers stay where it stops. The arms do not move.
+    pointers stay where it stops. Other tasks of the user are not started. The arms do not move.
 
     Raises:
         RobotNotReady: a task has another program than the state machine, and nothing was switched; or the mode, a stop
@@ -123,6 +125,12 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
                 on_progress("motors on")
                 undo.callback(quietly, panel.switch_motors_off)
                 panel.switch_motors_on()
+            # All tasks that the task panel selects would start, so only ours stay selected for that time.
+            for task in client.tasks():
+                if task.is_active and task.starts_by_hand and task.name not in {side.task for side in Side}:
+                    on_progress(f"task {task.name} is switched off meanwhile")
+                    undo.callback(quietly, partial(client.select_task, task.name, True))
+                    client.select_task(task.name, False)
             on_progress("program pointers to main, start the program")
             panel.move_pp_to_main()
             undo.callback(quietly, panel.stop_rapid)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +14,9 @@ from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntime
 from yumi.rapid.interrupts import ChangeOrder, SignalOrder
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.parser import parse_module
-from yumi.rapid.types import ABSENT, Part, Variable
+from yumi.rapid.program import EventKind
+from yumi.rapid.task import CyclicBool, StackEntry, Task
+from yumi.rapid.types import ABSENT, Part, Reference, Variable
 
 EXECUTION = Library(CONSTANTS)
 
@@ -103,6 +106,74 @@ for _name, _type in (("ISignalAI", "signalai"), ("ISignalAO", "signalao")):
     )(_order_analog)
 
 
+# Flags that follow conditions -------------------------------------------------------------------------------------
+
+MOST_CYCLIC_BOOLS = 60
+CYCLE_OF_BOOLS = 0.012  # [s]
+
+
+def _flag(call: Call) -> tuple[str, Reference]:
+    reference = call.reference("Flag")
+    if not isinstance(reference, Variable):
+        raise RapidRuntimeError("ERR_ARGNOTPER", f"{call.name} takes a whole persistent, not a part of one.")
+    return reference.name.lower(), reference
+
+
+@EXECUTION.instruction("SetupCyclicBool", "PERS bool Flag, bool Cond")
+def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
+    """Let a persistent have the value of a condition from now on, which the compiler passes to what is returned."""
+    task, (name, flag) = call.task, _flag(call)
+    if name not in task.cyclic_bools and len(task.cyclic_bools) >= MOST_CYCLIC_BOOLS:
+        raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
+
+    def setup(condition: Callable[[], bool]) -> None:
+        is_first = not task.cyclic_bools
+        task.cyclic_bools[name] = CyclicBool(flag, condition)
+        if is_first:
+            task.timers.add(task.now, lambda: _update_flags(task))
+
+    return setup
+
+
+def _update_flags(task: Task) -> None:
+    for each in task.cyclic_bools.values():
+        if (value := each.condition()) != each.flag.value:
+            each.flag.value = value
+    if task.cyclic_bools:
+        task.timers.add(task.now + CYCLE_OF_BOOLS, lambda: _update_flags(task))
+
+
+@EXECUTION.instruction("RemoveCyclicBool", "PERS bool Flag")
+def leave_condition(call: Call) -> None:
+    call.task.cyclic_bools.pop(_flag(call)[0], None)
+
+
+@EXECUTION.instruction("RemoveAllCyclicBool", r"\switch AllTasks")
+def leave_conditions(call: Call) -> None:
+    tasks = call.task.host.devices.tasks().values() if call.present("AllTasks") else [call.task]
+    for task in tasks:
+        task.cyclic_bools.clear()
+
+
+@EXECUTION.function("IsCyclicBool", "PERS bool Flag", "bool")
+def follows_condition(call: Call) -> bool:
+    return _flag(call)[0] in call.task.cyclic_bools
+
+
+@EXECUTION.function("GetNextCyclicBool", "INOUT num ListNumber, INOUT string Name", "bool")
+def next_flag(call: Call) -> bool:
+    """The name of the flag at the list number, which begins with 0 and moves on; FALSE behind the last one."""
+    index, flags = int(call["ListNumber"]), list(call.task.cyclic_bools.values())
+    if not 0 <= index < len(flags):
+        return False
+    call["ListNumber"], call["Name"] = index + 1, flags[index].flag.name
+    return True
+
+
+EXECUTION.function("GetNumberOfCyclicBool", "", "num")(lambda call: len(call.task.cyclic_bools))
+EXECUTION.formula("GetMaxNumberOfCyclicBool", "", "num", lambda: MOST_CYCLIC_BOOLS)
+
+
 # Where execution is -----------------------------------------------------------------------------------------------
 
 
@@ -152,6 +223,62 @@ def argument_name(call: Call) -> str:
     if reference is ABSENT:
         raise RapidRuntimeError("ERR_ARGNAME", "ArgName is given a parameter that is not present.")
     return reference.name
+
+
+@EXECUTION.instruction("Break")
+def break_execution(call: Call) -> None:
+    """Stop the program at once, for debugging; it goes on with the next instruction."""
+    call.task.stopped_by_program(EventKind.STOP)
+
+
+@EXECUTION.function("IsStopStateEvent", r"\switch PPMoved | \switch PPToMain", "bool")
+def was_pointer_moved(call: Call) -> bool:
+    """Whether the program pointer was moved before the program was started the last time."""
+    where = call.task.stop_event
+    return where == "main" if call.present("PPToMain") else bool(where)
+
+
+MOST_RECORDED = 10_000  # instructions
+
+
+@EXECUTION.instruction("SpyStart", "string File")
+def record_execution(call: Call) -> None:
+    """Record each instruction of the task with the time it begins and ends [ms], for SpyStop to write."""
+    task, start, lines = call.task, call.task.now, ["TASK INSTR IN CODE OUT"]
+    begun: list[tuple[str, int]] = []
+    path = call["File"]
+
+    def now_ms() -> int:
+        return round((task.now - start) * 1e3)
+
+    def finish() -> None:
+        if begun and len(lines) <= MOST_RECORDED:
+            text, at = begun.pop()
+            lines.append(f"{task.name}: {text} {at} READY {now_ms()}")
+
+    def watch(entry: StackEntry) -> None:
+        finish()
+        text = task.program.modules[entry.module.lower()].syntax.text.splitlines()
+        begun[:] = [(text[entry.line - 1].strip() if entry.line <= len(text) else "", now_ms())]
+
+    def write() -> None:
+        finish()
+        try:
+            task.host.devices.disk.write(path, "\n".join([*lines, ""]).encode("latin-1", "replace"))
+        except OSError as error:
+            raise RapidRuntimeError("ERR_FILEOPEN", f"SpyStop: '{path}' cannot be written: {error}") from error
+
+    task.spy, task.end_of_spy = watch, write
+    task.watch_statements()
+
+
+@EXECUTION.instruction("SpyStop")
+def end_recording(call: Call) -> None:
+    task = call.task
+    if task.spy is not None:
+        task.spy = None
+        task.watch_statements()
+        task.end_of_spy()
 
 
 # Modules ----------------------------------------------------------------------------------------------------------

@@ -121,13 +121,12 @@ _ERRORS: tuple[tuple[type[OSError], str], ...] = (
 
 
 @contextmanager
-def _disk_errors(call: Call, missing: str = "ERR_FILEACC") -> Iterator[Disk]:
+def _disk_errors(call: Call) -> Iterator[Disk]:
     """The disk; what it refuses becomes RAPID's error."""
     try:
         yield call.task.host.devices.disk
     except OSError as error:
         name = next(name for kind, name in _ERRORS if isinstance(error, kind))
-        name = missing if isinstance(error, FileNotFoundError) else name
         raise RapidRuntimeError(name, f"{call.name}: {error}") from error
 
 

@@ -12,17 +12,15 @@ from yumi.rapid.library import Library
 OPTIONS = Library(CONSTANTS)
 
 OPTIONS.record("sensor", {"id": "num", "error": "num", "state": "sensorstate"})
-OPTIONS.alias("testsignal", "num")
 
 # The FlexPendant, diagnostics, brakes.
 for _name, _signature in (
     ("TPShow", "tpnum Window"),
-    ("SpyStart", "string File"),
-    ("SpyStop", ""),
+    ("ActEventBuffer", ""),
+    ("DeactEventBuffer", ""),
     ("BrakeCheck", ""),
     ("CyclicBrakeCheck", ""),
     ("ResetPPMoved", ""),
-    ("TestSignReset", ""),
     ("ResetTorqueMargin", ""),
     ("HollowWristReset", ""),
 ):

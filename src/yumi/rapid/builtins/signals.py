@@ -137,7 +137,7 @@ def _wait_for_level(call: Call) -> Wait:
         while not relation(_level(call), value):
             if call.task.now >= deadline.time and call.get("ValueAtTimeout") is not None:
                 call["ValueAtTimeout"] = _level(call)
-            if deadline.is_over():
+            if deadline.expire():
                 return
             yield deadline.due
         deadline.met()

@@ -21,11 +21,14 @@ from yumi.virtual.controller.signals import Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
+from yumi.virtual.instructions.calibration import add_calibration
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
+from yumi.virtual.instructions.measurements import add_measurements
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
 from yumi.virtual.instructions.motion_settings import add_motion_settings
+from yumi.virtual.instructions.recorder import add_recorder
 from yumi.virtual.instructions.system import add_system
 from yumi.virtual.instructions.triggers import add_triggers
 from yumi.virtual.instructions.world_zones import add_world_zones
@@ -126,6 +129,7 @@ class Irc5:
         self.units: tuple[MechanicalUnit, ...] = system.robot.units
         self.events = EventLog(lambda: self.time)
         self.signals = Signals.configured(configuration, self._signal_changed)
+        self._report_rejected_signals()
         self._system = system
         self.configuration = configuration
         self.effective = Configuration()
@@ -133,8 +137,10 @@ class Irc5:
         self.installed = Configuration()
         self.installed.become(configuration)
         self._arms = {unit.side: unit for unit in arms}
+        for unit in arms:
+            unit.led = self.motion.lead_through
         self._stationary = self._outputs_of_standstill()
-        self._gripper_signals: dict[Side, dict[str, int]] = {}
+        self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
         self.execution = RapidExecution(
@@ -396,7 +402,7 @@ class Irc5:
         for signal, unit in self._stationary:
             self.signals.drive(signal, float(unit.arm.is_stationary))
         for unit in self._arms.values():
-            unit.watch_zones()
+            unit.observe()
             if unit.zone_fault:
                 self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
                 self.execution.stop(unit.zone_fault)
@@ -420,11 +426,16 @@ class Irc5:
             else:
                 self._switch_motors_off(state, failure.sentence)
 
+    def _report_rejected_signals(self) -> None:
+        for sentence in self.signals.rejected:
+            self.events.append(80001, "Cross connection rejected", sentence, EventType.ERROR)
+
     def _use_configuration(self) -> None:
         """Start with the system parameters as they are: signals, EGM's devices, modules that are listed newly."""
         self.started_at = self.time
         self.effective.become(self.configuration)
         self.signals.configure(self.effective)
+        self._report_rejected_signals()
         self._stationary = self._outputs_of_standstill()
         if self._discards_programs:
             for task in self.tasks.values():
@@ -546,6 +557,9 @@ def robot_library(
     add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)
+    add_measurements(library, unit)
+    add_calibration(library, motion)
+    add_recorder(library, motion)
     if not is_motion_task:
         forbid_motion(library)
     elif unit.arm.kinematics.is_of_yumi:

@@ -466,6 +466,8 @@ class EgmClient:
     def _datagram(self, session: EgmSession) -> bytes:
         """The next datagram of the session (reference/egm.md §3)."""
         arm, options = self._arm, self._options
+        measured, planned = arm.position, arm.planned
+        measured_pose = self._tool_pose(measured)
         now = CLOCK_START + self._cycles * options.cycle_time
         measured_time = now - FEEDBACK_AGE
         utilization = 0.0 if arm.egm is None else arm.egm.utilization
@@ -474,10 +476,10 @@ class EgmClient:
         message = RobotMessage(
             seqno=seqno,
             sent_ms=int(now * 1000.0) % 2**32,
-            measured=arm.position,
-            planned=arm.planned,
-            measured_pose=self._tool_pose(arm.position),
-            planned_pose=self._tool_pose(arm.planned),
+            measured=measured,
+            planned=planned,
+            measured_pose=measured_pose,
+            planned_pose=measured_pose if planned == measured else self._tool_pose(planned),
             measured_time=measured_time,
             planned_time=measured_time + arm.reaction_time,
             motors=MotorState.ON if arm.motors_on else MotorState.OFF,

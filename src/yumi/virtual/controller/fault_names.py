@@ -141,6 +141,11 @@ class Fault(Enum):
     MANUAL_MODE = FaultKind("manual-mode", "the key is turned to manual reduced speed")
     AUTO_MODE = FaultKind("auto-mode", "the key is turned to AUTO and confirmed")
     COLLISION = _of_arm("collision", "an arm collides: motion supervision stops the program")
+    ARM_PUSHED = _of_arm(
+        "arm-pushed",
+        "someone pushes an arm's elbow aside and lets go",
+        Amount("degrees", 5.0, -20.0, 20.0),
+    )
     PROGRAM_STOP = FaultKind("program-stop", "Stop is pressed on the FlexPendant")
     WRONG_PROGRAM = FaultKind("wrong-program", "another RAPID program is loaded into both tasks")
     RIGHT_PROGRAM = FaultKind("right-program", "the RAPID program of the configuration is loaded again")

@@ -199,6 +199,45 @@ def _check(key: tuple[str, str], attributes: Mapping[str, Value]) -> None:
         ) from None
 
 
+@dataclass(frozen=True, slots=True)
+class CrossConnection:
+    """A signal that follows up to five others (EIO_CROSS); AND comes before OR.
+
+    Attributes:
+        resultant: name of the signal that follows.
+        terms: of which one has to be fulfilled: in each, all signals with whether they are inverted.
+    """
+
+    resultant: str
+    terms: tuple[tuple[tuple[str, bool], ...], ...]
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, Value]) -> CrossConnection:
+        """From system parameters."""
+        terms: list[list[tuple[str, bool]]] = [[]]
+        for number in range(1, _MOST_ACTORS + 1):
+            if name := attributes.get(f"Act{number}", ""):
+                terms[-1].append((name, f"Act{number}_invert" in attributes))
+            if attributes.get(f"Oper{number}", "").upper() == "OR":
+                terms.append([])
+        return cls(attributes["Res"], tuple(tuple(term) for term in terms if term))
+
+    @property
+    def actors(self) -> frozenset[str]:
+        """The names of the signals that it follows, in lower case."""
+        return frozenset(name.lower() for term in self.terms for name, _ in term)
+
+    def value(self, read: Callable[[str], float]) -> float:
+        """The resultant's value; of a single signal its own, so that groups may be connected."""
+        if len(self.terms) == 1 and len(self.terms[0]) == 1:
+            ((name, inverted),) = self.terms[0]
+            return float(not read(name)) if inverted else read(name)
+        return float(any(all(bool(read(name)) is not inverted for name, inverted in term) for term in self.terms))
+
+
+_MOST_ACTORS = 5
+_DEEPEST_CROSS = 20  # connections that lead from one signal to the next, as on a controller
+
 OnChange = Callable[[str, float, float], None]
 """Called with name, old and new value, before the write returns."""
 
@@ -239,11 +278,15 @@ class Signals:
     Attributes:
         disabled: devices that have been disabled.
         stopped: networks that have been stopped.
+        rejected: why cross connections of the configuration do nothing.
     """
 
     def __init__(self, signals: Iterable[Signal], on_change: OnChange) -> None:
         self._signals = {signal.name.lower(): signal for signal in signals}
         self._on_change = on_change
+        self._crosses: dict[str, list[CrossConnection]] = {}  # by actor
+        self._depth = 0
+        self.rejected: list[str] = []
         self.disabled: set[str] = set()
         self.stopped: set[str] = set()
         self._defaults = {signal.name: signal.value for signal in self._signals.values()}
@@ -274,6 +317,22 @@ class Signals:
                 device=attributes["Device"],
                 network=networks.get(attributes["Device"], ""),
             )
+        self._crosses, self.rejected = {}, []
+        crosses = []
+        for cross in (CrossConnection.of(each.attributes) for each in configuration.instances("EIO", "EIO_CROSS")):
+            unknown = [name for name in (cross.resultant, *sorted(cross.actors)) if not self.has(name)]
+            if unknown:
+                self.rejected.append(
+                    f"The cross connection of {cross.resultant} names {unknown[0]}, which is no signal."
+                )
+                continue
+            crosses.append(cross)
+            for actor in cross.actors:
+                self._crosses.setdefault(actor, []).append(cross)
+        for cross in crosses * min(len(crosses), _DEEPEST_CROSS):  # at the start nothing is announced
+            resultant = self.get(cross.resultant)
+            value = cross.value(lambda name: self.get(name).value)
+            self._signals[resultant.name.lower()] = replace(resultant, value=value)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -346,6 +405,18 @@ class Signals:
         elif value != signal.value:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
+            for cross in self._crosses.get(signal.name.lower(), ()):
+                self._follow(cross)
+
+    def _follow(self, cross: CrossConnection) -> None:
+        """Give a signal that is cross-connected its value; a circle of them ends after some rounds."""
+        if self._depth >= _DEEPEST_CROSS:
+            return
+        self._depth += 1
+        try:
+            self.drive(cross.resultant, cross.value(lambda name: self.get(name).value))
+        finally:
+            self._depth -= 1
 
     def has(self, name: str) -> bool:
         """Whether there is a signal of that name."""

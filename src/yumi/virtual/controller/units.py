@@ -7,7 +7,7 @@ gripper, as its RAPID task sees it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -199,6 +199,10 @@ class ArmUnit:
         zones: the world zones that are watched.
         zone_fault: why a world zone stops the arm; empty when none does.
         synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
+        suspended_tasks: the same while synchronization is suspended (SyncMoveSuspend).
+        path_level: 2 between StorePath and RestoPath, otherwise 1.
+        led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
+        observers: called in each cycle, such as those of test signals, by what they are for.
     """
 
     arm: VirtualArm
@@ -213,6 +217,10 @@ class ArmUnit:
     zones: list[WorldZone] = field(default_factory=list)
     zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
+    suspended_tasks: tuple[str, ...] = ()
+    path_level: int = 1
+    led: set[str] = field(default_factory=set)
+    observers: dict[str, Callable[[], None]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.unit
@@ -221,7 +229,7 @@ class ArmUnit:
         """The program begins at main: its motion settings are the default ones, and what was planned is forgotten."""
         self.settings = MotionSettings()
         self.zones.clear()
-        self.synchronized_tasks = ()
+        self.synchronized_tasks = self.suspended_tasks = ()
         path = self.arm.path
         path.holds.clear()
         path.acceleration = Acceleration()
@@ -235,8 +243,10 @@ class ArmUnit:
         """Name of the mechanical unit that the task moves."""
         return self.arm.unit
 
-    def watch_zones(self) -> None:
-        """Compare where the tool of the last motion is with the world zones."""
+    def observe(self) -> None:
+        """Follow the arm in each cycle: what measures it, and whether its tool is in a world zone."""
+        for observer in list(self.observers.values()) if self.observers else ():
+            observer()
         if not self.zones:
             return
         planned = self.arm.planned

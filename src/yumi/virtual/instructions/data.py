@@ -23,6 +23,40 @@ from yumi.virtual.mechanics.motion import StopMode
 _FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 
 
+# What a program has set for its motions, and what TriggStopProc stores at a stop.
+_SETTINGS: dict[str, dict[str, str]] = {
+    "veldata": dict.fromkeys(("oride", "max"), "num"),
+    "accdata": dict.fromkeys(("acc", "ramp", "finepramp"), "num"),
+    "singdata": dict.fromkeys(("wrist", "lockaxis4", "base"), "bool"),
+    "confsupdata": {"jsup": "bool", "lsup": "bool", "ax1": "num", "ax4": "num", "ax6": "num"},
+    "motsetdata": {
+        "vel": "veldata",
+        "acc": "accdata",
+        "sing": "singdata",
+        "conf": "confsupdata",
+        "pathresol": "num",
+        "motionsup": "bool",
+        "tunevalue": "num",
+        "acclim": "bool",
+        "accmax": "num",
+        "decellim": "bool",
+        "decelmax": "num",
+        "cirpathreori": "num",
+        "worldacclim": "bool",
+        "worldaccmax": "num",
+        "evtbufferact": "bool",
+    },
+    "progdisp": {"pdisp": "pose", "eoffs": "extjoint"},
+    "restartdata": {
+        "restartstop": "bool",
+        "stoponpath": "bool",
+        **dict.fromkeys(("predo1val", "postdo1val"), "dionum"),
+        **{f"{when}go{number}val": "num" for number in range(1, 5) for when in ("pre", "post")},
+        **dict.fromkeys(("preshadowval", "shadowflanks", "postshadowval"), "dionum"),
+    },
+}
+
+
 @dataclass(eq=False, slots=True)
 class EgmIdentity:
     """What an egmident stands for; the arm unit keeps the names of the variables that are reserved."""
@@ -42,6 +76,8 @@ def add_data(library: Library, own_unit: str, units: Sequence[MechanicalUnit]) -
         library.alias(name, "num")
     library.record("egm_minmax", {"min": "num", "max": "num"})
     library.record("tasks", {"taskname": "string"})
+    for name, components in _SETTINGS.items():
+        library.record(name, components)
     for state in EgmState:
         library.data(f"EGM_STATE_{state.name}", "egmstate", float(state))
     for mode in StopMode:

@@ -1,10 +1,11 @@
-"""The Smart Gripper's RAPID instructions of one arm, ``g_...`` (reference/statemachine.md §5)."""
+"""The Smart Gripper's RAPID instructions of one arm, ``g_...`` and ``Hand_...`` (reference/statemachine.md §5)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
 from functools import partial
+from typing import Any
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
@@ -97,6 +98,10 @@ class GripperInstructions:
         """g_GetPressure [kPa]; 0 where there is no such module."""
         return self._gripper.cups[channel].pressure * 1e-3 if channel in self._gripper.cups else 0.0
 
+    def wait_for_fingers(self, call: Call) -> Wait:
+        """Hand_WaitMovingCompleted: until the fingers stand."""
+        yield from self._standing(call, _Failure.FAILED_MOVE)
+
     def _readied(self, call: Call) -> Wait:
         """Bring the gripper to READY for one cycle before the next command, as the gripper's own driver does.
 
@@ -120,7 +125,8 @@ class GripperInstructions:
         yield from self._standing(call, failure)
         if not self._gripper.is_holding:
             self._fail(failure, "The fingers found nothing to hold.")
-        allowance_mm, position_mm = call.get("posAllowance", _ALLOWANCE_MM), self._gripper.position * 1e3
+        allowance_mm = call.get("posAllowance", call.get("posAlowance", _ALLOWANCE_MM))
+        position_mm = self._gripper.position * 1e3
         if call.present("targetPos") and abs(position_mm - call["targetPos"]) > allowance_mm:
             self._fail(_Failure.FAILED_GRIP_POSITION, f"The fingers hold something {position_mm:.1f} mm wide.")
 
@@ -165,7 +171,39 @@ def add_gripper(library: Library, gripper: VirtualGripper, events: EventLog) -> 
     library.function("g_IsCalibrated", "", "bool")(lambda call: gripper.is_calibrated)
     library.function("g_GetPos", "", "num")(lambda call: gripper.position * 1e3)  # of each finger [mm]
     library.function("g_GetSpd", "", "num")(lambda call: abs(gripper.speed) * 1e3)  # of each finger [mm/s]
+    # The names of the add-in's first generation (reference/statemachine.md), with its spelling.
+    grip = rf"{_GRIP.replace('posAllowance', 'posAlowance')}, \switch NotLimitDriveForce"
+    older: tuple[tuple[str, str, Callable[[Call], Any]], ...] = (
+        ("Hand_Initialize", r"\num maxSpd, \num holdForce, \num phyLimit, \switch Calibrate", commands.init),
+        ("Hand_DoCalibrate", r"\switch Jog", commands.calibrate),
+        ("Hand_MoveTo", r"num TargetPos, \switch NoWait", commands.move_to),
+        ("Hand_GripInward", grip, commands.grip_in),
+        ("Hand_GripOutward", grip, commands.grip_out),
+        ("Hand_JogInward", "", partial(commands.jog, opens=False)),
+        ("Hand_JogOutward", "", partial(commands.jog, opens=True)),
+        ("Hand_Stop", "", lambda call: gripper.stop()),
+        ("Hand_WaitMovingCompleted", "", commands.wait_for_fingers),
+        ("Hand_SetMaxSpeed", "num maxSpd", lambda call: gripper.set_max_speed(call["maxSpd"] * 1e-3)),
+        ("Hand_SetHoldForce", "num holdForce", lambda call: gripper.set_hold_force(call["holdForce"])),
+    )
+    for name, signature, implementation in older:
+        library.instruction(name, signature)(implementation)
+    library.function("Hand_IsCalibrated", "", "bool")(lambda call: gripper.is_calibrated)
+    library.function("Hand_IsCamConnected", "", "bool")(lambda call: False)
+    library.function("Hand_GetActualPos", "", "num")(lambda call: gripper.position * 1e3)
+    library.function("Hand_GetActualSpd", "", "num")(lambda call: abs(gripper.speed) * 1e3)
+    library.function("Hand_GetFingerState", "", "num")(lambda call: float(gripper.state.value))
     for channel in CHANNELS:
+        for name, switch, is_on in (
+            ("TurnOffVacuum", gripper.set_vacuum, False),
+            ("TurnOnBlow", gripper.set_blow, True),
+            ("TurnOffBlow", gripper.set_blow, False),
+        ):
+            library.instruction(f"Hand_{name}{channel}")(partial(_switch, switch, channel, is_on))
+        library.instruction(f"Hand_TurnOnVacuum{channel}", r"\num threshold")(
+            partial(commands.vacuum_on, channel=channel)
+        )
+        library.function(f"Hand_GetVacuumPressure{channel}", "", "num")(partial(commands.pressure, channel=channel))
         switches = (
             ("VacuumOff", gripper.set_vacuum, False),
             ("BlowOn", gripper.set_blow, True),

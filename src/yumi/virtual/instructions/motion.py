@@ -1,7 +1,7 @@
 r"""RAPID's moves: MoveAbsJ, MoveJ, MoveL, MoveC and MoveExtJ, where the robot is, and what a target means.
 
-A move is planned while the arm is on the one before it, so that the program is one move ahead of the arm: a move with a
-zone is done for the program when the arm begins it, a move to a stop point when the arm stands there.
+A move with a zone is done for the program shortly before the arm comes to the zone, so that the next one can be planned
+while the arm moves; a move to a stop point is done when the arm stands there.
 """
 
 from __future__ import annotations
@@ -142,6 +142,10 @@ class MotionInstructions:
 
     def move_abs_j(self, call: Call) -> Wait:
         """MoveAbsJ."""
+        yield from self.passed(call, self.absolute_build(call))
+
+    def absolute_build(self, call: Call) -> Build:
+        """How MoveAbsJ and its like are planned."""
         kinematics, speed, zone = self.arm.kinematics, self.speed(call, call["Speed"]), self.zone(call)
         frames = self.frames(call["Tool"], call.get("WObj"), is_displaced=False)
         target = call["ToJointPos"]
@@ -153,13 +157,18 @@ class MotionInstructions:
             end = chain_from_jointtarget(target, start, kinematics.limits)
             return joint_leg(kinematics, start, end, frames, speed, zone, entry)
 
-        yield from self.passed(call, build)
+        return build
 
     def move_ext_j(self, call: Call) -> Wait:
         """MoveExtJ: the seventh axis alone; robots of six axes have no other ones here."""
+        if call["ToJointPos"].extax[0] < NOT_PRESENT and self.arm.kinematics.reference is not None:
+            yield from self.passed(call, self.external_build(call))
+
+    def external_build(self, call: Call) -> Build:
+        """How MoveExtJ and its like are planned."""
         kinematics, zone = self.arm.kinematics, self.zone(call)
         frames = self.frames(_predefined(call, "tool0"), None)
-        fastest, time, external = call["Speed"].v_reax, call.get("T", 0.0), call["ToJointPos"].extax
+        fastest, time = call["Speed"].v_reax, call.get("T", 0.0)
 
         def build(start: Joints, entry: Zone) -> Leg:
             robax, _ = jointtarget(start)
@@ -170,8 +179,7 @@ class MotionInstructions:
                 kinematics, start, end, frames, Speed(duration=time or turn / radians(fastest)), zone, entry
             )
 
-        if external[0] < NOT_PRESENT and kinematics.reference is not None:
-            yield from self.passed(call, build)
+        return build
 
     def move_j(self, call: Call) -> Wait:
         """MoveJ."""
@@ -251,7 +259,7 @@ class MotionInstructions:
                 yield None
             self._moved_at = call.task.now
             is_stop = passage.leg.zone.is_stop
-            while not is_concurrent and (not path.has_begun(passage) or (is_stop and not self.is_there(passage))):
+            while not is_concurrent and not (self.is_there(passage) if is_stop else path.is_due(passage)):
                 yield None
                 self.go_on()
         except GeneratorExit:
@@ -269,7 +277,7 @@ class MotionInstructions:
             path.restart_at(arm.planned)
         before = path.end
         start = arm.planned if before is None else before.end
-        work = call.task.background(lambda: _planned(arm.kinematics, build, start, before))
+        work = call.task.planning(lambda: _planned(arm.kinematics, build, start, before))
         while not work.done():
             yield None
         try:
@@ -358,7 +366,7 @@ class MotionInstructions:
         """CalcJointT: the jointtarget of a robtarget, in its configuration; raises ERR_ROBLIMIT, ERR_OUTSIDE_REACH."""
         kinematics = self.arm.kinematics
         frames, target = self.frames(call["Tool"], call.get("WObj")), self.target(call["Rob_target"])
-        work = call.task.background(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
+        work = call.task.planning(lambda: posture(kinematics, target, frames, self.arm.planned, is_checked=True))
         while not work.done():
             yield None
         if call.present("ErrorNumber"):
@@ -487,7 +495,8 @@ def forbid_motion(library: Library) -> None:
         raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
 
     moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
-    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "TriggL", "TriggJ", "TriggC", "SearchL", "SearchC")
+    triggers = ("TriggL", "TriggJ", "TriggC", "TriggAbsJ", "TriggLIOs", "TriggJIOs", "SearchL", "SearchC", "SearchExtJ")
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "PathRecMoveBwd", "PathRecMoveFwd", "LoadId", *triggers)
     library.replace_implementations((*moves, *others), refuse)
 
 

@@ -7,6 +7,7 @@ from math import inf
 from typing import Any
 
 from yumi.errors import RobotNotReady
+from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.joints import Pose
@@ -192,6 +193,23 @@ class MotionSettingInstructions:
     def accept(self, call: Call) -> None:
         """What changes nothing that can be seen: tuning of servos, process modes, path resolution."""
 
+    def lead(self, call: Call) -> Wait:
+        r"""SetLeadThrough: an arm that is led by hand stands on its path; \Off forgets the path, and goes on.
+
+        No hand leads the virtual arm: it stays where it is.
+        """
+        unit, arm = self._unit, self._unit.arm
+        if call.present("Off"):
+            unit.led.discard(unit.mechanical_unit)
+            if not call.present("NoClearPath") and arm.is_stationary and not arm.path.is_empty:
+                arm.path.restart_at(arm.planned)
+            if not call.present("NoStartMove"):
+                self.start_move(call)
+            return
+        if not call.present("NoStopMove"):
+            yield from self.stop_move(call)
+        unit.led.add(unit.mechanical_unit)
+
     # Stops --------------------------------------------------------------------------------------------------------
 
     def stop_move(self, call: Call) -> Wait:
@@ -213,6 +231,13 @@ class MotionSettingInstructions:
                 arm.follow_path()
             except RobotNotReady as error:
                 raise RapidRuntimeError("ERR_STARTMOVE", str(error)) from error
+
+    def start_and_retry(self, call: Call) -> None:
+        """StartMoveRetry: StartMove and RETRY in one, so that nothing comes between them."""
+        if call.task.clause != "ERR":
+            raise RapidRuntimeError(FATAL, "StartMoveRetry: it is an instruction of error handlers.")
+        self.start_move(call)
+        call.task.retry()
 
     def reset_stop(self, call: Call) -> None:
         """StopMoveReset: forget a stop without going on now."""
@@ -241,6 +266,7 @@ class MotionSettingInstructions:
         while not arm.is_stationary:
             yield None
         self._stored.append(arm.path.store())
+        self._unit.path_level = 2
 
     def restore_path(self, call: Call) -> Wait:
         """RestoPath: the path that was stored is ahead again, and starts with StartMove."""
@@ -249,7 +275,9 @@ class MotionSettingInstructions:
             raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
         while not arm.is_stationary:
             yield None
+        arm.leave_path()  # it may stand elsewhere than where the stored path goes on
         arm.path.restore(self._stored.pop())
+        self._unit.path_level = 1
 
     def path_level(self, call: Call) -> float:
         """PathLevel: 1, or 2 between StorePath and RestoPath."""
@@ -321,9 +349,14 @@ def add_motion_settings(
         ("DeactUnit", "mecunit MechUnit", own.deactivate),
         ("StopMove", rf"\switch Quick, {all_tasks}", own.stop_move),
         ("StartMove", all_tasks, own.start_move),
-        ("StartMoveRetry", "", own.start_move),
+        ("StartMoveRetry", "", own.start_and_retry),
         ("StopMoveReset", all_tasks, own.reset_stop),
         ("ClearPath", "", own.clear_path),
+        (
+            "SetLeadThrough",
+            r"\switch On | \switch Off, \switch NoStopMove, \switch NoClearPath, \switch NoStartMove",
+            own.lead,
+        ),
         ("StorePath", r"\switch KeepSync", own.store_path),
         ("RestoPath", "", own.restore_path),
         ("ProcerrRecovery", r"\switch SyncOrgMoveInst | \switch SyncLastMoveInst, \switch ProcSignal", own.recover),
@@ -336,6 +369,9 @@ def add_motion_settings(
         ("CSpeedOverride", r"\switch CTask", "num", lambda _: motion.arm.path.override * 100.0),
         ("MaxRobSpeed", "", "num", lambda _: kinematics.tool_speed * 1e3),
         ("MaxRobReorientSpeed", "", "num", lambda _: 500.0),
+        ("MaxExtLinearSpeed", "", "num", lambda _: LINEAR_AXIS_MM_S),
+        ("MaxExtReorientSpeed", "", "num", lambda _: ROTATING_AXIS_DEG_S),
+        ("IsLeadThrough", "", "bool", lambda _: motion.unit.mechanical_unit in motion.unit.led),
         ("RobName", "", "string", lambda _: motion.unit.mechanical_unit),
         ("TaskRunMec", "", "bool", lambda _: True),
         ("TaskRunRob", "", "bool", lambda _: True),

@@ -190,6 +190,23 @@ class SystemInstructions:
         """SyncMoveUndo: moves of this task are not synchronized any more, wherever the others are."""
         self._unit.synchronized_tasks = ()
 
+    def suspend_sync(self, call: Call) -> Wait:
+        r"""SyncMoveSuspend: until SyncMoveResume each task moves by itself, after StorePath\KeepSync."""
+        if not self._unit.synchronized_tasks or self._unit.path_level == 1:
+            sentence = f"{call.name} comes after StorePath\\KeepSync of synchronized movements."
+            raise RapidRuntimeError("ERR_SYNCMOVEOFF", sentence)
+        yield from self._meet(call, "SyncMoveSuspend", self._unit.synchronized_tasks, "ERR_SYNCMOVEOFF")
+        self._unit.suspended_tasks, self._unit.synchronized_tasks = self._unit.synchronized_tasks, ()
+
+    def resume_sync(self, call: Call) -> Wait:
+        """SyncMoveResume: the movements are synchronized again."""
+        if not self._unit.suspended_tasks:
+            raise RapidRuntimeError("ERR_SYNCMOVEON", f"{call.name} comes after SyncMoveSuspend.")
+        while not self._unit.arm.is_stationary:
+            yield None
+        yield from self._meet(call, "SyncMoveResume", self._unit.suspended_tasks, "ERR_SYNCMOVEON")
+        self._unit.synchronized_tasks, self._unit.suspended_tasks = self._unit.suspended_tasks, ()
+
     def is_synchronized(self, call: Call) -> bool:
         """IsSyncMoveOn."""
         return bool(self._unit.synchronized_tasks)
@@ -247,6 +264,8 @@ def add_system(
     library.instruction("SyncMoveOn", r"VAR syncident SyncID, anytype TaskList, \num TimeOut")(system.sync_move_on)
     library.instruction("SyncMoveOff", r"VAR syncident SyncID, \num TimeOut")(system.sync_move_off)
     library.instruction("SyncMoveUndo")(system.sync_move_undo)
+    library.instruction("SyncMoveSuspend")(system.suspend_sync)
+    library.instruction("SyncMoveResume")(system.resume_sync)
     library.function("IsSyncMoveOn", "", "bool")(system.is_synchronized)
     library.function("TasksInSync", "INOUT tasks TaskList{*}", "num")(system.tasks_in_sync)
     for name in ("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "MoveExtJ"):

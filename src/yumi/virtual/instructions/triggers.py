@@ -194,6 +194,36 @@ class TriggerInstructions:
         """TriggC."""
         yield from self._triggered(call, self._motion.circle_build(call))
 
+    def trigger_absolute(self, call: Call) -> Wait:
+        """TriggAbsJ."""
+        yield from self._triggered(call, self._motion.absolute_build(call))
+
+    def trigger_line_outputs(self, call: Call) -> Wait:
+        """TriggLIOs."""
+        yield from self._triggered_outputs(call, self._motion.line_build(call))
+
+    def trigger_joint_outputs(self, call: Call) -> Wait:
+        """TriggJIOs."""
+        yield from self._triggered_outputs(call, self._motion.joint_build(call))
+
+    def _triggered_outputs(self, call: Call, build: Build) -> Wait:
+        """A move with outputs of arrays of records (triggios, triggstrgo, triggiosdnum), those with used TRUE."""
+        events: list[Event] = []
+        for number in range(1, 4):
+            for row in call.get(f"TriggData{number}", ()):
+                if not row.used:
+                    continue
+                # A group may have more bits than a num has digits: its value is then a text.
+                value = float(row.setvalue) if isinstance(row.setvalue, str) else row.setvalue
+                name = row.signalname
+                call.task.read_signal(name)  # whether there is such
+
+                def act(move: Call, name: str = name, value: float = value) -> None:
+                    move.task.write_signal(name, value)
+
+                events.append(Event(act, distance=row.distance, is_from_start=bool(row.start), lead=row.equiplag))
+        yield from self._motion.passed(call, build, lambda passage: self._attach(call, passage, events))
+
     def _triggered(self, call: Call, build: Build) -> Wait:
         first = call.reference("Trigg_1")
         is_array = isinstance(resolved(first.type), ArrayType)
@@ -252,10 +282,15 @@ class TriggerInstructions:
         """SearchC."""
         yield from self._searched(call, self._motion.circle_build)
 
+    def search_external(self, call: Call) -> Wait:
+        """SearchExtJ."""
+        yield from self._searched(call, self._motion.external_build)
+
     def _searched(self, call: Call, build: Callable[[Call], Build]) -> Wait:
         """Move to a stop point; the place where the signal changes is kept, and the arm stops there if wanted."""
         motion, arm, task, name = self._motion, self._motion.arm, call.task, call["Signal"].name
-        frames = motion.frames(call["Tool"], call.get("WObj"))
+        is_external = call.name.lower() == "searchextj"
+        frames = motion.read_frames(call) if is_external else motion.frames(call["Tool"], call.get("WObj"))
         level = 0.0 if call.present("LowLevel") or call.present("NegFlank") else 1.0
         by_level = call.present("HighLevel") or call.present("LowLevel")
         both = call.present("Flanks")
@@ -276,7 +311,10 @@ class TriggerInstructions:
                     raise RapidRuntimeError("ERR_SIGSUPSEARCH", sentence)
                 if hit and not is_found:
                     is_found = True
-                    call["SearchPoint"] = motion.robtarget(arm.position, frames)
+                    if is_external:
+                        call["SearchJointPos"] = motion.joint_target(call)
+                    else:
+                        call["SearchPoint"] = motion.robtarget(arm.position, frames)
                     if stops:
                         moving.close()
                         while not arm.is_stationary or arm.path.is_abandoned:
@@ -334,6 +372,17 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
     library.instruction("TriggL", rf"\switch Conc, {to}, {rest}")(own.trigger_line)
     library.instruction("TriggJ", rf"\switch Conc, {to}, {rest}")(own.trigger_joint)
     library.instruction("TriggC", rf"\switch Conc, {through}, {rest}")(own.trigger_circle)
+    absolute = rest.replace(r"\identno ID", r"\identno ID, \switch NoEOffs", 1)
+    library.instruction("TriggAbsJ", rf"\switch Conc, jointtarget ToJointPos, {absolute}")(own.trigger_absolute)
+    place = {"used": "bool", "distance": "num", "start": "bool", "equiplag": "num", "signalname": "string"}
+    for name, type_name in (("triggios", "num"), ("triggstrgo", "stringdig"), ("triggiosdnum", "dnum")):
+        library.record(name, {**place, "setvalue": type_name, "xxx": "num"})
+    outputs = (
+        r"\identno ID, speeddata Speed, \num T, \triggios TriggData1{*}, \triggstrgo TriggData2{*}, "
+        rf"\triggiosdnum TriggData3{{*}}, zonedata Zone, \stoppointdata Inpos, {FRAMES}"
+    )
+    library.instruction("TriggLIOs", rf"\switch Conc, {to}, {outputs}")(own.trigger_line_outputs)
+    library.instruction("TriggJIOs", rf"\switch Conc, {to}, {outputs}")(own.trigger_joint_outputs)
     move = r"\identno ID, speeddata Speed, \num T, zonedata Zone, tooldata Tool, \wobjdata WObj"
     builds = {"L": motion.line_build, "J": motion.joint_build, "C": motion.circle_build}
     for letter, build in builds.items():
@@ -354,3 +403,8 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
     rest = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
     library.instruction("SearchL", f"{search}, {to}, {rest}")(own.search_line)
     library.instruction("SearchC", f"{search}, {through}, {rest}")(own.search_circle)
+    library.instruction(
+        "SearchExtJ",
+        rf"{stops}, VAR signaldi Signal, {flanks}, INOUT jointtarget SearchJointPos, jointtarget ToJointPos, "
+        r"\switch UseEOffs, speeddata Speed, \num T",
+    )(own.search_external)

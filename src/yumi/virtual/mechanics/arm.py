@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
-from math import acos, dist, exp
+from math import acos, dist, exp, pi, sin
 from typing import cast
 
 from yumi.errors import CommandRefused, RobotNotReady
@@ -60,14 +60,16 @@ class LoadSupervision:
     def __init__(self, side: Side, model: ArmModel, position: Joints) -> None:
         self._dynamics = ArmDynamics(side, model.payload)
         self._model = model
-        self.torque = self._dynamics.torque(position)
+        self._state = MotionState(position)
+        self.torque = self._needed = self._dynamics.torque(position)
 
     def advance(self, state: MotionState, dt: float) -> Overload | None:
         """Follow the planned state during ``dt`` [s]; the joint that it overloads, or None."""
-        needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
+        if state != self._state:  # an arm that stands needs the same as before
+            self._state = state
+            self._needed = self._dynamics.torque(state.position, state.velocity, state.acceleration)
         fraction = 1.0 - exp(-dt / self._model.torque_time)
-        mean = tuple(old + (new - old) * fraction for old, new in zip(self.torque, needed, strict=True))
-        self.torque = cast("Joints", mean)
+        self.torque = _between(self.torque, self._needed, fraction)
         loads = [abs(torque) / limit for torque, limit in zip(self.torque, self._model.torque, strict=True)]
         if max(loads) <= 1.0:
             return None
@@ -96,12 +98,13 @@ class Servo:
         lag, left = self._model.lag, exp(-dt / self._model.lag) if self._model.lag > 0.0 else 0.0
         ramp = lag / dt
         # The lag's exact answer to a ramp from the last plan to this one, per joint:
-        # u - a·τ + (y - u_before + a·τ)·e^(-dt/τ) with the slope a = (u - u_before)/dt.
-        answer = tuple(
-            now - (now - before) * ramp + (lagged - before + (now - before) * ramp) * left
-            for now, before, lagged in zip(planned, self._planned, self._lagged, strict=True)
-        )
-        self._lagged = cast("Joints", answer)
+        # u - a·τ + (y - u_before + a·τ)·e^(-dt/τ) with the slope a = (u - u_before)/dt. Of an arm that stands, u.
+        if not planned == self._planned == self._lagged:
+            answer = [
+                now - (now - before) * ramp + (lagged - before + (now - before) * ramp) * left
+                for now, before, lagged in zip(planned, self._planned, self._lagged, strict=True)
+            ]
+            self._lagged = cast("Joints", tuple(answer))
         self._planned = planned
         self._time += dt
         self._past.append((self._time, self._lagged))
@@ -122,6 +125,11 @@ IN_POSITION = 1e-5
 
 STOPPED = "stopped"
 """Why an arm stands on its path: the program's execution was stopped."""
+
+PUSH_TIME = 0.8
+"""So long does a push last: out and back [s]."""
+
+_PUSHED = 3  # axis 3, the elbow: its place in the chain
 
 _WAYPOINTS = 32  # into which the path of the tool is divided to measure its length
 
@@ -160,12 +168,18 @@ class VirtualArm:
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
         self._load: LoadSupervision | None = None
+        self._push, self._push_left = 0.0, 0.0  # by how much [rad], and for how long still [s]
         self.overload: Overload | None = None
 
     @property
     def position(self) -> Joints:
         """Measured joint positions, chain order [rad], (7,)."""
-        return self._servo.position
+        if self._push_left <= 0.0:
+            return self._servo.position
+        position, limits = list(self._servo.position), self.model.limits
+        aside = position[_PUSHED] + self._push * sin(pi * self._push_left / PUSH_TIME) ** 2
+        position[_PUSHED] = max(limits.lower[_PUSHED], min(limits.upper[_PUSHED], aside))
+        return cast("Joints", tuple(position))
 
     @property
     def planned(self) -> Joints:
@@ -207,6 +221,7 @@ class VirtualArm:
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass; any length, the arm divides it into its own steps."""
+        self._push_left = max(0.0, self._push_left - dt)
         steps = max(1, -int(-dt // self.model.step)) if dt > 0.0 else 0
         for _ in range(steps):
             self._motion.advance(dt / steps)
@@ -217,6 +232,16 @@ class VirtualArm:
             egm = self.egm
             if egm is not None and self._load is not None and self.overload is None:
                 self.overload = self._load.advance(egm.state, dt / steps)
+
+    def push(self, by: float) -> None:
+        """Someone pushes its elbow aside by an angle [rad] and lets go: what is measured deviates, the plan does not.
+
+        Raises:
+            CommandRefused: the motors are off: the brakes hold it.
+        """
+        if not self._motors_on:
+            raise CommandRefused("The motors are off, and the brakes hold the arm; switch the motors on first.")
+        self._push, self._push_left = by, PUSH_TIME
 
     def switch_motors_on(self) -> None:
         self._motors_on = True
@@ -285,6 +310,11 @@ class VirtualArm:
         self._is_regaining = self.planned != there
         self._motion = travel(self._motion.state, there, self.model) if self._is_regaining else self.path
 
+    def leave_path(self) -> None:
+        """Stay where it is, at standstill, while the path becomes another one; `follow_path` goes there."""
+        if self._motion is self.path:
+            self._motion = Standstill(self.planned)
+
     def stop(self) -> None:
         """Decelerate any motion to standstill as fast as the drives allow, and hold; a path is kept."""
         if self._motion is self.path:
@@ -344,4 +374,6 @@ class VirtualArm:
 
 
 def _between(start: Joints, end: Joints, fraction: float) -> Joints:
-    return cast("Joints", tuple(x + (y - x) * fraction for x, y in zip(start, end, strict=True)))
+    if start == end:  # as of an arm that stands
+        return start
+    return cast("Joints", tuple([x + (y - x) * fraction for x, y in zip(start, end, strict=True)]))

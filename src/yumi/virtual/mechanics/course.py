@@ -222,6 +222,14 @@ def joint_leg(
     return Leg(frames, zone, shares, piece, None, into, out)
 
 
+def retraced_leg(arm: Arm, joints: Array, frames: Frames, speed: Speed) -> Leg:
+    """Through positions that the arm has been at [rad], (n, k), to a stop."""
+    way, turned = _distances(arm, joints, frames)
+    return Leg(
+        frames, STOP, np.linspace(0.0, 1.0, len(joints)), Piece(joints, way, turned, speed), None, 0, len(joints) - 1
+    )
+
+
 def line(start: tuple[Array, Array, float], end: tuple[Array, Array, float]) -> Place:
     """A straight line of the tool's point, with its orientation and the arm angle turning evenly."""
     (point, rotation, angle), (to, to_rotation, to_angle) = start, end

@@ -6,7 +6,7 @@ Positions are per finger from the closed position: 0 closed, 25 mm open (referen
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import exp, isfinite
 
@@ -324,6 +324,8 @@ class VirtualGripper:
         self._zero = 0.0
         self._min_position, self._max_position = 0.0, TRAVEL
         self._state = ServoState.READY
+        self._shown: tuple[object, ...] = ()  # what the signals were made from last
+        self._signals: Mapping[str, int] = {}
         self._command_shown = ServoCommand.NONE
         self._error = 0
         self._actions: deque[Action] = deque()
@@ -482,12 +484,17 @@ class VirtualGripper:
 
     # What the fieldbus carries; positions in 0.1 mm, speeds in 0.1 mm/s, forces in 0.1 N
 
-    def signals(self) -> dict[str, int]:
+    def signals(self) -> Mapping[str, int]:
         """Its I/O by name, without the suffix of the arm.
 
         Commands, speed and force are outputs of the controller: they follow RAPID's instructions, since the gripper's
         own driver writes them.
         """
+        servo = (self._state, self.is_calibrated, self.position, self.speed, self._error, self._command_shown)
+        cups = [(cup.sucks, cup.blows, cup.pressure) for cup in self.cups.values()]
+        shown = (*servo, self.max_speed, self.hold_force, *cups)
+        if shown == self._shown:  # in most cycles nothing has changed
+            return self._signals
         values = {
             "hand_SysState": int(self._state),
             "hand_StatusCalibrated": int(self.is_calibrated),
@@ -506,6 +513,7 @@ class VirtualGripper:
             values[f"hand_CmdVacuum{channel}"] = int(cup.sucks)
             values[f"hand_CmdBlowoff{channel}"] = int(cup.blows)
             values[f"hand_ActualPressure{channel}"] = round(cup.pressure * 1e-3)
+        self._shown, self._signals = shown, values
         return values
 
     def write(self, signal: str, value: int) -> None:

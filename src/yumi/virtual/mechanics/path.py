@@ -23,6 +23,11 @@ from yumi.virtual.mechanics.motion import MotionState
 Array = NDArray[np.float64]
 
 SMOOTHING = 12  # cycles
+PREFETCH = 0.193548
+"""How long before the arm comes to a zone the program goes on, to plan the next move [s].
+
+As long as ABB's motion planner is ahead of the arm: the default of the system parameter Std Servo Queue Time.
+"""
 _TURN_WEIGHT = 0.05  # [m/rad]: what turns of the tool count in the distance along the path
 _JOINT_WEIGHT = 0.01  # [m/rad]
 _SHARE = 0.6  # of the acceleration for going along, and as much for going round
@@ -39,12 +44,14 @@ class Passage:
         run: the run it is on.
         begin: distance where the arm is on it: the middle of the corner before it [m].
         end: distance of its end, or of the middle of the corner there [m].
+        zone_begin: distance where the zone at its end begins [m].
     """
 
     leg: Leg
     run: Run
     begin: float
     end: float
+    zone_begin: float = 0.0
 
 
 @dataclass(slots=True)
@@ -179,6 +186,7 @@ class PathMotion:
         acceleration: what holds for legs that are added from now on.
         holds: the reasons why it stands though there is something ahead, such as a stop of the program.
         is_abandoned: whether it slows down and forgets what is ahead.
+        prefetch: how long before the arm comes to a zone `is_due` [s].
         corner_failed: called with the leg that was ended by a stop instead of a corner.
     """
 
@@ -188,6 +196,7 @@ class PathMotion:
         self.acceleration = Acceleration()
         self.holds: set[str] = set()
         self.is_abandoned = False
+        self.prefetch = PREFETCH
         self._limits = limits
         self._runs: deque[Run] = deque()
         self._passages: deque[Passage] = deque()
@@ -231,12 +240,7 @@ class PathMotion:
         leg, run = last.leg, self._runs[-1]
         if leg.zone.is_stop or last.run is not run or leg.out >= len(leg.shares) - 1 or self.is_abandoned:
             return False
-        return run is not self._runs[0] or self._at < self._corner(last) - _SAME
-
-    def _corner(self, last: Passage) -> float:
-        """Where the zone at the end of the last leg begins."""
-        leg = last.leg
-        return float(last.run.distance[-1]) - self._length(leg.piece.part(leg.out, len(leg.shares) - 1))
+        return run is not self._runs[0] or self._at < last.zone_begin - _SAME
 
     def append(self, leg: Leg, rounded: Piece | None = None) -> Passage:
         """Add a leg at the end of the path, behind a stop or, with a corner, on the run.
@@ -255,7 +259,7 @@ class PathMotion:
             self._runs.append(run)
         else:
             run, last = self._runs[-1], self._passages[-1]
-            kept = int(np.searchsorted(run.distance, self._corner(last) + _SAME))
+            kept = int(np.searchsorted(run.distance, last.zone_begin + _SAME))
             for name in ("distance", "joints", "way", "turned", "tool_speed", "turn_speed"):
                 setattr(run, name, getattr(run, name)[:kept])
             begin = float(run.distance[-1]) + self._length(rounded) / 2.0
@@ -267,7 +271,8 @@ class PathMotion:
         if run is self._runs[0]:
             self._forget_passed(run)
         run.prepare(self.override)
-        passage = Passage(leg, run, begin, run.length)
+        in_zone = self._length(leg.piece.part(leg.out, len(leg.shares) - 1))
+        passage = Passage(leg, run, begin, run.length, run.length - in_zone)
         self._passages.append(passage)
         return passage
 
@@ -322,11 +327,21 @@ class PathMotion:
         self.holds |= stored.holds
         self.halt()
 
-    def has_begun(self, passage: Passage) -> bool:
-        """Whether the arm is on a leg, or has passed it."""
+    def is_due(self, passage: Passage) -> bool:
+        """Whether the next move is needed: the arm soon comes to the zone at a leg's end, or slows down for it."""
         if not self._runs or passage.run is not self._runs[0]:
             return passage.run not in self._runs
-        return self._shown >= passage.begin
+        run, speed = passage.run, self._speed
+        if self._at >= passage.zone_begin:
+            return True
+        if speed <= 0.0 and (self.holds or self.override <= 0.0):
+            return False
+        most, fastest = min(run.along[self._index :]), max(run.possible[self._index :])
+        braking = speed * speed / (2.0 * most)
+        left = min(passage.zone_begin, run.length - braking) - self._at
+        # It takes at least as long as it would while gaining speed, and as at the highest speed there.
+        gaining = (sqrt(speed * speed + 2.0 * most * left) - speed) / most if left > 0.0 else 0.0
+        return left <= 0.0 or max(gaining, left / fastest) <= self.prefetch
 
     def has_ended(self, passage: Passage) -> bool:
         """Whether the arm has passed a leg."""

@@ -412,10 +412,11 @@ def get_options(controller: Irc5, call: Call) -> None:
     """Whether there are options: which, is asked one by one."""
 
 
-def get_option(controller: Irc5, call: Call) -> Page:
+def get_option(controller: Irc5, call: Call) -> Page | HttpReply:
+    """An option that is installed; no content (204) says that it is not."""
     name = call.names["option"]
     if name not in controller.identity.options:
-        raise Failure(404, Code.FAIL, f"the option {name[:50]!r} is not installed")
+        return HttpReply(204)
     return resource("ctrl", "/ctrl/options/", name, State("ctrl-option", name, {"option": name}))
 
 

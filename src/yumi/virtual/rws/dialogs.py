@@ -87,7 +87,7 @@ def _stack(dialog: Dialog) -> str:
 def _active(controller: Irc5) -> Dialog:
     found = controller.devices.pendant.active
     if found is None:
-        raise Failure(404, Code.FAIL, "no program asks anything")
+        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
     return found
 
 

@@ -42,11 +42,16 @@ class HttpRequest:
 
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
-        return next(iter(self.header_values(name)), None)
+        wanted = name.lower()
+        for key, value in self.headers:
+            if key.lower() == wanted:
+                return value
+        return None
 
     def header_values(self, name: str) -> tuple[str, ...]:
         """All values of ``name`` in any case."""
-        return tuple(value for key, value in self.headers if key.lower() == name.lower())
+        wanted = name.lower()
+        return tuple([value for key, value in self.headers if key.lower() == wanted])
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,11 +6,12 @@ import asyncio
 import socket
 import struct
 import threading
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import partial
 from types import TracebackType
-from typing import TypeVar
 
 from aiohttp import WSCloseCode, web
 
@@ -19,8 +20,6 @@ from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 
 __all__ = ["Channel", "HttpServer", "Upgrade"]
-
-_T = TypeVar("_T")
 
 
 def cut_off(transport: asyncio.BaseTransport | None) -> None:
@@ -32,11 +31,32 @@ def cut_off(transport: asyncio.BaseTransport | None) -> None:
         transport.abort()
 
 
+class Calls:
+    """Calls from other threads to the event loop; so many as come together wake it once, since that takes longest."""
+
+    def __init__(self) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._waiting: deque[Callable[[], None]] = deque()
+        self._is_woken = False
+
+    def submit(self, call: Callable[[], None]) -> None:
+        """Have it called soon, after all that were submitted before."""
+        self._waiting.append(call)
+        if not self._is_woken:
+            self._is_woken = True
+            self._loop.call_soon_threadsafe(self._run)
+
+    def _run(self) -> None:
+        self._is_woken = False  # first: what is submitted from now on wakes the loop again
+        while self._waiting:
+            self._waiting.popleft()()
+
+
 class SocketChannel:
     """The server's end of a WebSocket; messages from before it is open wait until it is."""
 
-    def __init__(self, response: web.WebSocketResponse, request: web.Request) -> None:
-        self._loop = asyncio.get_running_loop()
+    def __init__(self, response: web.WebSocketResponse, request: web.BaseRequest, calls: Calls) -> None:
+        self._calls = calls
         self._response = response
         self._request = request
         self._outbox: asyncio.Queue[str | None] = asyncio.Queue()
@@ -44,13 +64,13 @@ class SocketChannel:
         self.has_left = False
 
     def send(self, text: str) -> None:
-        self._on_loop(self._outbox.put_nowait, text)
+        self._submit(partial(self._outbox.put_nowait, text))
 
     def close(self) -> None:
-        self._on_loop(self._outbox.put_nowait, None)
+        self._submit(partial(self._outbox.put_nowait, None))
 
     def abort(self) -> None:
-        self._on_loop(cut_off, self._request.transport)
+        self._submit(partial(cut_off, self._request.transport))
 
     async def serve(self) -> None:
         """Open the WebSocket and send messages until it ends; messages of the client are ignored."""
@@ -74,9 +94,9 @@ class SocketChannel:
                 return  # the client has gone; the receiving side ends too
         await self._response.close()
 
-    def _on_loop(self, call: Callable[[_T], None], argument: _T) -> None:
+    def _submit(self, call: Callable[[], None]) -> None:
         if self.is_open:
-            self._loop.call_soon_threadsafe(call, argument)
+            self._calls.submit(call)
 
 
 Handler = Callable[[HttpRequest], HttpReply | Upgrade | None]
@@ -174,9 +194,10 @@ class HttpServer:
 
     async def _serve(self) -> None:
         ending = asyncio.Event()
-        application = web.Application()
-        application.router.add_route("*", "/{path:.*}", self._answer)
-        runner = web.AppRunner(application, access_log=None, keepalive_timeout=_KEEP_ALIVE, shutdown_timeout=_GRACE)
+        self._calls = Calls()
+        # Without aiohttp's application, whose routes, middlewares and signals cost time in each request.
+        server = web.Server(self._answer, access_log=None, keepalive_timeout=_KEEP_ALIVE)
+        runner = web.ServerRunner(server, shutdown_timeout=_GRACE)
         self._runner = runner
         try:
             await runner.setup()
@@ -189,14 +210,14 @@ class HttpServer:
         finally:
             await runner.cleanup()
 
-    async def _answer(self, request: web.Request) -> web.StreamResponse:
+    async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         # Only the head is read so far: a request that may not enter is answered without its body.
         headers = tuple((name, value) for name, value in request.headers.items())
         transport = request.transport
         host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
-        head = HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")
-        body = await _body(request, self._body_limit(head)) if request.can_read_body else b""
-        incoming = replace(head, body=body)
+        incoming = HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")
+        if request.can_read_body:
+            incoming = replace(incoming, body=await _body(request, self._body_limit(incoming)))
         preparation = self._prepare(incoming)
         if preparation is not None:
             await asyncio.wrap_future(preparation)
@@ -205,7 +226,7 @@ class HttpServer:
             websocket = web.WebSocketResponse(protocols=(answer.protocol,), heartbeat=PING, compress=False)
             for name, value in answer.headers:
                 websocket.headers.add(name, value)
-            channel = SocketChannel(websocket, request)
+            channel = SocketChannel(websocket, request, self._calls)
             answer.attach(channel)  # before the client sees it open: it gets every event from then on
             await channel.serve()
             return websocket
@@ -223,7 +244,7 @@ class HttpServer:
             cut_off(connection.transport)
 
 
-async def _body(request: web.Request, limit: int) -> bytes:
+async def _body(request: web.BaseRequest, limit: int) -> bytes:
     """The body, if it is within the limit; the server discards what is not read.
 
     Raises:

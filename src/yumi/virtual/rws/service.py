@@ -166,6 +166,8 @@ class RwsService:
             return replace(found, status=403) if _is_upgrade(request) else found
         set_cookies = self._sessions.touch(found, request.peer, now)
         reply = self._answer(request, found)
+        if not set_cookies:
+            return reply
         headers = tuple(("Set-Cookie", line) for line in set_cookies)
         return replace(reply, headers=(*headers, *reply.headers))
 

@@ -79,13 +79,18 @@ class _Request:
 
 
 class Users:
-    """The users of all sessions, and who may write in manual mode (RMMP)."""
+    """The users of all sessions, and who may write in manual mode (RMMP).
+
+    Attributes:
+        granted: what every user may do, as is shown; it is not enforced.
+    """
 
     def __init__(self) -> None:
         self._users: dict[str, User] = {}
         self._counted = 0
         self._request: _Request | None = None
         self._now = -inf
+        self.granted = GRANTS
         self.operations = (
             Operation("GET", "/users", self.get_users, query={"user-type": ("self",)}),
             Operation(
@@ -97,7 +102,7 @@ class Users:
             ),
             Operation("POST", "/users", self.impersonate, "impersonate", {"uid": ()}, status=200),
             Operation("POST", "/users", self.set_locale, "set-locale", {"type": ("local", "remote")}, status=200),
-            Operation("GET", "/users/grants", get_grants),
+            Operation("GET", "/users/grants", self.get_grants),
             Operation("GET", "/users/rmmp", self.get_rmmp),
             Operation("POST", "/users/rmmp", self.ask, values={"privilege": ("modify", "exec")}, status=202),
             Operation("POST", "/users/rmmp", self.grant, "set", {"uid": (), "privilege": ("modify", "exec", "deny")}),
@@ -179,6 +184,9 @@ class Users:
             raise Failure(403, Code.LOCAL_NOT_ALLOWED, "the enabling device was not pressed within 5 s")
         self._users[call.session] = replace(own, locale=locale)
 
+    def get_grants(self, controller: Irc5, call: Call) -> Page:
+        return resource("ROBAPI2 User", _BASE, "grants", *(State("user-grant", name, {}) for name in self.granted))
+
     def get_rmmp(self, controller: Irc5, call: Call) -> Page:
         held = self._request
         user = User(0, "", "", "") if held is None else self.of(held.session)
@@ -223,10 +231,6 @@ class Users:
         code = {"PENDING": 294914, "GRANTED": 294915, "DENIED": int(Code.DENIED)}[held.status]
         state = State("user-rmmp-poll", "poll", {"code": str(code), "status": held.status})
         return resource("ROBAPI2 User", _BASE, "rmmp/poll", state)
-
-
-def get_grants(controller: Irc5, call: Call) -> Page:
-    return resource("ROBAPI2 User", _BASE, "grants", *(State("user-grant", name, {}) for name in GRANTS))
 
 
 def refuse_in_manual_mode(controller: Irc5, call: Call, what: str) -> None:

@@ -7,6 +7,8 @@ const MAX_JOINT_SPEED = 1.0; // [rad/s] as the server allows
 const MAX_LINEAR = 0.2; // [m/s]
 const MAX_ANGULAR = 1.0; // [rad/s]
 const JOG_PERIOD = 33; // [ms] between two messages while a key is held; without them the arm stops after 0.1 s
+const PULL = 4; // [1/s] a tool follows its handle so fast
+const LIMITED = 1.5; // [s] the driver says about once a second what limits an arm
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
@@ -20,6 +22,11 @@ const make = (tag, properties = {}, ...children) => {
 
 let model;
 let scene = null;
+let stateTime = 0; // of the newest state, on the server's clock [s]
+let nearest = null; // the parts nearest to each other: [part, other, distance, start, end]
+let limited = { until: 0, sentence: "" };
+let plan = null; // that is shown: {plan, duration, arms, time}
+let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
 let state = null; // the newest, as the driver's DriverState
 let view = { control: "none", why_no_robot: "The page is connecting.", why_not_operated: "", faults: [], events: [] };
 let socket = null;
@@ -37,6 +44,7 @@ function connect() {
   socket.onmessage = ({ data }) => take(JSON.parse(data));
   socket.onclose = () => {
     endJog();
+    forgetPlan();
     for (const { reject } of pending.values()) reject({ message: "The connection to yumi view is lost." });
     pending.clear();
     view = { ...view, control: "none", why_no_robot: "The connection to yumi view is lost; is it still running?" };
@@ -56,13 +64,21 @@ function send(message) {
 function take(message) {
   if (message.type === "state") {
     state = message.state;
+    stateTime = message.time;
+    nearest = message.nearest;
     addEvents(message.events);
+    const limit = message.events.findLast((event) => event.sentence.includes("motion limited by"));
+    if (limit) limited = { until: performance.now() + 1000 * LIMITED, sentence: limit.sentence };
     sample();
     show();
     setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
   } else if (message.type === "view") {
-    if (view.control === "here" && message.control !== "here") endJog();
+    if (view.control === "here" && message.control !== "here") {
+      endJog();
+      forgetPlan();
+    }
     view = message;
+    showSurroundings();
     at("events").replaceChildren();
     addEvents(message.events);
     if (message.why_no_robot) state = null;
@@ -178,14 +194,17 @@ function show() {
       for (const name of ARMS) {
         const arm = state.arms[name];
         const gripper = state.grippers[name];
-        scene.showArm(name, arm.position ?? (scene.arms[name].isPlaced ? null : model.arms[name].poses.home), gripper ? gripper.width / 2 : null);
+        scene.showArm(name, arm.position ?? arm.resting ?? (scene.arms[name].isPlaced ? null : model.arms[name].poses.home), gripper ? gripper.width / 2 : null);
         scene.showGhost(name, ghostOf(name, arm));
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
+      if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(word);
+      at("scene").dataset.handle = scene.handlePlace() ?? "";
     }
-    const unmeasured = ARMS.filter((name) => !state.arms[name].position);
+    showNearest();
+    const unmeasured = ARMS.filter((name) => !state.arms[name].position && !state.arms[name].resting);
     at("not-measured").hidden = !unmeasured.length;
-    const which = unmeasured.length > 1 ? "Neither arm is measured while EGM is off: they are" : `The ${unmeasured[0]} arm is not measured while EGM is off: it is`;
+    const which = unmeasured.length > 1 ? "Where the arms are is not known: they are" : `Where the ${unmeasured[0]} arm is is not known: it is`;
     text(at("not-measured"), `${which} drawn where last seen, or at home.`);
     if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
     text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
@@ -194,9 +213,42 @@ function show() {
   }
 }
 
-/** The pose that is previewed, or the goal of the active controller where it is not where the arm is. */
+/** What is drawn around the robot, and in which frames the tool may be jogged. */
+function showSurroundings() {
+  const boxes = view.surroundings?.boxes ?? [];
+  scene?.showBoxes(boxes);
+  const choice = at("jog-frame");
+  const names = ["base", "tool", "work object", ...boxes.map((each) => each.name)];
+  if ([...choice.options].map((each) => each.text).join() !== names.join()) {
+    choice.replaceChildren(...names.map((name, index) => new Option(name, index < 3 ? name : `box ${name}`)));
+  }
+}
+
+/** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
+function showNearest() {
+  const isLimited = performance.now() < limited.until;
+  const place = scene?.showNearest(nearest && !view.is_recording ? nearest.slice(3) : null);
+  const label = at("nearest");
+  label.hidden = !nearest || Boolean(view.is_recording);
+  if (!label.hidden) {
+    const [part, other, distance] = nearest;
+    text(label, `${part} – ${other}: ${distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "shapes touch"}`);
+    label.classList.toggle("limited", isLimited);
+    const { clientWidth, clientHeight } = at("scene");
+    const within = (value, most) => Math.min(Math.max(value, 8), most);
+    if (place) {
+      label.style.left = `${within(place[0] + 10, clientWidth - label.offsetWidth - 8)}px`;
+      label.style.top = `${within(place[1] - 28, clientHeight - 60)}px`;
+    }
+  }
+  at("limited").hidden = !isLimited;
+  if (isLimited) text(at("limited"), limited.sentence);
+}
+
+/** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
 function ghostOf(name, arm) {
-  if (name === word && at("preview").getAttribute("aria-pressed") === "true") return model.arms[name].poses[at("pose").value];
+  if (plan) return plan.arms[name] ? pointOf(plan.arms[name], plan.time) : null;
+  if (at("preview").getAttribute("aria-pressed") === "true" && (name === word || at("both").checked)) return goalOf(name).joints;
   if (!arm.goal || !arm.position) return null;
   const away = Math.max(...arm.goal.map((value, index) => Math.abs(value - arm.position[index])));
   return away > 0.03 ? arm.goal : null;
@@ -235,6 +287,7 @@ function showChips() {
   chip("speed", `${Math.round(state.speed_scale * 100)} %`, state.speed_scale < 1 ? "warn" : "");
 }
 
+let isOperated = false;
 function showControl() {
   const has = view.control === "here";
   document.body.classList.toggle("operates", has);
@@ -244,6 +297,10 @@ function showControl() {
   at("take").classList.toggle("primary", !has);
   at("stop").hidden = at("take").hidden;
   at("robot-panel").hidden = !has;
+  if (has !== isOperated) {
+    isOperated = has;
+    showHandle();
+  }
   at("virtual-panel").hidden = !(has && view.is_virtual);
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated;
   text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note || "You are looking only.");
@@ -283,7 +340,7 @@ function showArm() {
   const { lower, upper } = model.limits;
   const share = (value, index) => `${Math.min(100, Math.max(0, (100 * (value - lower[index])) / (upper[index] - lower[index])))}%`;
   rows.forEach(({ marker, goal, value, error }, index) => {
-    const position = arm.position?.[index];
+    const position = (arm.position ?? arm.resting)?.[index];
     text(value, position === undefined ? "–" : `${(position * DEGREES).toFixed(2)}°`);
     marker.hidden = position === undefined;
     goal.hidden = !arm.goal;
@@ -296,9 +353,13 @@ function showArm() {
     const off = arm.position && arm.sent && state.egm[word] === "running" ? (arm.sent[index] - position) * DEGREES : null;
     text(error, off === null ? "–" : `${off.toFixed(2)}°`);
   });
-  const tip = scene && arm.position ? scene.tip(word) : null;
-  const at_ = tip ? `Fingertips at x ${(tip.x * 1000).toFixed(1)}, y ${(tip.y * 1000).toFixed(1)}, z ${(tip.z * 1000).toFixed(1)} mm` : "";
-  text(at("tool-pose"), at_ || (arm.position ? "" : "No positions: EGM does not run on this arm."));
+  const tip = scene && (arm.position ?? arm.resting) ? scene.tip(word).toArray() : null;
+  const frame = frameOf(at("jog-frame").value);
+  const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
+  const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${(value * 1000).toFixed(1)}`).join(", ");
+  const source = arm.position ? "" : "; EGM is off, asked for over Robot Web Services";
+  const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
+  text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
   const gripper = state.grippers[word];
   const parts = gripper
@@ -411,13 +472,19 @@ function holdable(button, message) {
   button.addEventListener("contextmenu", (event) => event.preventDefault());
 }
 
-function beginJog(button, message) {
+function beginJog(button, message, isDragged = false) {
   endJog();
   if (view.control !== "here") return;
   holds += 1;
-  jog = { hold: holds, message: message(), button };
+  const first = message();
+  if (!first) return;
+  jog = { hold: holds, message: first, button };
   button.classList.add("held");
-  const beat = () => send({ ...jog.message, hold: jog.hold });
+  // A speed that was chosen when the key was pressed stays; a handle is dragged on.
+  const beat = () => {
+    if (isDragged) jog.message = message();
+    send({ ...jog.message, hold: jog.hold, seen: stateTime });
+  };
   beat();
   jog.timer = setInterval(beat, JOG_PERIOD);
 }
@@ -427,8 +494,9 @@ function endJog() {
   clearInterval(jog.timer);
   jog.button.classList.remove("held");
   const { type, arm, frame } = jog.message;
-  if (type === "jog_tool") send({ type, arm, frame, hold: jog.hold });
-  else send({ type, arm, hold: jog.hold, speeds: [0, 0, 0, 0, 0, 0, 0] });
+  const seen = stateTime;
+  if (type === "jog_tool") send({ type, arm, frame, hold: jog.hold, seen });
+  else send({ type, arm, hold: jog.hold, seen, speeds: [0, 0, 0, 0, 0, 0, 0] });
   jog = null;
 }
 
@@ -448,23 +516,167 @@ function buildPad() {
     const button = make("button", { textContent: label, className: "hold" });
     button.dataset.jog = name;
     if (label.startsWith("elbow")) button.classList.add("wide");
-    holdable(button, () => {
-      const scaled = Object.fromEntries(
-        Object.entries(speeds).map(([key, value]) => [key, Array.isArray(value) ? value.map((each) => each * jogSpeed()) : value * jogSpeed()]),
-      );
-      return { type: "jog_tool", arm: word, frame: at("jog-frame").value, ...scaled };
-    });
+    holdable(button, () => toolJog(speeds));
     at("pad").append(button);
   }
 }
 
 const unit = (axis, value) => [0, 1, 2].map((each) => (each === axis ? value : 0));
 
+/** Speeds of the tool in the frame that is chosen, as a message; null, with a reason for a person, where there is no such frame. */
+function toolJog({ linear, angular, elbow }) {
+  const name = at("jog-frame").value;
+  const frame = frameOf(name);
+  if (!frame && !["base", "tool"].includes(name)) {
+    toast("There is no work object yet: bring the fingertips to it and press “Work object here”.");
+    return null;
+  }
+  const turned = (speeds) => speeds.map((each) => each * jogSpeed());
+  const message = { type: "jog_tool", arm: word, frame: name === "tool" ? "tool" : "base" };
+  if (linear) message.linear = frame ? rotate(frame.quaternion, turned(linear)) : turned(linear);
+  if (angular) message.angular = frame ? rotate(frame.quaternion, turned(angular)) : turned(angular);
+  if (elbow) message.elbow = elbow * jogSpeed();
+  return message;
+}
+
+/** The frame of the work object or of a box: its position [m] and quaternion x, y, z, w; null for the base and the tool. */
+function frameOf(name) {
+  if (name === "work object") return workObject;
+  const box = view.surroundings?.boxes.find((each) => name === `box ${each.name}`);
+  if (!box) return null;
+  const { position, orientation: [w, x, y, z] } = box.pose;
+  return { position, quaternion: [x, y, z, w] };
+}
+
+/** A vector turned by a quaternion x, y, z, w, or back. */
+function rotate([x, y, z, w], [a, b, c], isBack = false) {
+  const [i, j, k] = isBack ? [-x, -y, -z] : [x, y, z];
+  const [p, q, r] = [2 * (j * c - k * b), 2 * (k * a - i * c), 2 * (i * b - j * a)];
+  return [a + w * p + j * r - k * q, b + w * q + k * p - i * r, c + w * r + i * q - j * p];
+}
+
+// The handle in the picture: the tool follows it while it is dragged, or it is a goal for a plan.
+
+const handleMode = () => (view.control === "here" && scene ? at("handle").value.split(" ")[0] : "none");
+
+function showHandle() {
+  if (!scene) return;
+  const [mode, kind] = at("handle").value.split(" ");
+  const isShown = view.control === "here" && mode !== "none";
+  scene.showHandle(isShown ? word : null, kind, at("jog-frame").value === "tool" ? "tool" : "base");
+}
+
+function followHandle() {
+  const { way, turn } = scene.pull(word);
+  const toward = (vector, most) => {
+    const size = Math.hypot(...vector) || 1;
+    return vector.map((value) => (value / size) * Math.min(PULL * size, most * jogSpeed()));
+  };
+  const isTurned = at("handle").value.endsWith("rotate");
+  const still = [0, 0, 0];
+  return {
+    type: "jog_tool", arm: word, frame: "base",
+    linear: isTurned ? still : toward(way, MAX_LINEAR), angular: isTurned ? toward(turn, MAX_ANGULAR) : still,
+  };
+}
+
+// Keys on the picture: arrows and page keys move the tool, with Shift they turn it, Home and End turn the elbow.
+
+const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1], PageUp: [2, 1], PageDown: [2, -1] };
+
+function jogByKey(event) {
+  const elbow = { Home: -0.7, End: 0.7 }[event.key];
+  if (view.control !== "here" || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
+  event.preventDefault();
+  if (event.repeat) return;
+  const [axis, sign] = KEYS[event.key] ?? [];
+  const speeds = elbow ? { elbow } : event.shiftKey ? { angular: unit(axis, sign * MAX_ANGULAR) } : { linear: unit(axis, sign * MAX_LINEAR) };
+  beginJog(at("scene"), () => toolJog(speeds));
+  if (jog) jog.key = event.key;
+}
+
+// ---- plans
+
+/** The goal that is chosen for an arm: as the driver takes it, and joint positions [rad] where they are known here. */
+function goalOf(name) {
+  const choice = at("pose").value;
+  if (choice === "the handle") return { goal: scene.handlePose(), isPose: true, joints: null };
+  if (choice === "joint positions") {
+    const joints = [...at("joint-goal").querySelectorAll("input")].map((each) => Number(each.value) / DEGREES);
+    return { goal: joints, isPose: false, joints };
+  }
+  return { goal: choice, isPose: false, joints: model.arms[name].poses[choice] };
+}
+
+async function makePlan(button) {
+  forgetPlan();
+  const names = at("both").checked && !at("both").disabled ? ARMS : [word];
+  const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
+  const made = await ask({ type: "plan", is_pose: goalOf(word).isPose, ...goals }, button);
+  if (!made) return;
+  plan = { ...made, time: 0 };
+  at("plan-box").hidden = false;
+  const slider = at("plan-time");
+  slider.max = made.duration;
+  const apart = made.clearance ? `at least ${(made.clearance * 1000).toFixed(0)} mm from everything` : "touching nothing";
+  text(at("plan-text"), `A motion of ${made.duration.toFixed(1)} s, ${apart}, found in ${made.planning_time.toFixed(1)} s. Nothing moves before Execute.`);
+  scene?.showPath(made.arms);
+  const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
+  let last = performance.now();
+  const play = (now) => {
+    if (plan?.plan !== made.plan) return;
+    if (document.activeElement !== slider && !isStill) showPlan((plan.time + Math.min(0.2, (now - last) / 1000)) % (made.duration + 0.6));
+    last = now;
+    requestAnimationFrame(play);
+  };
+  requestAnimationFrame(play);
+  showPlan(isStill ? made.duration : 0);
+}
+
+function showPlan(time) {
+  plan.time = time;
+  at("plan-time").value = Math.min(time, plan.duration);
+  for (const name of ARMS) if (state) scene?.showGhost(name, ghostOf(name, state.arms[name]));
+}
+
+/** Where a planned arm is at a time: between two of its points. */
+function pointOf(points, time) {
+  const index = Math.max(0, Math.min(points.length - 2, indexAt(points.map(([each]) => each), time)));
+  const [[begin, from], [end, to]] = [points[index], points[index + 1]];
+  const share = Math.min(1, Math.max(0, (time - begin) / (end - begin || 1)));
+  return from.map((value, joint) => value + share * (to[joint] - value));
+}
+
+function forgetPlan() {
+  plan = null;
+  at("plan-box").hidden = true;
+  scene?.showPath(null);
+}
+
+function fillGoals() {
+  const isHandle = at("pose").value === "the handle";
+  at("both").disabled = !(at("pose").value in model.arms.right.poses);
+  at("joint-goal").hidden = at("pose").value !== "joint positions";
+  at("preview").disabled = isHandle;
+  at("move").disabled = isHandle;
+  const arm = state?.arms[word];
+  const now = arm?.position ?? arm?.resting;
+  if (!at("joint-goal").hidden && now) {
+    at("joint-goal").querySelectorAll("input").forEach((each, index) => (each.value = (now[index] * DEGREES).toFixed(1)));
+  }
+  if (isHandle && !at("handle").value.startsWith("goal")) {
+    at("handle").value = "goal translate";
+    showHandle();
+  }
+  show();
+}
+
 // ---- buttons
 
 function choose(name) {
   endJog();
   word = name;
+  showHandle();
   for (const each of ARMS) at(`tab-${each}`).setAttribute("aria-selected", String(each === name));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${name}`);
   show();
@@ -480,6 +692,11 @@ function fillFaults() {
 function explainFault() {
   const fault = view.faults.find((each) => each.name === at("fault").value);
   text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${word} arm` : ""}`) : "");
+  at("fault-by").parentElement.hidden = !fault?.unit;
+  at("fault-by").value = fault?.default ?? "";
+  text(at("fault-unit"), fault?.unit ?? "");
+  at("fault-duration").parentElement.hidden = !fault?.has_duration;
+  at("fault-duration").value = fault?.default_duration ?? "";
 }
 
 function inject(name, form, button) {
@@ -512,13 +729,57 @@ function bind() {
   at("jog-speed").addEventListener("input", shown);
   shown();
   for (const name of ARMS) press(`tab-${name}`, () => choose(name));
-  at("pose").replaceChildren(...Object.keys(model.arms.right.poses).map((name) => new Option(name, name)));
+  const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
+  at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
+  model.arms.right.axes.forEach((axis) => {
+    const input = make("input", { type: "number", step: "1", value: "0", ariaLabel: `Axis ${axis}, degrees` });
+    input.addEventListener("input", show);
+    at("joint-goal").append(make("label", {}, `${axis}`, input));
+  });
   press("preview", (button) => {
     button.setAttribute("aria-pressed", String(button.getAttribute("aria-pressed") !== "true"));
     show();
   });
-  at("pose").addEventListener("change", show);
-  press("move", (button) => request("move", { [word]: at("pose").value }, button));
+  at("pose").addEventListener("change", fillGoals);
+  at("both").addEventListener("change", show);
+  press("move", (button) => {
+    forgetPlan();
+    const names = at("both").checked && !at("both").disabled ? ARMS : [word];
+    request("move", Object.fromEntries(names.map((name) => [name, goalOf(name).goal])), button);
+  });
+  press("plan", makePlan);
+  press("discard", forgetPlan);
+  press("execute", async (button) => {
+    const { plan: planned } = plan;
+    await ask({ type: "execute", plan: planned }, button);
+    if (plan?.plan === planned) forgetPlan();
+  });
+  at("plan-time").addEventListener("input", () => plan && showPlan(Number(at("plan-time").value)));
+  at("jog-frame").addEventListener("change", () => {
+    at("work-object").hidden = at("jog-frame").value !== "work object";
+    scene?.showWorkObject(at("work-object").hidden ? null : workObject);
+    showHandle();
+    show();
+  });
+  press("work-object", () => {
+    if (!scene) return;
+    const { position, quaternion } = scene.tipPose(word);
+    workObject = { position: position.toArray(), quaternion: quaternion.toArray() };
+    localStorage.setItem("work object", JSON.stringify(workObject));
+    scene.showWorkObject(workObject);
+    show();
+  });
+  at("handle").addEventListener("change", () => {
+    if (at("handle").value.startsWith("goal")) at("pose").value = "the handle";
+    else if (at("pose").value === "the handle") at("pose").value = Object.keys(model.arms.right.poses)[0];
+    fillGoals();
+    showHandle();
+  });
+  at("scene").addEventListener("keydown", jogByKey);
+  at("scene").addEventListener("keyup", (event) => jog?.key === event.key && endJog());
+  for (const event of ["blur", "pointercancel", "lostpointercapture"]) {
+    at("scene").addEventListener(event, () => jog?.button === at("scene") && endJog());
+  }
   press("activate", (button) => {
     const leading = state.controllers[word].filter((each) => each.commands).map((each) => each.name);
     const activate = at("controller").value;
@@ -532,10 +793,13 @@ function bind() {
   press("put-part", (button) => inject("object-placed", { side: word, by: at("part-width").value }, button));
   press("put-cup", (button) => inject("object-under-cups", { side: word }, button));
   press("take-part", (button) => inject("object-lost", { side: word }, button));
+  press("push", (button) => inject("arm-pushed", { side: word, by: at("push-by").value }, button));
   at("fault").addEventListener("change", explainFault);
   press("inject", (button) => {
     const fault = view.faults.find((each) => each.name === at("fault").value);
-    inject(fault.name, fault.has_side ? { side: word } : {}, button);
+    const by = fault.unit && at("fault-by").value !== "" ? { by: at("fault-by").value } : {};
+    const duration = fault.has_duration && at("fault-duration").value !== "" ? { duration: at("fault-duration").value } : {};
+    inject(fault.name, { ...(fault.has_side ? { side: word } : {}), ...by, ...duration }, button);
   });
   at("show-trace").addEventListener("change", ({ target }) => scene?.setShown("trace", target.checked));
   at("show-frame").addEventListener("change", ({ target }) => scene?.setShown("frame", target.checked));
@@ -673,6 +937,10 @@ async function begin() {
   try {
     scene = new Scene(at("scene"), model);
     await scene.load();
+    scene.onDrag = (isDragged) => {
+      if (isDragged && handleMode() === "jog") beginJog(at("scene"), followHandle, true);
+      else if (!isDragged && jog?.button === at("scene")) endJog();
+    };
   } catch (error) {
     console.error(error);
     scene = null;

@@ -2,6 +2,7 @@
 
 import * as THREE from "./vendor/three.module.min.js";
 import { OrbitControls } from "./vendor/OrbitControls.js";
+import { TransformControls } from "./vendor/TransformControls.js";
 
 const TRACE = 400; // points of a trace
 const STILL = 2e-4; // [rad] a smaller change is not drawn
@@ -132,6 +133,32 @@ export class Scene {
     this.grid.material.transparent = true;
     this.grid.material.opacity = 0.28;
     this.scene.add(this.grid);
+    this.boxes = new THREE.Group();
+    this.scene.add(this.boxes);
+    this.nearest = new THREE.Line(
+      new THREE.BufferGeometry().setFromPoints([new THREE.Vector3(), new THREE.Vector3()]),
+      new THREE.LineBasicMaterial({ color: 0xd6336c, depthTest: false, transparent: true }),
+    );
+    this.nearest.frustumCulled = false;
+    this.nearest.renderOrder = 3;
+    this.nearest.visible = false;
+    this.scene.add(this.nearest);
+    this.path = new THREE.Group(); // of the fingertips on a plan
+    this.scene.add(this.path);
+    this.workObject = new THREE.AxesHelper(0.12);
+    this.workObject.visible = false;
+    this.scene.add(this.workObject);
+    this.handle = new THREE.Object3D(); // what a person drags
+    this.scene.add(this.handle);
+    this.gizmo = new TransformControls(this.camera, canvas);
+    this.gizmo.setSize(0.8);
+    this.gizmo.enabled = false;
+    this.scene.add(this.gizmo.getHelper());
+    this.gizmo.addEventListener("change", () => this.draw());
+    this.gizmo.addEventListener("dragging-changed", ({ value }) => {
+      this.controls.enabled = !value;
+      this.onDrag?.(value);
+    });
     this.arms = {};
     this.isDue = false;
     this.slow = 0;
@@ -191,6 +218,131 @@ export class Scene {
       this.showGhost(word, null);
     }
     this.resize();
+  }
+
+  /** Show boxes around the robot: their poses (position [m], orientation w, x, y, z) and edges [m]. */
+  showBoxes(boxes) {
+    for (const each of this.boxes.children) each.geometry.dispose();
+    this.boxes.clear();
+    for (const { pose: { position: [x, y, z], orientation: [w, i, j, k] }, size } of boxes) {
+      const geometry = new THREE.BoxGeometry(...size);
+      const solid = new THREE.MeshStandardMaterial({ color: 0x9a8468, transparent: true, opacity: 0.45, roughness: 0.9, depthWrite: false });
+      const box = new THREE.Mesh(geometry, solid);
+      box.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry), new THREE.LineBasicMaterial({ color: 0x8a6d3b })));
+      box.position.set(x, y, z);
+      box.quaternion.set(i, j, k, w);
+      this.boxes.add(box);
+    }
+    this.draw();
+  }
+
+  /** Draw a line between two points [m]; null removes it. Where its middle is on the canvas [pixels]. */
+  showNearest(line) {
+    const was = this.nearest.visible;
+    this.nearest.visible = Boolean(line);
+    if (!line) {
+      if (was) this.draw();
+      return null;
+    }
+    const [start, end] = line.map((point) => new THREE.Vector3(...point));
+    const { position } = this.nearest.geometry.attributes;
+    if (!was || start.distanceTo(new THREE.Vector3().fromBufferAttribute(position, 0)) > 5e-4) {
+      position.setXYZ(0, ...start.toArray());
+      position.setXYZ(1, ...end.toArray());
+      position.needsUpdate = true;
+      this.draw();
+    }
+    const middle = start.add(end).multiplyScalar(0.5).project(this.camera);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return [((middle.x + 1) * width) / 2, ((1 - middle.y) * height) / 2];
+  }
+
+  /** Draw the paths of the fingertips on a plan: of each arm its joint positions [rad] one after the other. */
+  showPath(arms) {
+    for (const each of this.path.children) each.geometry.dispose();
+    this.path.clear();
+    for (const [word, points] of Object.entries(arms ?? {})) {
+      const tips = points.map(([, position]) => {
+        this.model.arms[word].joints.forEach((name, index) => this.ghost.set(name, position[index]));
+        this.ghost.root.updateMatrixWorld(true);
+        return new THREE.Vector3().setFromMatrixPosition(this.ghost.links[this.model.arms[word].tip].matrixWorld);
+      });
+      const line = new THREE.Line(
+        new THREE.BufferGeometry().setFromPoints(tips),
+        new THREE.LineBasicMaterial({ color: 0x2f7ff0, depthTest: false, transparent: true }),
+      );
+      line.renderOrder = 2;
+      this.path.add(line);
+    }
+    this.draw();
+  }
+
+  /** Where the fingertips of an arm are and how they are turned. */
+  tipPose(word) {
+    const pose = { position: this.tip(word), quaternion: new THREE.Quaternion() };
+    this.robot.links[this.model.arms[word].tip].getWorldQuaternion(pose.quaternion);
+    return pose;
+  }
+
+  /** Show the handle at the fingertips of an arm; null removes it. @param mode translate or rotate. @param frame of its axes. */
+  showHandle(word, mode = "translate", frame = "base", turned = null) {
+    this.gizmo.enabled = Boolean(word);
+    if (!word) {
+      this.gizmo.detach();
+      this.draw();
+      return;
+    }
+    this.gizmo.setMode(mode);
+    this.gizmo.setSpace(frame === "base" && !turned ? "world" : "local");
+    if (this.gizmo.object !== this.handle) this.gizmo.attach(this.handle);
+    this.placeHandle(word);
+  }
+
+  /** The handle is where the fingertips are. */
+  placeHandle(word) {
+    const { position, quaternion } = this.tipPose(word);
+    if (this.handle.position.distanceTo(position) < 2e-4 && this.handle.quaternion.angleTo(quaternion) < 1e-3) return;
+    this.handle.position.copy(position);
+    this.handle.quaternion.copy(quaternion);
+    this.draw();
+  }
+
+  /** Where the handle is on the canvas [pixels]; null while there is none. */
+  handlePlace() {
+    if (!this.gizmo.enabled) return null;
+    const middle = this.handle.position.clone().project(this.camera);
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    return [((middle.x + 1) * width) / 2, ((1 - middle.y) * height) / 2];
+  }
+
+  get isDragged() {
+    return this.gizmo.dragging;
+  }
+
+  /** The handle's pose as x, y, z, w, x, y, z. */
+  handlePose() {
+    const { position, quaternion: turn } = this.handle;
+    return [...position.toArray(), turn.w, turn.x, turn.y, turn.z];
+  }
+
+  /** By how much the handle is away from the fingertips of an arm: [m], and as a rotation vector [rad], in the body's frame. */
+  pull(word) {
+    const { position, quaternion } = this.tipPose(word);
+    const turn = this.handle.quaternion.clone().multiply(quaternion.invert());
+    if (turn.w < 0) turn.set(-turn.x, -turn.y, -turn.z, -turn.w);
+    const size = Math.hypot(turn.x, turn.y, turn.z);
+    const angle = size < 1e-9 ? 0 : (2 * Math.atan2(size, turn.w)) / size;
+    return { way: this.handle.position.clone().sub(position).toArray(), turn: [turn.x * angle, turn.y * angle, turn.z * angle] };
+  }
+
+  /** Draw the work object's frame: {position, quaternion} as numbers; null removes it. */
+  showWorkObject(pose) {
+    this.workObject.visible = Boolean(pose);
+    if (pose) {
+      this.workObject.position.set(...pose.position);
+      this.workObject.quaternion.set(...pose.quaternion);
+    }
+    this.draw();
   }
 
   resetCamera() {

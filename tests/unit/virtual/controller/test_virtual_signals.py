@@ -4,7 +4,7 @@ import pytest
 
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.signals import Signal, Signals
+from yumi.virtual.controller.signals import Configuration, Signal, Signals
 
 Edge = tuple[str, float, float]
 
@@ -65,3 +65,51 @@ def test_signals_refuse_an_unknown_name(signals: Signals) -> None:
     with pytest.raises(Refused, match=r"there is no signal NOTHING\.") as refused:
         signals.get("NOTHING")
     assert refused.value.reason is Refusal.UNKNOWN
+
+
+CROSSED = """EIO:CFG_1.0:6:1::
+#
+EIO_SIGNAL:
+
+      -Name "door" -SignalType "DI" -Access "All"
+      -Name "part" -SignalType "DI" -Access "All"
+      -Name "bypass" -SignalType "DI" -Access "All"
+      -Name "go" -SignalType "DO" -Access "All"
+      -Name "stop" -SignalType "DO" -Access "All"
+      -Name "echo" -SignalType "DO" -Access "All"
+#
+EIO_CROSS:
+
+      -Name "c1" -Res "go" -Act1 "door" -Oper1 "AND" -Act2 "part" -Oper2 "OR" -Act3 "bypass"
+      -Name "c2" -Res "stop" -Act1 "go" -Act1_invert
+      -Name "c3" -Res "echo" -Act1 "stop"
+"""
+
+
+def test_cross_connected_signal_follows_its_actors() -> None:
+    changes: list[tuple[str, float]] = []
+    signals = Signals.configured(Configuration([CROSSED]), lambda name, old, new: changes.append((name, new)))
+    assert [signals.get(name).value for name in ("go", "stop", "echo")] == [0, 1, 1]
+    changes.clear()
+    signals.set("door", 1)
+    assert signals.get("go").value == 0
+    signals.set("part", 1)
+    assert changes == [("door", 1), ("part", 1), ("go", 1), ("stop", 0), ("echo", 0)]
+    signals.set("part", 0)
+    signals.set("bypass", 1)
+    assert [signals.get(name).value for name in ("go", "stop", "echo")] == [1, 0, 0]
+
+
+def test_cross_connection_in_a_circle_ends() -> None:
+    circle = CROSSED + '      -Name "c4" -Res "bypass" -Act1 "go" -Act1_invert\n'
+    signals = Signals.configured(Configuration([circle]), lambda name, old, new: None)
+    signals.set("door", 1)
+    assert signals.get("door").value == 1
+
+
+def test_cross_connection_of_an_unknown_signal_is_rejected_and_logged() -> None:
+    configuration = Configuration([CROSSED.replace('"door" -Oper1', '"nosuch" -Oper1')])
+    signals = Signals.configured(configuration, lambda *_: None)
+    signals.set("part", 1)
+    assert signals.get("go").value == 0
+    assert signals.rejected == ["The cross connection of go names nosuch, which is no signal."]

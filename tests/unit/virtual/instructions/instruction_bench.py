@@ -9,7 +9,7 @@ import yumi.controller_files
 from yumi.rapid.program import Execution
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, Side
+from yumi.robot.joints import CYCLE, Joints, Side
 from yumi.virtual.controller.controller import robot_library
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.controller.events import EventLog
@@ -79,8 +79,9 @@ class InstructionBench:
         workpiece: Workpiece | None = None,
         sync_points: SyncPoints | None = None,
         signals: Sequence[Signal] = (),
+        position: Joints | None = None,
     ) -> None:
-        arm = VirtualArm(side)
+        arm = VirtualArm(side, position)
         arm.switch_motors_on()
         self.unit = ArmUnit(
             arm, EgmClient(arm), VirtualGripper(workpiece, GripperModules.TWO_VACUUMS, is_calibrated=True)
@@ -132,7 +133,7 @@ class InstructionBench:
             self.sent.append(datagram)
         self.unit.gripper.advance(CYCLE)
         self.unit.arm.advance(CYCLE)
-        self.unit.watch_zones()
+        self.unit.observe()
 
     @property
     def failure(self) -> str:

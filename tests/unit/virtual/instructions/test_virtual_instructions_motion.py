@@ -1,16 +1,20 @@
 """Motion instructions: where the arm goes, how fast, and what it says about itself."""
 
+import re
 from math import degrees, radians
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from instruction_bench import InstructionBench
 
+from unit.robot.test_robot_inverse_kinematics import random_postures
 from yumi.robot.arms import yumi_arm
+from yumi.robot.description import robot_description
 from yumi.robot.inverse_kinematics import arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names
+from yumi.robot.kinematics import matrix, quaternion_of, tool0_to_body
 from yumi.virtual.instructions.data import NOT_PRESENT, jointtarget, robtarget
 
 NEAR = "[[20,-120,30,0,40,0],[-130,9E9,9E9,9E9,9E9,9E9]]"
@@ -106,6 +110,40 @@ def test_c_rob_t_tells_home_as_abb_does() -> None:
 def test_c_rob_t_counts_the_tool_in(bench: InstructionBench) -> None:
     bench.run("point:=CRobT(); tip:=CRobT(\\Tool:=my_tool\\WObj:=wobj0); number:=Distance(point.trans,tip.trans);")
     assert float(bench.read("number")) == pytest.approx(100.0, abs=1e-3)
+
+
+TIP = Pose((0.02, -0.01, 0.15), quaternion_of((0.3, -0.2, 0.5)))
+TABLE = Pose((0.4, -0.1, 0.2), quaternion_of((0.1, 0.2, -0.7)))
+
+
+@pytest.mark.parametrize(("side", "position"), random_postures(3303, 6))
+def test_c_rob_t_is_where_pinocchio_says_with_tool_and_work_object(side: Side, position: Joints) -> None:
+    """Within 0.01 mm; RAPID counts in single precision and prints six digits."""
+    pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[planning]")
+    model = pin.buildModelFromXML(robot_description())
+    values, data = pin.neutral(model), model.createData()
+    for name, value in zip(joint_names(side), position, strict=True):
+        values[model.joints[model.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(model, data, values)
+    tool0 = data.oMf[model.getFrameId(f"yumi_tool0_{side.value}")]
+    tool, table = (pin.SE3(matrix(each.orientation), np.array(each.position)) for each in (TIP, TABLE))
+    expected = table.inverse() * tool0 * tool
+
+    def in_rapid(pose: Pose) -> str:
+        place = ",".join(f"{each * 1e3:.6f}" for each in pose.position)
+        return f"[[{place}],[{','.join(f'{each:.9f}' for each in pose.orientation)}]]"
+
+    bench = InstructionBench(side, position=position)
+    bench.run(
+        f"my_tool.tframe:={in_rapid(TIP)}; my_wobj:=wobj0; my_wobj.uframe:={in_rapid(TABLE)};"
+        r"point:=CRobT(\Tool:=my_tool\WObj:=my_wobj);"
+    )
+    assert not bench.failure
+    x, y, z, *quaternion = [float(each) for each in re.findall(r"[-+.E\d]+", bench.read("point"))[:7]]
+    assert (x, y, z) == pytest.approx(1e3 * expected.translation, abs=0.01)
+    assert matrix((quaternion[0], quaternion[1], quaternion[2], quaternion[3])) == pytest.approx(
+        expected.rotation, abs=1e-5
+    )
 
 
 def test_c_tool_tells_the_tool_of_the_last_motion(bench: InstructionBench) -> None:

@@ -163,3 +163,21 @@ def test_joints_and_targets_are_each_others_inverse(bench: InstructionBench) -> 
 def test_target_out_of_reach_has_no_joints(bench: InstructionBench) -> None:
     bench.run("point:=Offs(CRobT(),2000,0,0); target:=CalcJointT(point,tool0);")
     assert "ERR_OUTSIDE_REACH" in bench.failure
+
+
+def test_arm_goes_back_to_a_stored_path_from_elsewhere_without_a_jump(bench: InstructionBench) -> None:
+    bench.start(
+        BEGIN + r"MoveL\Conc,Offs(point,0,0,-60),v100,fine,tool0; WaitTime 0.2; StopMove; StorePath; "
+        r"found:=CRobT(\Tool:=tool0\WObj:=wobj0); MoveL Offs(found,0,20,0),v200,fine,tool0; "
+        r"RestoPath; StartMove; WaitTime 0.05; WaitRob\InPos;"
+    )
+    arm = bench.unit.arm
+    begin, before, steps = arm.kinematics.tool0(arm.planned).position, np.array(arm.planned), []
+    while bench.task.is_running:
+        bench.step()
+        steps.append(np.abs(np.array(arm.planned) - before))
+        before = np.array(arm.planned)
+    assert bench.failure == ""
+    assert np.all(np.max(steps, axis=0) <= np.array(arm.model.limits.velocity) * 0.0041)
+    end = arm.kinematics.tool0(arm.planned).position
+    assert np.subtract(end, begin) * 1e3 == pytest.approx([0.0, 0.0, -60.0], abs=0.05)

@@ -12,7 +12,7 @@ from yumi.virtual.controller.signals import Signal
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 BEGIN = r"ConfL\Off; point:=CRobT(\Tool:=tool0\WObj:=wobj0); "
 TRIGGER_DO = r"TriggIO event,5\DOp:=done,{}; TriggL Offs(point,0,0,-50),v200,event,fine,tool0;"
-TURN = "MoveL{} Offs(point,0,0,-100),v200,z20,tool0{}; MoveL Offs(point,100,0,-100),v200,fine,tool0;"
+TURN = "{} Offs(point,0,0,-100),v200,z20,tool0{}; MoveL Offs(point,100,0,-100),v200,fine,tool0;"
 
 
 def signal(name: str, kind: SignalType) -> Signal:
@@ -53,7 +53,13 @@ class Watched(Drawing):
 
 @pytest.mark.parametrize(
     ("kind", "arguments", "name", "value"),
-    [("DO", ",done,1", "done", 1), ("AO", ",glue,2.5", "glue", 2.5), ("GO", r",group\Value:=5", "group", 5)],
+    [
+        ("MoveLDO", ",done,1", "done", 1),
+        ("MoveLAO", ",glue,2.5", "glue", 2.5),
+        ("MoveLGO", r",group\Value:=5", "group", 5),
+        ("MoveJAO", ",glue,2.5", "glue", 2.5),
+        ("MoveJGO", r",group\Value:=5", "group", 5),
+    ],
 )
 def test_move_with_output_sets_it_in_the_middle_of_the_corner(
     bench: InstructionBench, kind: str, arguments: str, name: str, value: float
@@ -66,7 +72,7 @@ def test_move_with_output_sets_it_in_the_middle_of_the_corner(
 
 
 def test_move_with_procedure_calls_it_in_the_corner_while_the_arm_moves(bench: InstructionBench) -> None:
-    bench.start(BEGIN + TURN.format("Sync", r',"count"'))
+    bench.start(BEGIN + TURN.format("MoveLSync", r',"count"'))
     while bench.read("number") == "0":
         bench.step()
     assert not bench.unit.arm.is_stationary
@@ -242,3 +248,40 @@ def test_error_at_a_place_on_the_path_stops_the_program_not_the_controller(
     assert stop.sentence.startswith("T_ROB_R stopped in Program/main, line ")
     bench.run("number:=7;")
     assert bench.read("number") == "7"
+
+
+@pytest.mark.parametrize(
+    ("move", "name", "value"), [("MoveCAO {},glue,2.5;", "glue", 2.5), (r"MoveCGO {},group\Value:=5;", "group", 5)]
+)
+def test_circle_with_output_sets_it_at_its_end(bench: InstructionBench, move: str, name: str, value: float) -> None:
+    arc = "Offs(point,40,0,-40),Offs(point,0,0,-80),v200,fine,tool0"
+    drawing = Watched(move.format(arc), bench, name)
+    assert drawing.places[0] == pytest.approx(drawing.points[0] + at(0, 0, -80), abs=1.0)
+    assert bench.signals.get(name).value == value
+
+
+def test_output_follows_the_speed_of_the_tool_from_the_trigger_on(bench: InstructionBench) -> None:
+    bench.start(BEGIN + r"TriggSpeed event,40\Start,0,glue,10; TriggL Offs(point,0,0,-100),v100,event,fine,tool0;")
+    most = 0.0
+    while bench.task.is_running:
+        bench.step()
+        most = max(most, bench.signals.get("glue").value)
+    assert most == pytest.approx(0.1 * 10, rel=0.02)  # m/s times the factor
+    for _ in range(10):
+        bench.step()
+    assert bench.signals.get("glue").value == pytest.approx(0.0, abs=1e-6)
+
+
+def test_external_axis_searches_for_a_signal(bench: InstructionBench) -> None:
+    bench.start(
+        r"target:=CJointT(); start:=target; target.extax.eax_a:=target.extax.eax_a+20; "
+        r"SearchExtJ\Stop,touch,start,target,vrot20;"
+    )
+    for _ in range(100):
+        bench.step()
+    bench.signals.drive("touch", 1.0)
+    bench.finish()
+    assert bench.failure == ""
+    found = float(bench.read("start").split("],[")[1].split(",")[0])
+    assert -105.0 < found < -91.0
+    assert np.degrees(bench.unit.arm.planned[2]) == pytest.approx(found, abs=1.5)

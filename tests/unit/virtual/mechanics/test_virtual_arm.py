@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import dist, inf, nan
 
 import pytest
@@ -213,3 +214,23 @@ def test_egm_that_ramps_down_returns_to_where_it_began(arm):
     arm.stop_egm(1.0, returns_to_start=True)
     settle(arm)
     assert arm.position == pytest.approx(home(Side.LEFT), abs=1e-5)
+
+
+def test_arm_that_is_pushed_gives_way_smoothly_and_comes_back(arm: VirtualArm) -> None:
+    start, planned = arm.position, arm.planned
+    arm.push(0.1)
+    seen = [arm.position]
+    while len(seen) < 300:
+        arm.advance(CYCLE)
+        seen.append(arm.position)
+    aside = [position[3] - start[3] for position in seen]
+    assert max(aside) == pytest.approx(0.1, abs=1e-3)
+    assert max(abs(b - a) for a, b in pairwise(aside)) < 0.002
+    assert all(position[:3] + position[4:] == start[:3] + start[4:] for position in seen)
+    assert (arm.position, arm.planned) == (start, planned)
+    assert arm.is_stationary
+
+
+def test_arm_whose_brakes_hold_it_is_not_pushed() -> None:
+    with pytest.raises(CommandRefused, match="brakes hold the arm"):
+        VirtualArm(Side.LEFT).push(0.1)

@@ -1,0 +1,303 @@
+"""The controller: identity, clock, network, backup, options, licence, energy, jobs, restart of its computer."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from datetime import datetime
+
+import httpx
+
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError
+from yumi.rws import replies
+from yumi.rws.replies import ControllerIdentity, SystemInfo
+from yumi.rws.services.requests import OnProgress, Requests, file_path, get, given, post
+from yumi.rws.session import Request
+
+_JOB_POLL = 0.5
+_JOB_DEADLINE = 600.0
+_PROGRESS = re.compile(r"/progress/[\w-]+")
+
+
+@dataclass(frozen=True, slots=True)
+class NetworkPort:
+    """A network port of the controller."""
+
+    name: str
+    address: str
+    mask: str
+
+
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """What the robot has consumed since ``reset_at`` [J]."""
+
+    total: float
+    reset_at: str
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnCode:
+    """What one of ABB's return codes means; severity is Success, Warning or Error."""
+
+    code: int
+    name: str
+    severity: str
+    description: str
+
+
+class Controller(Requests):
+    """``/ctrl``, ``/rw/system``, ``/rw/devices``, ``/rw/retcode`` and ``/progress``."""
+
+    def identity(self) -> ControllerIdentity:
+        """Name, serial number and kind of the controller."""
+        return self._read(get("/ctrl/identity"), replies.identity, "reading the identity")
+
+    def system(self) -> SystemInfo:
+        """Name, RobotWare version and options."""
+        return self._read(get("/rw/system"), replies.system, "reading the system")
+
+    def clock(self) -> datetime:
+        """Its local time; the controller does not say in which zone."""
+        return self._read(get("/ctrl/clock"), replies.clock, "reading the clock")
+
+    def backup(self, name: str, on_progress: OnProgress = lambda text: None) -> str:
+        """Have the controller back itself up; where the backup is, such as ``BACKUP:/before_yumi``.
+
+        Args:
+            name: of the directory of the backup.
+            on_progress: gets the state of it as the controller says it.
+
+        Raises:
+            ControllerRefused: it cannot, or the backup failed.
+            NoConnection: it does not end in time.
+            ProtocolError: the controller does not say where its progress is.
+        """
+        form = ("backup", f"/fileservice/$BACKUP/{name}")
+        self._job(post("/ctrl/backup", "backup", form), f"making the backup {name}", on_progress)
+        return f"BACKUP:/{name}"
+
+    def restore(self, name: str) -> None:
+        """Have the controller become as in the backup ``name`` in BACKUP; it restarts, see ``wait_for_restart``."""
+        form = ("backup", f"/fileservice/$BACKUP/{name}")
+        self._do(post("/ctrl/backup", "restore", form), f"restoring the backup {name}")
+
+    def set_identity(self, *, name: str | None = None, id: str | None = None) -> None:
+        """Change the controller's name or id."""
+        request = Request("PUT", "/ctrl/identity", form=given(ctrl_name=name, ctrl_id=id))
+        self._do(request, "changing the identity")
+
+    def environment(self, variable: str) -> str:
+        """What an environment variable such as ``HOME`` stands for."""
+        return self._state(f"reading ${variable}", f"/ctrl/${variable}", "ctrl-env").text("value")
+
+    def set_controller_language(self, code: str) -> None:
+        """Language of the messages, such as ``en``."""
+        self._do(post("/ctrl", "set-lang", ("lang", code)), "setting the language")
+
+    def restart_controller(self, mode: str = "restart") -> None:
+        """Restart the controller's computer.
+
+        Args:
+            mode: ``restart``, ``istart``, ``pstart``, ``bstart`` as in ``restart``; or ``shutdown``, ``xstart``, after
+                which a person has to switch it on.
+        """
+        self._do(Request("POST", "/ctrl", form=(("restart-mode", mode),)), "restarting the controller")
+
+    def _job(self, request: Request, what: str, on_progress: OnProgress) -> None:
+        """Have the controller begin a job, and wait until it has ended.
+
+        Raises:
+            ControllerRefused: it cannot, or the job failed.
+            NoConnection: it does not end in time.
+            ProtocolError: the controller does not say where its progress is.
+        """
+        reply = self._session.exchange(request)
+        self._accepted(reply, what)
+        found = _PROGRESS.search(reply.headers.get("Location", ""))
+        if found is None and reply.status_code == httpx.codes.ACCEPTED:
+            raise ProtocolError(f"{self.address}: {what} was begun, but the controller does not say how far it is.")
+        start = self._clock.now()
+        while found is not None:
+            state = self._read(get(found[0]), replies.progress, what)
+            on_progress(state.state)
+            if not state.is_pending:
+                if state.code not in (0, replies.DONE):
+                    raise ControllerRefused(f"{self.address}: {what} failed: {state.state}.", status=0, code=state.code)
+                break
+            if self._clock.now() - start > _JOB_DEADLINE:
+                raise NoConnection(f"{self.address}: {what} does not end within {_JOB_DEADLINE:.0f} s.")
+            self._clock.wait(_JOB_POLL)
+
+    # Clock
+
+    def set_clock(self, time: datetime) -> None:
+        """Set the controller's local time."""
+        parts = {"year": time.year, "month": time.month, "day": time.day}
+        parts |= {"hour": time.hour, "min": time.minute, "sec": time.second}
+        form = tuple((f"sys-clock-{name}", str(value)) for name, value in parts.items())
+        self._do(Request("PUT", "/ctrl/clock", form=form), "setting the clock")
+
+    def timezone(self) -> str:
+        """Time zone, such as ``Europe/Stockholm``."""
+        return self._state("reading the time zone", "/ctrl/clock/timezone", "ctrl-timezone").text("timezone")
+
+    def set_timezone(self, name: str) -> None:
+        """Set the time zone."""
+        self._do(post("/ctrl/clock/timezone", "set-timezone", ("timezone", name)), "setting the time zone")
+
+    def time_server(self) -> str:
+        """Address of the NTP server, "" for none."""
+        return self._state("reading the time server", "/ctrl/clock/timeserver", "ctrl-timeserver").text("timeserver")
+
+    def set_time_server(self, address: str) -> None:
+        """Take the time from an NTP server."""
+        self._do(post("/ctrl/clock/timeserver", "set-timeserver", ("timeserver", address)), "setting the time server")
+
+    # Network
+
+    def network_ports(self) -> tuple[NetworkPort, ...]:
+        """The controller's network ports."""
+        states = self._states("reading the network", "/ctrl/network")
+        return tuple(NetworkPort(state.text("name"), state.text("addr"), state.text("mask")) for state in states)
+
+    def set_network(self, method: str, address: str = "", mask: str = "", gateway: str = "") -> None:
+        """Address of the WAN port, after a restart; ``method`` is ``fixip``, ``dhcp`` or ``noip``."""
+        form = given(method=method, address=address or None, mask=mask or None, gateway=gateway or None)
+        self._do(post("/ctrl/network", "set", *form), "setting the network")
+
+    def name_server(self) -> str:
+        """Address of the DNS server, "" for none."""
+        return self._state("reading the name server", "/ctrl/network/dns", "ctrl-netw").text("addr")
+
+    def routes(self) -> dict[str, str]:
+        """Gateways by destination."""
+        states = self._states("reading the routes", "/ctrl/network/routes")
+        return {state.text("destination"): state.text("gateway") for state in states}
+
+    def add_route(self, destination: str, gateway: str) -> None:
+        """Send what goes to a network such as ``10.1.0.0/16`` to a gateway."""
+        form = given(destination=destination, gateway=gateway)
+        self._do(Request("POST", "/ctrl/network/route/add", form=form), "adding a route")
+
+    def remove_route(self, destination: str) -> None:
+        """Remove a route."""
+        form = given(destination=destination)
+        self._do(Request("POST", "/ctrl/network/route/remove", form=form), "removing a route")
+
+    # Jobs
+
+    def backup_state(self) -> str:
+        """What has become of the last backup, such as ``None`` or ``Backup Ready``."""
+        query = ("action", "backupstate")
+        return self._state("reading the backup", "/ctrl/backup", "ctrl-backup-state", query).text("backup-state")
+
+    def can_restore(self, name: str) -> bool:
+        """Whether a backup in BACKUP is of this system."""
+        query = (("action", "check-restore"), ("backup", f"$BACKUP/{name}"))
+        state = self._state(f"checking the backup {name}", "/ctrl/backup", "ctrl-check-restore", *query)
+        return state.text("status") == "Accepted"
+
+    def backup_system(self, name: str) -> str:
+        """Name of the system that a backup in BACKUP is of."""
+        query = ("backup-path", f"/fileservice/$BACKUP/{name}")
+        return self._state(f"reading {name}", "/ctrl/backup/info", "ctrl-backup-info", query).text("system-name")
+
+    def compress(self, source: str, target: str, on_progress: OnProgress = lambda text: None) -> None:
+        """Pack a file or directory of the controller into a directory of it."""
+        form = (("srcpath", file_path(source)), ("dstpath", file_path(target)))
+        self._job(post("/ctrl/compress", "comp", *form), f"packing {source}", on_progress)
+
+    def decompress(self, source: str, target: str, on_progress: OnProgress = lambda text: None) -> None:
+        """Unpack a file of the controller into a directory of it."""
+        form = (("srcpath", file_path(source)), ("dstpath", file_path(target)))
+        self._job(post("/ctrl/compress", "dcomp", *form), f"unpacking {source}", on_progress)
+
+    def save_diagnostics(self, path: str, on_progress: OnProgress = lambda text: None) -> None:
+        """Write what ABB's support asks for to a file of the controller."""
+        form = ("dstpath", file_path(path))
+        self._job(post("/ctrl/diagnostics", "save", form), "saving the diagnostics", on_progress)
+
+    # System
+
+    def systems(self) -> tuple[str, ...]:
+        """Names of the installed systems."""
+        return tuple(state.title for state in self._states("reading the systems", "/ctrl/system"))
+
+    def installed_system(self, name: str) -> SystemInfo:
+        """One of the installed systems."""
+        state = self._state(f"reading the system {name}", f"/ctrl/system/{name}", "ctrl-system")
+        version = tuple(int(part) for part in state.text("rwversion").split(".") if part.isdecimal())
+        return SystemInfo(state.text("system-name"), version, (), state.text("system-id"))
+
+    def rename_system(self, name: str, to: str) -> None:
+        """Give an installed system another name."""
+        self._do(post(f"/ctrl/system/{name}", "rename", ("newname", to)), f"renaming {name}")
+
+    def has_option(self, option: str) -> bool:
+        """Whether the system has an option, named as in ``system().options``."""
+        reply = self._session.exchange(get(f"/ctrl/options/{option}"))
+        self._accepted(reply, f"asking for {option}")
+        return reply.status_code == httpx.codes.OK
+
+    def options(self) -> tuple[str, ...]:
+        """Names of the system's options."""
+        page = self._page(self._session.exchange(get("/rw/system/options")), "reading the options")
+        return tuple(child.text("option") for state in page.states for child in state.children)
+
+    def is_compatible(self, version: str = "") -> bool:
+        """Whether clients for a version of RobotWare, or for the present one, can be used."""
+        path = f"/ctrl/compatibility/{version}" if version else "/ctrl/compatible"
+        return self._state("asking for the version", path, "ctrl-compatibility").flag("compatible")
+
+    def has_safety_controller(self) -> bool:
+        """Whether there is a safety controller (SafeMove)."""
+        return bool(self._states("reading the safety controller", "/ctrl/safety"))
+
+    def robot_types(self) -> tuple[str, ...]:
+        """Types of the robots, such as ``IRB 14000-0.5/0.5``."""
+        return tuple(state.text("robot-type") for state in self._states("reading the type", "/rw/system/robottype"))
+
+    def license(self) -> str:
+        """The system's licence."""
+        return self._state("reading the licence", "/rw/system/license", "sys-license").text("license")
+
+    def products(self) -> dict[str, str]:
+        """Versions of the installed products by name."""
+        states = self._states("reading the products", "/rw/system/products")
+        return {state.text("title"): state.text("version-name") for state in states}
+
+    def energy(self) -> Energy:
+        """What the robot has consumed."""
+        state = self._state("reading the energy", "/rw/system/energy", "sys-energy-state-li")
+        return Energy(state.number("accumulated-energy"), state.text("reset-time"))
+
+    def energy_change_count(self) -> int:
+        """Rises with every change of what the robot has consumed."""
+        path, query = "/rw/system/energy", ("resource", "change-count")
+        return self._state("reading the energy", path, "sys-energy-changecount-li", query).whole("change-count")
+
+    def reset_energy(self) -> None:
+        """Begin to count anew."""
+        self._do(post("/rw/system/energy", "reset"), "resetting the energy")
+
+    def return_codes(self) -> tuple[ReturnCode, ...]:
+        """All of the controller's return codes."""
+        return tuple(
+            ReturnCode(state.whole("code"), *(state.text(name) for name in ("name", "severity", "description")))
+            for state in self._states("reading the return codes", "/rw/retcode")
+        )
+
+    def hardware(self, path: str = "") -> tuple[str, ...]:
+        """Paths of the hardware below ``path``, such as ``HW_DEVICES/CONTROLLER``."""
+        page = self._page(self._session.exchange(get(f"/rw/devices/{path}".rstrip("/"))), "reading the hardware")
+        return tuple(child.title for state in page.of_type("dev-id-li") for child in state.children)
+
+    def hardware_properties(self, path: str) -> dict[str, str]:
+        """Properties of a piece of hardware, with their units."""
+        states = self._states("reading the hardware", f"/rw/devices/{path}")
+        return {
+            state.text("name"): f"{state.text('value')} {state.fields.get('unit', '')}".rstrip()
+            for state in states
+            if state.type.startswith("dev-prop")
+        }

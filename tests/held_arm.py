@@ -1,0 +1,33 @@
+"""The sensor of one arm that holds it where it is, and what the robot has sent."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+from yumi.egm.codec import SensorCodec
+from yumi.egm.messages import SensorMessage
+
+
+class HeldArm:
+    """The sensor of one arm, which holds it where it is.
+
+    Attributes:
+        numbers: of the robot's datagrams.
+        times: when they came [s].
+    """
+
+    def __init__(self, port: int) -> None:
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", port))
+        self.numbers: list[int] = []
+        self.times: list[float] = []
+        self._codec = SensorCodec(axes=7)
+
+    def answer(self) -> None:
+        datagram, sender = self.socket.recvfrom(2048)
+        message = self._codec.decode(datagram)
+        self.numbers.append(message.seqno)
+        self.times.append(time.perf_counter())
+        reply = SensorMessage(seqno=message.seqno, position=message.planned)
+        self.socket.sendto(self._codec.encode(reply), sender)

@@ -1,0 +1,88 @@
+"""64 clients with subscriptions and 20 requests a second each, beside both arms under EGM."""
+
+from __future__ import annotations
+
+import json
+import selectors
+import statistics
+import subprocess
+import sys
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from held_arm import HeldArm
+from soak import tell
+from yumi.clock import SystemClock, wait_until
+from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.robot.joints import CYCLE, Side
+from yumi.rws.client import RwsClient
+from yumi.virtual.process import ControllerProcess
+
+pytestmark = pytest.mark.real_time
+SCRIPT = Path(__file__).parents[1] / "rws_load.py"
+RATE = 20.0
+
+
+def _answer(arms: list[HeldArm], is_over: Event) -> None:
+    with selectors.DefaultSelector() as selector:
+        for arm in arms:
+            selector.register(arm.socket, selectors.EVENT_READ, arm)
+        while not is_over.is_set():
+            for key, _ in selector.select(0.1):
+                key.data.answer()
+
+
+@pytest.mark.parametrize(
+    ("clients", "seconds"),
+    [
+        pytest.param(16, 3.0, id="short"),
+        pytest.param(64, 60.0, id="long", marks=(pytest.mark.soak, pytest.mark.timeout(180))),
+    ],
+)
+def test_clients_and_egm_do_not_disturb_each_other(clients: int, seconds: float, tmp_path: Path) -> None:
+    is_over = Event()
+    with ExitStack() as stack:
+        controller = ControllerProcess(tmp_path / "log", {"calibrated": True})
+        arms = [HeldArm(controller.egm_ports[side]) for side in Side]
+        for arm in arms:
+            stack.enter_context(arm.socket)
+        stack.enter_context(controller)
+        thread = Thread(target=_answer, args=(arms, is_over))
+        thread.start()
+        stack.callback(thread.join)
+        stack.callback(is_over.set)
+        client = stack.enter_context(RwsClient(controller.address))
+        client.set_motors(True)
+        client.move_pp_to_main()
+        client.start_rapid()
+        for state, signal in ((MachineState.IDLE, "EGM_START_JOINT"), (MachineState.RUN_EGM_ROUTINE, "")):
+            wait_until(
+                SystemClock(),
+                lambda state=state: all(  # type: ignore[misc]
+                    read_machine_state(client.symbol(side.task, MAIN, "current_state")) is state for side in Side
+                ),
+                10.0,
+                f"The state machine does not reach {state}.",
+            )
+            if signal:
+                client.pulse_signal(signal)
+        counts = [len(arm.numbers) for arm in arms]
+        command = [sys.executable, str(SCRIPT), controller.address, str(clients), str(RATE), str(seconds)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=seconds + 60.0)
+        numbers = [arm.numbers[count:] for arm, count in zip(arms, counts, strict=True)]
+        times = [arm.times[count:] for arm, count in zip(arms, counts, strict=True)]
+    found = json.loads(done.stdout)
+    gaps = [after - before for each in times for before, after in pairwise(each)]
+    found["cycle_mean_ms"] = round(1e3 * statistics.mean(gaps), 3)
+    tell(json.dumps(found))
+    assert found["errors"] == []
+    assert found["requests_per_second"] > 0.95 * RATE * clients
+    assert found["events"] == found["changes"] * clients  # none is lost
+    assert found["event_ms"][1] < 50.0
+    for each in numbers:
+        assert each == list(range(each[0], each[0] + len(each))), "a cycle is missing"
+    assert statistics.mean(gaps) < 1.01 * CYCLE

@@ -1,0 +1,96 @@
+"""Motions along a path in joints keep speed, acceleration and jerk, and take little longer than without jerk limits."""
+
+from __future__ import annotations
+
+from statistics import median
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from soak import long, short, tell
+from yumi.control.path_timing import MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
+from yumi.robot.joints import CYCLE, YUMI_LIMITS
+
+Array = NDArray[np.float64]
+
+BOTH = MotionLimits(
+    *(
+        np.tile(np.array(each), 2)
+        for each in (
+            YUMI_LIMITS.velocity,
+            YUMI_LIMITS.acceleration,
+            YUMI_LIMITS.jerk,
+            YUMI_LIMITS.lower,
+            YUMI_LIMITS.upper,
+        )
+    )
+)
+RATIO, BUILD_UP = 1.12, 0.16
+"""How much longer than without jerk limits: an eighth, and the time in which the jerk builds accelerations up [s]."""
+
+
+def corners(seed: int, count: int) -> Array:
+    return np.random.default_rng(seed).uniform(0.5 * BOTH.lower, 0.5 * BOTH.upper, (count, 14))
+
+
+@pytest.mark.parametrize("count", [short(6), long(2000, 1800.0)])
+def test_motion_keeps_the_limits_and_is_nearly_the_fastest(count: int) -> None:
+    ratios = []
+    for seed in range(count):
+        given = corners(seed, 2 + seed % 5)
+        path = RoundedPath(given, BOTH.velocity, deviation=0.15)
+        _, positions = fastest_along(path, BOTH)
+        assert positions[[0, -1]] == pytest.approx(given[[0, -1]], abs=1e-9)
+        rows = np.concatenate([*[positions[:1]] * 3, positions, *[positions[-1:]] * 3])
+        for order, most in enumerate((BOTH.velocity, BOTH.acceleration, BOTH.jerk), 1):
+            assert np.all(np.abs(np.diff(rows, order, axis=0)) / CYCLE**order <= most * (1.0 + 1e-9)), (seed, order)
+        duration, fastest = len(positions) * CYCLE, len(accelerating_law(path, BOTH, 1.0)) * CYCLE
+        ratios.append(duration / fastest)
+        assert duration <= RATIO * fastest + BUILD_UP, (seed, duration, fastest)
+    if count > 6:
+        tell(f"{count} motions: {median(ratios):.2f} times as long as without jerk limits, at most {max(ratios):.2f}")
+
+
+def test_one_joint_on_a_straight_line_takes_little_more_than_its_least_time() -> None:
+    given = np.zeros((2, 14))
+    given[1, 0] = 1.5
+    _, positions = fastest_along(RoundedPath(given, BOTH.velocity, 0.15), BOTH)
+    # 180°/s, 20 rad/s², 300 rad/s³: way / speed + speed / acceleration + acceleration / jerk.
+    best = 1.5 / BOTH.velocity[0] + BOTH.velocity[0] / 20.0 + 20.0 / 300.0
+    assert best <= (len(positions) - 1) * CYCLE < 1.15 * best
+
+
+def test_rounded_path_bends_without_a_jump_and_stays_near_its_corners() -> None:
+    given = corners(3, 4)
+    path = RoundedPath(given, BOTH.velocity, deviation=0.15)
+    places, step = np.linspace(0.0, path.length, 4_001), path.length / 4_000
+    positions, slopes, bends = path.at(places)
+    assert np.gradient(positions, step, axis=0)[5:-5] == pytest.approx(slopes[5:-5], abs=5e-3)
+    assert np.max(np.abs(np.diff(slopes, axis=0))) <= np.max(np.abs(bends)) * step * 1.01
+    for corner in given:
+        assert np.min(np.max(np.abs(positions - corner), axis=1)) <= 0.15 + 1e-9
+
+
+def test_corner_without_room_is_sharpened_until_it_has_none() -> None:
+    given = corners(4, 3)
+    path = RoundedPath(given, BOTH.velocity, deviation=0.15)
+    at_corner = np.array([float(np.linalg.norm((given[1] - given[0]) / BOTH.velocity))])
+    far = np.max(np.abs(path.at(at_corner)[0] - given[1]))
+    assert path.sharpen(at_corner)
+    assert np.max(np.abs(path.at(at_corner)[0] - given[1])) == pytest.approx(0.5 * far)
+    assert not path.sharpen(np.array([0.0]))  # no corner there
+    while path.sharpen(at_corner):
+        pass
+    assert np.max(np.abs(path.at(at_corner)[0] - given[1])) < 1e-4
+    _, positions = fastest_along(path, BOTH)  # nearly stops there
+    assert float(np.max(demand(positions, BOTH))) <= 1.0
+
+
+def test_joint_comes_to_the_end_of_its_range_only_as_fast_as_it_can_stop() -> None:
+    given = np.zeros((2, 14))
+    given[1, 0] = BOTH.upper[0]
+    _, positions = fastest_along(RoundedPath(given, BOTH.velocity, 0.15), BOTH)
+    free = MotionLimits(BOTH.velocity, BOTH.acceleration, BOTH.jerk, BOTH.lower - 9.0, BOTH.upper + 9.0)
+    _, faster = fastest_along(RoundedPath(given, BOTH.velocity, 0.15), free)
+    assert float(np.max(demand(positions, BOTH))) <= 1.0 < float(np.max(demand(faster, BOTH)))
