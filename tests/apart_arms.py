@@ -12,7 +12,7 @@ import numpy as np
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
-from yumi.robot.collision import BallModel, CollisionModel, Obstacle
+from yumi.robot.collision import BallModel, CollisionModel, Obstacle, SweptArm
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
@@ -119,6 +119,11 @@ def behind(goal: Joints, gain: float = 1.2) -> Drive:
     return drive
 
 
+def standing(model: BallModel, side: Side, position: Joints) -> SweptArm:
+    """An arm that does not move."""
+    return model.arms[side].sweep(np.array([position]), np.array([0]), np.array([0]), np.zeros((1, 7)))
+
+
 def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, name: str = "") -> Joints:
     """Full speed of all joints towards what is nearest.
 
@@ -128,17 +133,22 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
         name: of what stands still; any when empty.
     """
     model = arms.model
-    placed = {each: model.arms[each].place(np.array([arms.sent[each].position])) for each in Side}
+    still = {each: standing(model, each, arms.sent[each].position) for each in Side}
+    names = model.boxes if group else model.arms[side.other].names
+    rows, columns = (index.ravel() for index in np.indices((len(model.arms[side].names), len(names))))
     if group:
-        near = model.from_fixed(side, placed[side], 5.0)
-        is_it = np.array([not name or model.boxes[box] == name for box in near.columns])
+        near = model.from_fixed(side, still[side], (rows, columns), np.full(len(rows), 5.0))
+        is_it = np.array([not name or names[column] == name for column in columns])
+        is_it &= model.arms[side].part_frames[rows] > 0
     else:
-        near, is_it = model.between(side, placed[side], placed[side.other], 5.0), True
-    row, column = np.unravel_index(np.argmin(np.where(is_it, near.distances[0, 0], np.inf)), near.distances.shape[2:])
-    other = int(near.columns[column])
-    normal = model.gradient(
-        side, int(near.rows[row]), placed[side], 0, other if group else placed[side.other].middles[0, :, other]
-    )
+        near = model.between(side, still[side], still[side.other], (rows, columns), np.full(len(rows), 5.0))
+        is_it = (model.arms[side].part_frames[rows] > 0) | (model.arms[side.other].part_frames[columns] > 0)
+    pair = int(np.argmin(np.where(is_it, near.distances, np.inf)))
+    at = near.least(pair)
+    assert at is not None
+    ball, other = (int(each[at]) for each in near.balls)
+    middle = other if group else model.arms[side.other].middle(still[side.other], 0, other)
+    normal = model.gradient(side, still[side], 0, ball, middle)
     return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
 
 
@@ -159,8 +169,7 @@ def random_drive(generator: np.random.Generator, arms: ApartArms, side: Side) ->
     if kind == 3:
         return None
     group, share = int(generator.integers(2)), float(generator.uniform(0.1, 1.0))
-    speeds = at_nearest(arms, side, group)
-    scaled = scaled_by(share, speeds)
+    scaled = scaled_by(share, at_nearest(arms, side, group))
     if kind == 4:  # with a goal in that direction
         return to(joints([p + v for p, v in zip(arms.sent[side].position, scaled, strict=True)]))
     if kind == 5:  # oscillating

@@ -26,6 +26,10 @@ CONTROLLERS = int(os.environ.get("YUMI_SOAK_CONTROLLERS", "50"))
 """Virtual controllers, one after another."""
 
 
+COLLISION_CYCLES = int(os.environ.get("YUMI_COLLISION_CYCLES", "1000000"))
+"""In which both arms are driven at each other and at what stands around them."""
+
+
 def short(value: float, *marks: pytest.MarkDecorator) -> object:
     """The form of a test that runs with all others."""
     return pytest.param(value, marks=marks, id="short")

@@ -1,11 +1,13 @@
 """Keeps both arms apart from each other, from the body and from what stands around the robot.
 
 The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
-come nearer to each other than the margin. A command that would break it is braked, and when the arm is slow led along
-the boundary. Braking needs no permission: it leads along a way that was checked. So what was once kept can be kept.
+come nearer to each other than the margin. A command is sent only if the whole of its way to rest is clear of the whole
+of the other arm's; else the arm brakes, along the way that was found clear when the command before was sent. So what
+was once kept is kept, however the commands are chosen.
 
-Distances of shapes are calculated seldom. A radian of a joint moves a part no further than its reach from that joint;
-so of what was left beyond the margin when it was calculated last, all but the way since then is still left
+Ways are covered, not sampled: each ball of an arm sweeps a capsule along a line in joint space, thicker by how much
+the ball may be off that line. They are compared seldom: a radian of a joint moves a part no further than its reach from
+that joint; so of what was left beyond the margin, all but how far the ways have moved since then is still left
 (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
@@ -14,14 +16,16 @@ This is no safety function: a person in the way, or a part that was not declared
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import ceil, dist, fsum, inf
+from dataclasses import dataclass, field
+from itertools import pairwise
+from math import ceil, dist, exp, fsum, inf
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from yumi.control.motion import Setpoint, braking_path
-from yumi.robot.collision import Array, BallModel, Indices, Near, PlacedArm
+from yumi.robot.collision import Array, BallModel, Indices, Nearest, SweptArm
 from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
@@ -31,12 +35,19 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _FORESIGHT = 0.02  # [m] parts that are further beyond the margin need no exact distance
-_STEP = 0.10  # [rad] of all joints together between two postures of a way that are looked at
-_MOST_STEPS = 4
 _SIGHT = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
+_STRAIGHT = 2e-3  # [rad] a way to rest of one joint, and so little of the others, counts as a straight line
+_PIECE = 0.25  # [rad] of all joints together in a line
+_LOOKS = 12  # at a longer one, at equal times
+_QUARTER, _HALF = _LOOKS // 4, _LOOKS // 2
+_AGES = np.arange(_LOOKS + 1.0)
+_LAGS = np.maximum(_AGES[:-1, None] - _AGES[:-1], 0.0)
 _CORNERS = 3  # boundaries that count at once
 _EXACT = 1e-6  # [m]
+_ROUNDING = 1e-9  # [m]
+_TOLERANCE = 5e-5  # [m] a part within its margin that came nearer by more did so for another reason
+_DIP = 1e-4  # [m] and may come nearer by, on a way that ends further out
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
@@ -67,67 +78,154 @@ class ArmMotion:
         sent: how the position sent moves.
         robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
         limits: of the joints.
+        gain: of the robot's position loop [1/s].
 
     Attributes:
-        corners: the position sent, where it comes to rest if it brakes now, where the robot plans to be, where it comes
-            to rest, (4, 7) [rad].
-        postures: all that are looked at, the position sent first, (n, 7) [rad].
+        brake: how far each joint goes to rest, (7,) [rad].
+        robot_brake: how far the robot's own joints do, where speeds are fed forward, (7,) [rad].
     """
 
-    __slots__ = ("_placed", "corners", "planned", "postures", "robot", "sent")
+    __slots__ = ("_gain", "_limits", "_way", "brake", "planned", "robot", "robot_brake", "sent")
 
-    def __init__(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, limits: JointLimits) -> None:
+    def __init__(
+        self, planned: Joints, sent: Setpoint, robot: Setpoint | None, limits: JointLimits, gain: float
+    ) -> None:
         self.planned, self.sent, self.robot = planned, sent, robot
-        end = _end(sent, limits)
-        self.corners = np.array((sent.position, end, planned, end if robot is None else _end(robot, limits)))
-        self.postures = self.corners[:1]
-        self._placed: PlacedArm | None = None
+        self._limits, self._gain = limits, gain
+        self.brake = ZERO if sent.velocity is ZERO else self._brake(sent.velocity, sent.acceleration)
+        self.robot_brake = ZERO
+        if robot is not None:
+            # Its speed is taken back by ramp_speed, which needs at most this way; see speed_to_stop.
+            rows = zip(robot.velocity, robot.acceleration, limits.acceleration, limits.jerk, strict=True)
+            speeds = [(v + a * abs(a) / (2.0 * jerk), top, jerk) for v, a, top, jerk in rows]
+            self.robot_brake = joints([0.5 * v * (abs(v) / top + 3.0 * top / jerk) for v, top, jerk in speeds])
+        self._way: SweptArm | None = None
 
-    def placed(
-        self, side: Side, model: BallModel, coasts_to: Joints | None = None, before: ArmMotion | None = None
-    ) -> PlacedArm:
-        """The arm in all :attr:`postures`.
+    def _brake(self, velocity: Joints, acceleration: Joints) -> Joints:
+        rows = zip(velocity, acceleration, self._limits.acceleration, self._limits.jerk, strict=True)
+        return joints([braking_path(v, a, top, jerk).end for v, a, top, jerk in rows])
+
+    @property
+    def length(self) -> float:
+        """How far all joints together go to rest [rad]."""
+        return sum(map(abs, self.brake))
+
+    def moved(self, before: ArmMotion) -> list[float]:
+        """By how much each joint's way to rest is off the one before, at most [rad], (7,).
+
+        Two ways to rest of which one begins faster, or with more acceleration, but the same in all else, differ most at
+        their ends. So the difference is that of the positions, then of the speeds, then of the accelerations.
+        """
+        now, then = self.sent, before.sent
+        halfway = before.brake
+        if now.velocity is not then.velocity:
+            halfway = self._brake(now.velocity, then.acceleration)
+        rows = zip(now.position, then.position, self.brake, halfway, before.brake, strict=True)
+        ways = [abs(p - q) + abs(faster - last) + abs(new - faster) for p, q, new, faster, last in rows]
+        ways = [max(way, abs(p - q)) for way, p, q in zip(ways, self.planned, before.planned, strict=True)]
+        own, its = self.robot, before.robot
+        if own is not None or its is not None:
+            new, last = own.position if own else self.planned, its.position if its else before.planned
+            leads = zip(ways, new, last, self.robot_brake, before.robot_brake, strict=True)
+            ways = [max(way, abs(p - q) + abs(a - b)) for way, p, q, a, b in leads]
+        return ways
+
+    def way(self, side: Side, model: BallModel, coasts_to: Joints | None = None) -> SweptArm:
+        """Where the arm comes if it brakes now, or gets no commands any more.
 
         Args:
             side: which arm.
             model: its shapes.
-            coasts_to: where the robot goes in a straight line if it gets no commands any more [rad], (7,).
-            before: its motion until now: the position sent then is the last posture.
+            coasts_to: where the robot goes in a straight line if it is not heard any more [rad], (7,).
         """
-        if self._placed is None:
-            sent, end, planned, robot_end = self.corners
-            lines = [self.corners[:1], _line(sent, end), _line(sent, planned)]
+        if self._way is None:
+            sent, planned, brake = np.array((self.sent.position, self.planned, self.brake))
+            end = sent + brake
+            postures, lines = [sent, end, planned], [(0, 1), (2, 0)]
+            off = [np.zeros(7), np.zeros(7)]
+            aside = np.abs(brake)
+            largest = int(aside.argmax())
+            aside[largest] = 0.0
+            is_straight = float(aside.sum()) <= _STRAIGHT
+            if is_straight:  # along the line of the joint that goes furthest
+                off[0], swerve = aside, aside
+            else:
+                # The joints come to rest one after the other: by how much that is off a straight line.
+                positions, duration = self._braking_positions(sent)
+                step = duration / _LOOKS
+                between = np.array(self._limits.acceleration) * step * step / 8.0
+                postures += [positions[_QUARTER], positions[_HALF]]
+                lines[:1] = [(0, 3), (3, 4), (4, 1)]
+                thirds = positions[: _QUARTER + 1], positions[_QUARTER : _HALF + 1], positions[_HALF:]
+                off[:1] = [np.minimum(_off(each) + between, np.abs(brake)) for each in thirds]
+                swerve = np.max(off[:3], 0)
             if self.robot is not None:
-                lines.append(_line(end, robot_end))
-            elif len(lines[1]) and len(lines[2]) > 1:  # the robot cuts the corner
-                lines.append(_line(planned, end)[:-1])
+                # With speeds fed forward it brakes for itself, then comes to where the position sent has come.
+                place = np.array(self.robot.position)
+                postures += [place, place + self.robot_brake]
+                lines += [(2, len(postures) - 2), (len(postures) - 2, len(postures) - 1), (len(postures) - 1, 1)]
+                off += [np.zeros(7), swerve, swerve]
+            elif is_straight and brake[largest] != 0.0:
+                lines.append((2, 1))
+                off.append(aside)
+            elif not is_straight and self._gain > 0.0:
+                # It follows, by its time constant behind; then straight to the end.
+                kept = exp(-self._gain * step)
+                robots = kept ** _AGES[:, None] * planned
+                robots[1:] += (1.0 - kept) * np.tril(kept**_LAGS) @ (0.5 * (positions[1:] + positions[:-1]))
+                postures += [robots[_HALF], robots[-1]]
+                lines += [(2, len(postures) - 2), (len(postures) - 2, len(postures) - 1), (len(postures) - 1, 1)]
+                off += [_off(robots[: _HALF + 1]), _off(robots[_HALF:]), np.zeros(7)]
             if coasts_to is not None:
-                lines.append(_line(planned, np.array(coasts_to)))
-            lines.append(self.corners[:1] if before is None else before.corners[:1])
-            self.postures = np.concatenate(lines)
-            self._placed = model.arms[side].place(self.postures)
-        return self._placed
+                postures.append(np.array(coasts_to))
+                lines.append((2, len(postures) - 1))
+                off.append(np.zeros(7))
+            # A long line in pieces, so that a ball's curve is near each piece's line.
+            pieces, offs = [], []
+            for (start, end), bend in zip(lines, off, strict=True):
+                first, last = postures[start], postures[end]
+                count = ceil(float(np.abs(last - first).sum()) / _PIECE)
+                at = [start, *range(len(postures), len(postures) + count - 1), end]
+                postures += [first + (last - first) * (step / count) for step in range(1, count)]
+                pieces += list(pairwise(at))
+                offs += [bend] * (len(at) - 1)
+            starts, ends = np.array(pieces).T
+            self._way = model.arms[side].sweep(np.array(postures), starts, ends, np.array(offs))
+        return self._way
+
+    def _braking_positions(self, sent: Array) -> tuple[Array, float]:
+        """Positions at equal times on the way to rest, (n, 7) [rad], and how long it takes [s].
+
+        In closed form, as :func:`~yumi.control.motion.braking_path`: the acceleration changes by the jerk to its peak,
+        stays, and goes back to zero.
+        """
+        top, jerk = np.array(self._limits.acceleration), np.array(self._limits.jerk)
+        velocity, acceleration = np.array(self.sent.velocity), np.array(self.sent.acceleration)
+        sign = np.where(velocity + acceleration * np.abs(acceleration) / (2.0 * jerk) < 0.0, -1.0, 1.0)
+        velocity, acceleration = sign * velocity, sign * acceleration
+        speed = velocity + acceleration * acceleration / (2.0 * jerk)
+        peak = np.minimum(top, np.sqrt(jerk * speed))
+        first = np.maximum((acceleration + peak) / jerk, 0.0)
+        second = np.maximum((speed - peak * peak / jerk) / np.maximum(peak, 1e-12), 0.0)
+        third = peak / jerk
+        duration = float((first + second + third).max())
+        times = np.linspace(0.0, duration, _LOOKS + 1)[:, None]
+        one = np.minimum(times, first)
+        two = np.minimum(np.maximum(times - first, 0.0), second)
+        three = np.minimum(np.maximum(times - first - second, 0.0), third)
+        after_first = velocity + acceleration * first - 0.5 * jerk * first * first
+        after_second = after_first - peak * second
+        way = one * (velocity + one * (0.5 * acceleration - one * jerk / 6.0))
+        way += two * (after_first - 0.5 * two * peak)
+        way += three * (after_second + three * (three * jerk / 6.0 - 0.5 * peak))
+        return sent + sign * way, duration
 
 
-def _end(motion: Setpoint, limits: JointLimits) -> Joints:
-    if motion.velocity is ZERO:
-        return motion.position
-    rows = zip(*motion, limits.acceleration, limits.jerk, strict=True)
-    return joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
-
-
-def _line(start: Array, end: Array) -> Array:
-    """From start to end in joint space, without the start, (n, 7)."""
-    way = end - start
-    length = float(np.abs(way).sum())
-    steps = min(_MOST_STEPS, ceil(length / _STEP))
-    if steps < 2:
-        return end[None] if length > _EXACT else _NOWHERE
-    return start + way * _FRACTIONS[steps]
-
-
-_NOWHERE = np.empty((0, 7))
-_FRACTIONS = [np.arange(1, steps + 1)[:, None] / max(steps, 1) for steps in range(_MOST_STEPS + 1)]
+def _off(positions: Array) -> Array:
+    """By how much positions are off the straight line from the first to the last one, at most, (7,) [rad]."""
+    along = positions[-1] - positions[0]
+    apart = positions - positions[0]
+    return np.asarray(np.abs(apart - (apart @ along)[:, None] / max(float(along @ along), 1e-12) * along).max(0))
 
 
 class Boundary:
@@ -137,11 +235,13 @@ class Boundary:
         normal: by how much a radian of each joint moves the parts apart [m/rad], (7,).
         least: [m].
         limited: the pair of parts.
+        beyond: how far the arm is on this side of it on its way to rest [m].
     """
 
-    __slots__ = ("_square", "least", "limited", "normal")
+    __slots__ = ("_square", "beyond", "least", "limited", "normal")
 
-    def __init__(self, normal: Array, least: float, limited: Limited) -> None:
+    def __init__(self, normal: Array, least: float, limited: Limited, beyond: float) -> None:
+        self.beyond = beyond
         self.normal: list[float] = normal.tolist()
         self.least, self.limited = least, limited
         self._square = max(float(normal @ normal), _FLAT)
@@ -156,20 +256,34 @@ class Boundary:
 
 
 class _Left:
-    """What is left beyond the margin between an arm and the other one, or what stands still.
+    """What is left beyond the margin between the arms, or between an arm and what stands still.
 
     Attributes:
-        margins: of each two parts, (parts, parts or boxes) [m].
-        left: of each two parts, when it was calculated last [m].
-        corners: of the motions then, of this arm and, if it concerns one, of the other.
-        boundaries: near the arm.
+        margins: of each two parts, (parts, parts or boxes) [m]; infinitely below zero where they may touch.
+        left: of each two parts, at least [m].
+        groups: of capsules of one name, which are one part, the same number, (parts, parts or boxes).
+        floors: of each group within its margin, how near it may be [m].
     """
 
-    def __init__(self, margins: Array) -> None:
+    def __init__(self, margins: Array, groups: Indices) -> None:
         self.margins = margins
-        self.left = np.full_like(margins, -inf)
-        self.corners: tuple[Array | None, Array | None] = (None, None)
-        self.boundaries: list[Boundary] = []
+        self.groups = groups
+        self.floors = np.empty(int(groups.max()) + 1)
+        self.left = np.empty_like(margins)
+        self.forget()
+
+    def forget(self) -> None:
+        """Calculate all distances anew."""
+        self.left[:] = np.where(np.isneginf(self.margins), inf, -inf)
+        self.floors[:] = -inf
+
+    @property
+    def turned(self) -> _Left:
+        """The same, as the other arm has it."""
+        turned = _Left.__new__(_Left)
+        turned.margins, turned.left = self.margins.T, self.left.T
+        turned.groups, turned.floors = self.groups.T, self.floors
+        return turned
 
 
 @dataclass(slots=True)
@@ -181,12 +295,14 @@ class _Arm:
         is_heard: whether its robot's datagrams arrive.
         coasts_to: where it goes where they do not [rad], (7,); None while they do.
         limited: what limits it in this cycle.
+        boundaries: near it.
     """
 
     motion: ArmMotion | None = None
     is_heard: bool = False
     coasts_to: Joints | None = None
     limited: Limited | None = None
+    boundaries: list[Boundary] = field(default_factory=list)
 
 
 class CollisionLimiter:
@@ -205,15 +321,25 @@ class CollisionLimiter:
         self._limits = limits
         self._gain = gain
         self._arms = {side: _Arm() for side in Side}
-        counts = {side: len(arm.names) for side, arm in model.arms.items()}
-        fixed = np.array([min(margin, BODY_MARGIN) if name == "body" else margin for name in model.boxes])
-        # The shoulders are as near to the other arm as to the body.
-        is_body = {side: arm.part_frames == 0 for side, arm in model.arms.items()}
-        self._both = {
-            side: _Left(np.where(is_body[side][:, None] | is_body[side.other], min(margin, BODY_MARGIN), margin))
-            for side in Side
+        near = min(margin, BODY_MARGIN)
+        # The shoulders are as near to the other arm as to the body, and bolted to it.
+        right, left = (arm.part_frames == 0 for arm in model.arms.values())
+        margins = np.where(right[:, None] | left, near, margin)
+        margins[right[:, None] & left] = -inf
+        (rows, columns), boxes = (
+            (np.unique(arm.names, return_inverse=True)[1] for arm in model.arms.values()),
+            model.boxes,
+        )
+        both = _Left(margins, rows[:, None] * (int(columns.max()) + 1) + columns)
+        self._both = {Side.RIGHT: both, Side.LEFT: both.turned}
+        is_body = np.array([name == "body" for name in model.boxes])
+        self._alone = {
+            side: _Left(
+                np.where((arm.part_frames == 0)[:, None] & is_body, -inf, np.where(is_body, near, margin)),
+                names[:, None] * len(boxes) + np.arange(len(boxes)),
+            )
+            for (side, arm), names in zip(model.arms.items(), (rows, columns), strict=True)
         }
-        self._alone = {side: _Left(np.tile(fixed, (counts[side], 1))) for side in Side}
         self._permitted: tuple[tuple[_Left, int, int, float], ...] = ()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -243,7 +369,7 @@ class CollisionLimiter:
 
     def place(self, side: Side, position: Joints) -> None:
         """An arm that no command is sent to stands at ``position`` [rad], (7,)."""
-        self._arms[side].motion = ArmMotion(position, Setpoint(position), None, self._limits)
+        self._arms[side].motion = ArmMotion(position, Setpoint(position), None, self._limits, self._gain)
         self._forget()
 
     def lose(self, side: Side) -> None:
@@ -256,17 +382,23 @@ class CollisionLimiter:
         if motion.robot is not None and self._gain > 0.0:
             rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
             arm.coasts_to = joints([p + v / self._gain for p, v in rows])
-        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits)
+        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, self._gain)
         self._forget()
 
     def take(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
         arm = self._arms[side]
-        if not _stays(arm.motion, planned, sent, robot):
-            arm.motion = ArmMotion(planned, sent, robot, self._limits)
         if not arm.is_heard:
             arm.is_heard, arm.coasts_to = True, None
             self._forget()
+        if _stays(arm.motion, planned, sent, robot):
+            return
+        motion = ArmMotion(planned, sent, robot, self._limits, self._gain)
+        if arm.motion is not None:
+            ways = self._ways(side, motion, arm.motion)
+            for known in (self._alone[side], self._both[side]):
+                known.left -= ways
+        arm.motion = motion
 
     def accepts(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
@@ -278,39 +410,47 @@ class CollisionLimiter:
             robot: how the robot would, where a speed is fed forward.
         """
         arm, other = self._arms[side], self._arms[side.other]
+        if not arm.is_heard:
+            arm.is_heard, arm.coasts_to = True, None
+            self._forget()
         if _stays(arm.motion, planned, sent, robot):
             return True
-        motion, last = ArmMotion(planned, sent, robot, self._limits), arm.motion
+        motion, last = ArmMotion(planned, sent, robot, self._limits, self._gain), arm.motion
         if last is None:  # its first command is where it stands
             arm.motion = motion
             return True
+        ways = self._ways(side, motion, last)
+        alone = self._alone[side].left - ways
+        lacking = alone < 0.0
         is_free = True
-        alone, both = self._alone[side], self._both[side]
-        ways = self._ways(side, motion, alone.corners[0])
-        if ways is None or (ways[:, None] > alone.left).any():
-            is_free = self._is_free(side, alone, motion, last, None)
+        boundaries: list[Boundary] = []
+        if lacking.any():
+            is_free = self._measure(side, motion, last, None, alone, lacking, boundaries)
+        both = self._both[side].left
         if other.motion is not None:  # else it is not known where it is
-            ways, others = (
-                self._ways(each, now, before)
-                for each, now, before in zip((side, side.other), (motion, other.motion), both.corners, strict=True)
-            )
-            if ways is None or others is None or (ways[:, None] + others > both.left).any():
-                is_free = self._is_free(side, both, motion, last, other) and is_free
+            both = both - ways
+            lacking = both < 0.0
+            if lacking.any():
+                is_free = self._measure(side, motion, last, other, both, lacking, boundaries) and is_free
+        arm.boundaries = sorted(boundaries, key=lambda each: each.beyond)[:_CORNERS]
         if is_free:
             arm.motion = motion
+            self._alone[side].left[:] = alone
+            if other.motion is not None:
+                self._both[side].left[:] = both
         return is_free
 
     def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
         arm = self._arms[side]
         arm.limited = None
-        boundaries = self._both[side].boundaries + self._alone[side].boundaries
-        if not boundaries or not self._is_slow(arm.motion):
+        if not arm.boundaries or arm.motion is None or arm.motion.length >= _SLOW:
+            # First an arm is slowed down on the way it goes: where that is free after all, it is not left.
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
         for _ in range(_REPEATS):
             is_clear = True
-            for boundary in boundaries:
+            for boundary in arm.boundaries:
                 missing = boundary.missing(position)
                 if missing <= _EXACT:
                     continue
@@ -325,21 +465,13 @@ class CollisionLimiter:
             return desired
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
-    @staticmethod
-    def _is_slow(motion: ArmMotion | None) -> bool:
-        """First an arm is slowed down on the way it goes: where that is free after all, it is not left."""
-        return motion is not None and float(np.abs(motion.corners[1] - motion.corners[0]).sum()) < _SLOW
-
-    def _ways(self, side: Side, motion: ArmMotion, before: Array | None) -> Array | None:
-        """How far each part is, on its way to rest, from where it was on another motion's way, at most [m]."""
-        if before is None:
-            return None
-        moved = np.abs(motion.corners - before).max(0)
-        return np.asarray(self.model.arms[side].reach @ moved)
+    def _ways(self, side: Side, motion: ArmMotion, last: ArmMotion) -> Array:
+        """How far each part is, on its way to rest, from where it was on the way before, at most, (parts, 1) [m]."""
+        return np.asarray(self.model.arms[side].reach @ np.array(motion.moved(last)))[:, None]
 
     def _forget(self) -> None:
-        for each in (*self._both.values(), *self._alone.values()):
-            each.corners = (None, None)
+        for each in (self._both[Side.RIGHT], *self._alone.values()):
+            each.forget()
 
     def _found(self, name: str, other: str) -> list[tuple[_Left, int, int]]:
         def fits(part: str, wanted: str) -> bool:
@@ -357,79 +489,124 @@ class CollisionLimiter:
                 ]
         return found
 
-    def _is_free(self, side: Side, known: _Left, motion: ArmMotion, last: ArmMotion, other: _Arm | None) -> bool:
+    def _measure(
+        self,
+        side: Side,
+        motion: ArmMotion,
+        last: ArmMotion,
+        other: _Arm | None,
+        left: Array,
+        lacking: NDArray[np.bool_],
+        boundaries: list[Boundary],
+    ) -> bool:
         """Calculate distances on all of the arm's way to rest, whichever arm is quicker.
 
         Args:
             side: which arm.
-            known: what is left of it.
             motion: its motion, should the command be sent.
             last: that of the command before.
             other: the other arm; None for what stands still.
+            left: of each two parts, to be updated [m].
+            lacking: which of them are compared.
+            boundaries: near the arm, to be added to.
+
+        Returns:
+            Whether the arm may move like this.
         """
         model, arm = self.model, self._arms[side]
-        mine, its = motion.placed(side, model, before=last), None
-        within = self.margin + _FORESIGHT
-        if other is None:
-            near = model.from_fixed(side, mine, within)
-        else:
-            assert other.motion is not None
-            its = other.motion.placed(side.other, model, other.coasts_to)
-            near = model.between(side, mine, its, within)
-        left = near.gaps - known.margins
-        is_free, boundaries = True, []
-        if len(near.parts):
-            rows = _begins(model.arms[side].counts[near.parts])
-            columns = (
-                np.arange(len(near.others)) if other is None else _begins(model.arms[side.other].counts[near.others])
-            )
-            parts = near.parts[:, None], near.others
-            # What is nearer already may not come nearer still; a robot that is not heard may be anywhere on its way.
-            now = near.distances[-1, : 1 if other is None or other.is_heard else None].min(0)
-            now = np.minimum.reduceat(np.minimum.reduceat(now, rows, 0), columns, 1)
-            smallest = near.distances[:-1].min((0, 1))
-            smallest = np.minimum.reduceat(np.minimum.reduceat(smallest, rows, 0), columns, 1)
-            least = np.minimum(known.margins[parts], now)
-            left[parts] = smallest - least
-            over = left[parts] < (_SIGHT if self._is_slow(motion) else -_EXACT)
-            if over.any():
-                nearest = np.argsort(left[parts], axis=None)[: min(_CORNERS, int(over.sum()))]
-                ends = (np.append(rows[1:], len(near.rows)), np.append(columns[1:], len(near.columns)))
-                for row, column in zip(*np.unravel_index(nearest, over.shape), strict=True):
-                    block = (slice(rows[row], ends[0][row]), slice(columns[column], ends[1][column]))
-                    names = model.boxes if other is None else model.arms[side.other].names
-                    part, its_part = int(near.parts[row]), int(near.others[column])
-                    limited = Limited(model.arms[side].names[part], names[its_part], float(now[row, column]))
-                    if left[part, its_part] < -_EXACT and is_free:
-                        arm.limited, is_free = limited, False
-                    boundaries.append(
-                        self._boundary(side, near, block, motion, mine, its, float(least[row, column]), limited)
-                    )
-        known.boundaries = boundaries
-        if is_free:
-            known.left = left
-            known.corners = (motion.corners, None if other is None or other.motion is None else other.motion.corners)
-        return is_free
+        rows, columns = np.nonzero(lacking)
+        known = (self._alone if other is None else self._both)[side]
+        its: SweptArm | None = None
+        if other is not None and other.motion is not None:
+            its = other.motion.way(side.other, model, other.coasts_to)
+        way, margins = motion.way(side, model), known.margins[rows, columns]
+        near = self._compare(side, way, its, (rows, columns), margins)
+        beyond = near.distances - margins
+        broken = np.flatnonzero(beyond < -_ROUNDING)
+        if len(broken):
+            inside = self._inside(side, known, (rows[broken], columns[broken]), motion, last, other, its)
+            beyond[broken] = np.maximum(beyond[broken], inside)
+        left[rows, columns] = beyond
+        seen = _SIGHT if motion.length < _SLOW else -_ROUNDING
+        names = model.boxes if its is None else model.arms[side.other].names
+        for pair in np.argsort(beyond)[:_CORNERS].tolist():
+            lacks, at = float(beyond[pair]), near.least(pair)
+            if lacks >= seen:
+                break
+            part, its_part = model.arms[side].names[int(rows[pair])], names[int(columns[pair])]
+            limited = Limited(part, its_part, float(near.distances[pair]))
+            if lacks < -_ROUNDING:
+                arm.limited = arm.limited or limited
+            if at is None:  # known by what is round the parts only
+                continue
+            # Where the balls of two parts are nearest to each other.
+            line, its_line = (int(each[at]) for each in near.lines)
+            ball, its_ball = (int(each[at]) for each in near.balls)
+            posture = int(way.starts[line] if near.shares[0][at] < 0.5 else way.ends[line])
+            middle: Array | int = its_ball
+            if its is not None:
+                (middles,), (halves,) = model.arms[side.other].lines(its, *np.array([[its_ball], [its_line]]))
+                middle = middles + (2.0 * near.shares[1][at] - 1.0) * halves
+            normal = model.gradient(side, way, posture, ball, middle)
+            least = float(normal @ way.postures[posture]) - lacks
+            boundaries.append(Boundary(normal, least, limited, lacks))
+        return bool(beyond.min() >= -_ROUNDING)
 
-    def _boundary(
+    def _compare(
+        self, side: Side, way: SweptArm, its: SweptArm | None, pairs: tuple[Indices, Indices], margins: Array
+    ) -> Nearest:
+        """How near parts of an arm come to those of the other one, or to what stands still."""
+        within = margins + _FORESIGHT
+        if its is None:
+            return self.model.from_fixed(side, way, pairs, within)
+        return self.model.between(side, way, its, pairs, within)
+
+    def _inside(
         self,
         side: Side,
-        near: Near,
-        block: tuple[slice, slice],
+        known: _Left,
+        pairs: tuple[Indices, Indices],
         motion: ArmMotion,
-        mine: PlacedArm,
-        its: PlacedArm | None,
-        least: float,
-        limited: Limited,
-    ) -> Boundary:
-        """Where the balls of two parts are nearest to each other on the arm's way to rest."""
-        distances = near.distances[:-1, :, block[0], block[1]]
-        posture, there, row, column = np.unravel_index(int(distances.argmin()), distances.shape)
-        ball, second = int(near.rows[block[0]][row]), int(near.columns[block[1]][column])
-        other = second if its is None else its.middles[there, :, second]
-        normal = self.model.gradient(side, ball, mine, int(posture), other)
-        beyond = float(distances[posture, there, row, column]) - least
-        return Boundary(normal, float(normal @ motion.postures[posture]) - beyond, limited)
+        last: ArmMotion,
+        other: _Arm | None,
+        its: SweptArm | None,
+    ) -> Array:
+        """Of pairs that are nearer than their margin already how much further than that they stay on their way [m].
+
+        They may not come nearer still. On a way that leads out of the margin no room is kept for how much the way may
+        bend, and a little is lost to begin with. Below zero for pairs that are not within their margin.
+        """
+        model, groups = self.model, known.groups[pairs]
+        first, second = np.nonzero(np.isin(known.groups, groups))
+        margins = known.margins[first, second]
+
+        def least(way: SweptArm, its: SweptArm | None) -> Array:
+            """Of all capsules of the same parts the least distance."""
+            nearest = np.full(len(known.floors), inf)
+            distances = self._compare(side, way, its, (first, second), margins).distances
+            np.minimum.at(nearest, known.groups[first, second], distances)
+            return nearest[groups]
+
+        arm, way, theirs = model.arms[side], motion.way(side, model), its
+        if other is not None and other.motion is not None and other.is_heard:  # else it may be anywhere on its way
+            postures = np.array((other.motion.sent.position, other.motion.planned))
+            theirs = model.arms[side.other].sweep(postures, *_STILL)
+        now = least(arm.sweep(np.array((last.sent.position, motion.planned)), *_STILL), theirs)
+        end = np.array(motion.sent.position) + motion.brake
+        at_end = least(arm.sweep(np.array((end, end)), *_STILL), theirs)
+        # What was once left does not come back; an arm that came nearer all the same may go on from there.
+        floors = known.floors[groups]
+        floors = np.where(now < floors - _TOLERANCE, now, np.maximum(floors, now))
+        known.floors[groups] = floors
+        bare = way._replace(excess=np.zeros_like(way.excess))
+        its_bare = its and its._replace(excess=np.zeros_like(its.excess))
+        found = self._compare(side, bare, its_bare, pairs, known.margins[pairs]).distances
+        allowed = np.where(at_end >= floors, np.minimum(now, floors) - _DIP, floors)
+        return np.where(floors < known.margins[pairs], found - allowed, -inf)
+
+
+_STILL = np.array((0, 1)), np.array((0, 1)), np.zeros((2, 7))
+"""An arm that stands in one of two postures; see :meth:`~yumi.robot.collision.ArmBalls.sweep`."""
 
 
 class ArmCollisionLimiter(NamedTuple):
@@ -460,10 +637,3 @@ def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Set
     if motion is None or motion.sent != sent or motion.robot != robot:
         return False
     return motion.planned is planned or dist(motion.planned, planned) < _NOISE
-
-
-def _begins(counts: Indices) -> Indices:
-    """Where in a row of so many of each kind every kind begins."""
-    begins = np.zeros(len(counts), dtype=np.intp)
-    np.cumsum(counts[:-1], out=begins[1:])
-    return begins

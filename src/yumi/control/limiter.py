@@ -568,10 +568,12 @@ class Limiter:
             self.counters.kept_apart += steered is not desired
             self._was_refused = False
             return command
-        if desired is not None and not self._was_refused:  # the boundary is known by now: along it
+        along = desired and collisions.steered(desired)
+        # The boundary is known by now; where that does not change the command, it is refused again.
+        if desired is not None and along is not steered and along != steered and not self._was_refused:
             self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
             self._settling_for = kept[3]
-            command = self._next(state, collisions.steered(desired), dt)
+            command = self._next(state, along, dt)
             if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
                 self.counters.kept_apart += 1
                 return command

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, hypot, sqrt
+from math import ceil, hypot, inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +42,7 @@ Indices = NDArray[np.intp]
 PADDING = 0.004
 """Added to every radius: cables, labels, and castings that differ from the meshes [m]."""
 
+_ROUND_END = 0.002  # [m]
 _LINKS = 7
 TOOL_FRAME = _LINKS
 """Index of tool0's frame, behind those of the links."""
@@ -103,12 +104,16 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     """The gripper with its fingers in any opening, its camera and its cups (reference/yumi.md §2.2, §2.4)."""
     (body,) = GRIPPER_SHAPES
     half_x, half_y, height = (value / 1000.0 for value in body.high_mm)
-    # Four capsules side by side: circles of this radius about the middles of its quarters cover the cross-section.
-    radius = hypot(half_x / 2.0, half_y / 2.0)
+    # Capsules side by side, a little thicker than circles that cover the cross-section, so that their
+    # round ends cover its corners from further inside.
+    columns, rows = (-0.75, -0.25, 0.25, 0.75), (-2.0 / 3.0, 0.0, 2.0 / 3.0)
+    corner = hypot(half_x / len(columns), half_y / len(rows))
+    radius = corner + _ROUND_END
+    inset = sqrt(radius * radius - corner * corner)
     parts = [
-        Part("gripper", TOOL_FRAME, (x, y, 0.0), (x, y, height), radius)
-        for x in (-half_x / 2.0, half_x / 2.0)
-        for y in (-half_y / 2.0, half_y / 2.0)
+        Part("gripper", TOOL_FRAME, (x * half_x, y * half_y, inset), (x * half_x, y * half_y, height - inset), radius)
+        for x in columns
+        for y in rows
     ]
     (finger,) = FINGER_SHAPES
     (low_x, low_y, low_z), (_, high_y, high_z) = ([value / 1000.0 for value in corner] for corner in _corners(finger))
@@ -185,7 +190,7 @@ class CollisionModel:
             start, end = (
                 np.einsum("nji,nj->ni", self._rotations[box], each[part] - self._centres[box]) for each in ends[side]
             )
-            distances.append(box_distances(start, end, self._halves[box]) - arm.radii[part])
+            distances.append(box_distances(start, end, self._halves[box])[0] - arm.radii[part])
             names += [(arm.names[i], self._fixed_names[j]) for i, j in zip(part.tolist(), box.tolist(), strict=True)]
         together = np.concatenate(distances)
         order = np.argsort(together, kind="stable")[:count]
@@ -196,42 +201,77 @@ BALL_EXCESS = 0.0015
 """A row of balls that covers a capsule is at most so much thicker than it [m]."""
 
 
-class PlacedArm(NamedTuple):
-    """The balls that cover an arm in a number of postures, in the body frame.
+class SweptArm(NamedTuple):
+    """An arm on its way along lines in joint space: each ball sweeps a capsule that contains where it comes.
 
     Attributes:
-        middles: of the balls, (n, 3, balls) [m].
-        parts: the middles of the parts, (n, 3, parts) [m].
-        frames: of the links and of tool0, (n, 8, 4, 4).
+        postures: that the lines lead from and to, (n, 7) [rad].
+        frames: of the links and of tool0 in those, in the body frame, (n, 8, 4, 4).
+        starts: the postures that the lines begin with, (lines,).
+        ends: those that they end with, (lines,).
+        excess: by how much the balls of a part may be off their straight lines, (parts, lines) [m].
+        part_middles: of the lines of balls round whole parts, (3, parts, lines) [m].
+        part_sizes: from there to the surface of anything of the part, at most, (parts, lines) [m].
     """
 
-    middles: Array
-    parts: Array
+    postures: Array
     frames: Array
+    starts: Indices
+    ends: Indices
+    excess: Array
+    part_middles: Array
+    part_sizes: Array
 
 
-class Near(NamedTuple):
-    """How near an arm is to the other one, or to what stands still, in a number of postures.
+class Nearest(NamedTuple):
+    """How near pairs of parts come to each other on their ways.
 
     Attributes:
-        gaps: parts are further from each other than this in all postures, (parts, parts) or (parts, boxes) [m].
-        parts: which parts of the arm are near anything; empty when none is.
-        others: which parts of the other arm, or which boxes.
-        rows: all balls of those parts.
-        columns: all balls of those of the other arm, or the boxes.
-        distances: of those, (n, m, rows, columns) [m], below zero where they overlap; m is 1 for boxes.
+        distances: no part of the pair comes nearer than this [m], (pairs,); below zero where they may overlap.
+        bounds: the same of the balls that were compared, (n,) [m].
+        pairs: whose balls they are, ascending, (n,).
+        lines: of the arm's way and of the other one's, (n,) each.
+        balls: of both, (n,) each; the second is the box where the other one stands still.
+        shares: how far along their lines they are, (n,) each, 0 to 1.
     """
 
-    gaps: Array
-    parts: Indices
-    others: Indices
-    rows: Indices
-    columns: Indices
     distances: Array
+    bounds: Array
+    pairs: Indices
+    lines: tuple[Indices, Indices]
+    balls: tuple[Indices, Indices]
+    shares: tuple[Array, Array]
+
+    def least(self, pair: int) -> int | None:
+        """Which of the balls that were compared are nearest; None where none of the pair were."""
+        begin, end = np.searchsorted(self.pairs, (pair, pair + 1)).tolist()
+        return begin + int(self.bounds[begin:end].argmin()) if begin < end else None
+
+
+_NONE: Indices = np.empty(0, dtype=np.intp)
+_NOWHERE: Array = np.empty(0)
+
+
+def _found(
+    gaps: Array,
+    bounds: Array,
+    pairs: Indices,
+    lines: tuple[Indices, Indices],
+    balls: tuple[Indices, Indices],
+    shares: tuple[Array, Array],
+) -> Nearest:
+    """Of balls compared the least distance of each pair; ``gaps`` are those on the lines that were left out."""
+    begins = np.concatenate((_FIRST, np.flatnonzero(pairs[1:] != pairs[:-1]) + 1))
+    its = pairs[begins]
+    gaps[its] = np.minimum(gaps[its], np.minimum.reduceat(bounds, begins))
+    return Nearest(gaps, bounds, pairs, lines, balls, shares)
+
+
+_FIRST: Indices = np.zeros(1, dtype=np.intp)
 
 
 class BallModel:
-    """The shapes of a :class:`CollisionModel` covered by balls: a little larger, and quick for many postures at once.
+    """The shapes of a :class:`CollisionModel` covered by balls: a little larger, and quick for many ways at once.
 
     Args:
         model: the shapes.
@@ -246,105 +286,158 @@ class BallModel:
         self.boxes = [obstacle.name for obstacle in model.fixed]
         self._to_boxes = np.array([matrix(obstacle.centre.orientation).T for obstacle in model.fixed])
         centres = np.array([obstacle.centre.position for obstacle in model.fixed])
-        self._box_offsets = self._to_boxes @ centres[..., None]  # (boxes, 3, 1)
-        self._halves = np.array([obstacle.size for obstacle in model.fixed])[..., None] / 2.0
-        # What is bolted to each other is infinitely far.
-        right, left = self.arms.values()
-        bodies = np.array([name == "body" for name in self.boxes])
-        self._sizes, self._part_sizes = (
-            np.where((a[:, None] == 0) & (b == 0), -np.inf, first[:, None] + second)
-            for a, b, first, second in (
-                (right.frames, left.frames, right.radii, left.radii),
-                (right.part_frames, left.part_frames, right.part_radii, left.part_radii),
-            )
+        self._box_offsets = (self._to_boxes @ centres[..., None])[..., 0]  # (boxes, 3)
+        self._halves = np.array([obstacle.size for obstacle in model.fixed]) / 2.0
+        # The balls of each two parts, each ball of one with each of the other; each ball of a part with itself.
+        self._pairs = {
+            side: [
+                [[each.ravel() for each in np.meshgrid(a, b, indexing="ij")] for b in self.arms[side.other].balls]
+                for a in arm.balls
+            ]
+            for side, arm in self.arms.items()
+        }
+
+    def between(
+        self, side: Side, way: SweptArm, other: SweptArm, pairs: tuple[Indices, Indices], within: Array
+    ) -> Nearest:
+        """How near parts of an arm come to parts of the other one, whichever is quicker.
+
+        Args:
+            side: which arm.
+            way: where it moves.
+            other: where the other one moves.
+            pairs: the numbers of its parts and of the other one's, (n,) each.
+            within: distances below this are exact for the balls' lines, others lower bounds, (n,) [m].
+        """
+        mine, its = self.arms[side], self.arms[side.other]
+        rows, columns = pairs
+        # Larger balls round whole parts first.
+        apart = way.part_middles.take(rows, 1)[..., None] - other.part_middles.take(columns, 1)[:, :, None]
+        gaps = np.sqrt(np.einsum("xnab,xnab->nab", apart, apart))
+        gaps -= way.part_sizes.take(rows, 0)[:, :, None] + other.part_sizes.take(columns, 0)[:, None]
+        is_near = gaps < within[:, None, None]
+        pair, first, second = np.nonzero(is_near)
+        if not len(pair):
+            return Nearest(gaps.min((1, 2)), _NOWHERE, _NONE, (_NONE, _NONE), (_NONE, _NONE), (_NOWHERE, _NOWHERE))
+        gaps[is_near] = inf
+        # Then all balls of parts that may be near, on lines of which they may be.
+        tables = self._pairs[side]
+        balls = [tables[row][column] for row, column in zip(rows[pair].tolist(), columns[pair].tolist(), strict=True)]
+        counts = np.array([len(each[0]) for each in balls])
+        a, b = np.concatenate([each[0] for each in balls]), np.concatenate([each[1] for each in balls])
+        pair, first, second = (np.repeat(each, counts) for each in (pair, first, second))
+        (a_middles, a_halves), (b_middles, b_halves) = mine.lines(way, a, first), its.lines(other, b, second)
+        radii = mine.radii.take(a) + its.radii.take(b)
+        radii += way.excess[rows[pair], first] + other.excess[columns[pair], second]
+        apart = a_middles - b_middles
+        bounds = np.sqrt(np.einsum("nx,nx->n", apart, apart)) - radii
+        bounds -= np.sqrt(np.einsum("nx,nx->n", a_halves, a_halves)) + np.sqrt(
+            np.einsum("nx,nx->n", b_halves, b_halves)
         )
-        self._fixed_sizes, self._fixed_part_sizes = (
-            {side: np.where((frames[side][:, None] == 0) & bodies, -np.inf, radii[side][:, None]) for side in self.arms}
-            for frames, radii in (
-                ({s: arm.frames for s, arm in self.arms.items()}, {s: arm.radii for s, arm in self.arms.items()}),
-                (
-                    {s: arm.part_frames for s, arm in self.arms.items()},
-                    {s: arm.part_radii for s, arm in self.arms.items()},
-                ),
-            )
+        near = np.flatnonzero(bounds < within.take(pair))
+        shares = np.full((2, len(bounds)), 0.5)
+        if len(near):
+            exact, *shares[:, near] = _line_distances(apart[near], a_halves[near], b_halves[near])
+            bounds[near] = exact - radii[near]
+        return _found(gaps.min((1, 2)), bounds, pair, (first, second), (a, b), (shares[0], shares[1]))
+
+    def from_fixed(self, side: Side, way: SweptArm, pairs: tuple[Indices, Indices], within: Array) -> Nearest:
+        """How near parts of an arm come to boxes; arguments as for :meth:`between`."""
+        mine = self.arms[side]
+        rows, boxes = pairs
+        turn, offset, half = self._to_boxes[boxes], self._box_offsets[boxes], self._halves[boxes]
+        over = np.abs(np.einsum("nij,jnl->nli", turn, way.part_middles.take(rows, 1)) - offset[:, None])
+        over = np.maximum(over - half[:, None], 0.0)
+        gaps = np.sqrt(np.einsum("nlx,nlx->nl", over, over)) - way.part_sizes.take(rows, 0)
+        is_near = gaps < within[:, None]
+        pair, first = np.nonzero(is_near)
+        if not len(pair):
+            return Nearest(gaps.min(1), _NOWHERE, _NONE, (_NONE, _NONE), (_NONE, _NONE), (_NOWHERE, _NOWHERE))
+        gaps[is_near] = inf
+        balls = [mine.balls[row] for row in rows[pair].tolist()]
+        counts = np.array([len(each) for each in balls])
+        a = np.concatenate(balls)
+        pair, first = np.repeat(pair, counts), np.repeat(first, counts)
+        turns, offsets, box_halves = turn[pair], offset[pair], half[pair]
+        middles, halves = mine.lines(way, a, first)
+        middles = np.einsum("nij,nj->ni", turns, middles) - offsets
+        halves = np.einsum("nij,nj->ni", turns, halves)
+        lengths, radii = (
+            np.sqrt(np.einsum("nx,nx->n", halves, halves)),
+            mine.radii.take(a) + way.excess[rows[pair], first],
         )
-
-    def between(self, side: Side, placed: PlacedArm, other: PlacedArm, within: float) -> Near:
-        """How near an arm is to the other one; exact for parts that may be nearer than ``within`` [m]."""
-        arm, its = self.arms[side], self.arms[side.other]
-        sizes, part_sizes = self._sizes, self._part_sizes
-        if side is Side.LEFT:
-            sizes, part_sizes = sizes.T, part_sizes.T
-        # Larger balls round whole parts first: few of them are near each other.
-        apart = placed.parts[:, None, :, :, None] - other.parts[:, :, None]
-        gaps = np.sqrt(np.einsum("nmxab,nmxab->nmab", apart, apart).min((0, 1))) - part_sizes
-        is_near = gaps < within
-        if not is_near.any():
-            return Near(gaps, _NONE, _NONE, _NONE, _NONE, np.empty((len(placed.parts), len(other.parts), 0, 0)))
-        (parts,), (others,) = np.nonzero(is_near.any(1)), np.nonzero(is_near.any(0))
-        rows, columns = arm.balls_of(parts), its.balls_of(others)
-        apart = placed.middles.take(rows, 2)[:, None, :, :, None] - other.middles.take(columns, 2)[:, :, None]
-        distances = np.sqrt(np.einsum("nmxab,nmxab->nmab", apart, apart))
-        distances -= sizes.take(rows, 0).take(columns, 1)
-        return Near(gaps, parts, others, rows, columns, distances)
-
-    def from_fixed(self, side: Side, placed: PlacedArm, within: float) -> Near:
-        """How near an arm is to what stands still; exact for parts that may be nearer than ``within`` [m]."""
-        arm = self.arms[side]
-        over = np.abs(self._to_boxes @ placed.parts[:, None] - self._box_offsets) - self._halves
+        over = np.abs(middles) - box_halves
+        bounds = np.minimum(over.max(1), 0.0) - radii - lengths
         np.maximum(over, 0.0, out=over)
-        gaps = np.sqrt(np.einsum("nbxp,nbxp->npb", over, over).min(0)) - self._fixed_part_sizes[side]
-        is_near = gaps < within
-        if not is_near.any():
-            return Near(gaps, _NONE, _NONE, _NONE, _NONE, np.empty((len(placed.parts), 1, 0, 0)))
-        (parts,), (boxes,) = np.nonzero(is_near.any(1)), np.nonzero(is_near.any(0))
-        rows = arm.balls_of(parts)
-        over = np.abs(self._to_boxes[boxes] @ placed.middles.take(rows, 2)[:, None] - self._box_offsets[boxes])
-        over -= self._halves[boxes]
-        inside = np.minimum(over.max(2), 0.0)
-        np.maximum(over, 0.0, out=over)
-        inside += np.sqrt(np.einsum("nbxp,nbxp->nbp", over, over))
-        distances = inside.swapaxes(1, 2)[:, None] - self._fixed_sizes[side].take(rows, 0).take(boxes, 1)
-        return Near(gaps, parts, boxes, rows, boxes, distances)
+        bounds += np.sqrt(np.einsum("nx,nx->n", over, over))
+        shares = np.full(len(bounds), 0.5)
+        near = np.flatnonzero((bounds < within.take(pair)) & (lengths > _SHORT))
+        if len(near):  # a shorter line is as near as its middle
+            middle, along = middles[near], halves[near]
+            exact, shares[near] = box_distances(middle - along, middle + along, box_halves[near])
+            bounds[near] = np.where(exact > 0.0, exact - radii[near], bounds[near])
+        return _found(gaps.min(1), bounds, pair, (first, first), (a, boxes[pair]), (shares, shares))
 
-    def gradient(self, side: Side, ball: int, placed: PlacedArm, posture: int, other: Array | int) -> Array:
+    def gradient(self, side: Side, way: SweptArm, posture: int, ball: int, other: Array | int) -> Array:
         """How the distance of a ball changes with the joints of its arm [m/rad], (7,).
 
         Args:
             side: which arm.
+            way: where it moves.
+            posture: in which of its postures.
             ball: its number.
-            placed: the arm.
-            posture: in which posture.
             other: the middle of the other arm's ball, (3,) [m], or the number of a box.
         """
-        middle = placed.middles[posture, :, ball]
+        middle = self.arms[side].middle(way, posture, ball)
         if isinstance(other, int):
-            local = self._to_boxes[other] @ middle - self._box_offsets[other, :, 0]
-            over = np.abs(local) - self._halves[other, :, 0]
+            local = self._to_boxes[other] @ middle - self._box_offsets[other]
+            over = np.abs(local) - self._halves[other]
             # Inside of a box the nearest face counts.
             over = np.maximum(over, 0.0) if over.max() > 0.0 else np.where(over == over.max(), 1.0, 0.0)
             away = self._to_boxes[other].T @ (over * np.sign(local))
         else:
             away = middle - other
         nx, ny, nz = (away / max(float(np.linalg.norm(away)), _TOUCHING)).tolist()
-        frames = placed.frames[posture, :_LINKS]
+        frames = way.frames[posture, :_LINKS]
         (ax, ay, az), (x, y, z) = frames[:, :3, 2].T, (middle - frames[:, :3, 3]).T
         moved = nx * (ay * z - az * y) + ny * (az * x - ax * z) + nz * (ax * y - ay * x)
         moved[int(self.arms[side].frames[ball]) + 1 :] = 0.0  # a joint moves what comes behind it
         return np.asarray(moved)
 
 
-_NONE: Indices = np.empty(0, dtype=np.intp)
 _TOUCHING = 1e-9  # [m]
+_SHORT = 5e-5  # [m]
+
+
+def _line_distances(apart: Array, half: Array, other_half: Array) -> tuple[Array, Array, Array]:
+    """Distances of lines given by where their middles are from each other and by their halves, (n, 3) each [m].
+
+    As :func:`segment_distances`; also how far along both lines they are nearest, 0 to 1.
+    """
+    a, b = np.einsum("nx,nx->n", half, half), np.einsum("nx,nx->n", other_half, other_half)
+    dot = np.einsum("nx,nx->n", half, other_half)
+    offset, other_offset = np.einsum("nx,nx->n", half, apart), np.einsum("nx,nx->n", other_half, apart)
+    denominator = a * b - dot * dot
+    denominator[denominator < 1e-12 * a * b + 1e-24] = inf  # parallel: begin in the middle
+    a, b = np.maximum(a, _POINT), np.maximum(b, _POINT)
+    # Parameters from -1 to 1.
+    first = np.minimum(np.maximum((dot * other_offset - offset * b) / denominator, -1.0), 1.0)
+    second = np.minimum(np.maximum((dot * first + other_offset) / b, -1.0), 1.0)
+    first = np.minimum(np.maximum((dot * second - offset) / a, -1.0), 1.0)
+    between = apart + first[:, None] * half - second[:, None] * other_half
+    return np.sqrt(np.einsum("nx,nx->n", between, between)), 0.5 * (first + 1.0), 0.5 * (second + 1.0)
+
+
+_POINT = 1e-18  # [m²] a line so short is a point
 
 
 class ArmBalls:
     """One arm covered by balls, as arrays.
 
     Attributes:
-        names: of the parts; shapes of one name on one link are one part.
+        names: of the parts; a link consists of several.
         part_of: which part a ball belongs to, (balls,), ascending.
-        counts: how many balls each part has, (parts,).
+        balls: of each part.
         radii: of the balls, (balls,) [m].
         frames: whose balls they are: of a link from 0, or 7 for tool0, (balls,).
         part_radii, part_frames: the same of larger balls round whole parts, (parts,).
@@ -353,24 +446,22 @@ class ArmBalls:
 
     def __init__(self, arm: _ArmShapes) -> None:
         self._origins, self._tool0 = arm.origins, arm.tool0
-        shapes: dict[tuple[str, int], list[tuple[Array, float]]] = {}
-        for name, part in zip(arm.names, arm.parts, strict=True):
+        shapes: list[list[tuple[Array, float]]] = []
+        for part in arm.parts:
             start, end = np.array(part.start), np.array(part.end)
             length = float(np.linalg.norm(end - start))
             # Halfway between two balls of this radius their common circle is as wide as the capsule.
             steps = ceil(length / (2.0 * sqrt((part.radius + BALL_EXCESS) ** 2 - part.radius * part.radius)))
             radius = hypot(part.radius, 0.5 * length / max(steps, 1))
-            balls = shapes.setdefault((name, part.frame), [])
-            balls += [(start + (end - start) * (step / max(steps, 1)), radius) for step in range(steps + 1)]
-        self.names = [name for name, _ in shapes]
-        self.counts = np.array([len(balls) for balls in shapes.values()])
-        self.part_of = np.repeat(np.arange(len(shapes)), self.counts)
-        self._balls = [np.flatnonzero(self.part_of == part) for part in range(len(shapes))]
-        self.part_frames = np.array([frame for _, frame in shapes])
+            shapes.append([(start + (end - start) * (step / max(steps, 1)), radius) for step in range(steps + 1)])
+        self.names = arm.names
+        self.part_of = np.repeat(np.arange(len(shapes)), [len(balls) for balls in shapes])
+        self.balls = [np.flatnonzero(self.part_of == part) for part in range(len(shapes))]
+        self.part_frames = arm.frames
         self.frames = self.part_frames[self.part_of]
-        self.radii = np.array([radius for balls in shapes.values() for _, radius in balls])
+        self.radii = np.array([radius for balls in shapes for _, radius in balls])
         middles, part_radii, reaches = [], [], []
-        for (_, frame), balls in shapes.items():
+        for frame, balls in zip(arm.frames.tolist(), shapes, strict=True):
             points = np.array([point for point, _ in balls])
             middle = 0.5 * (points.min(0) + points.max(0))
             middles.append(middle)
@@ -383,26 +474,48 @@ class ArmBalls:
                 behind += float(np.linalg.norm(self._origins[index, :3, 3]))
             reaches.append(reach)
         self.part_radii, self.reach = np.array(part_radii), np.array(reaches)
-        # All points by their frame, as homogeneous columns, for one product of matrices; then one after the other.
-        frames = [*self.frames.tolist(), *self.part_frames.tolist()]
-        places_in = [*(point for balls in shapes.values() for point, _ in balls), *middles]
-        most = max(map(frames.count, range(_LINKS + 1)))
-        self._points = np.zeros((_LINKS + 1, 4, most))
-        self._points[:, 3] = 1.0
-        used, places = [0] * (_LINKS + 1), []
-        for frame, point in zip(frames, places_in, strict=True):
-            self._points[frame, :3, used[frame]] = point
-            places.append(frame * most + used[frame])
-            used[frame] += 1
-        self._places = np.array(places)
+        self._points = np.array([[*point, 1.0] for balls in shapes for point, _ in balls])
+        # The middles of the parts in their own frames, elsewhere zero, for one product with all frames.
+        self._part_points = np.zeros((_LINKS + 1, 4, len(shapes)))
+        for index, (frame, middle) in enumerate(zip(arm.frames.tolist(), middles, strict=True)):
+            self._part_points[frame, :, index] = *middle, 1.0
 
-    def balls_of(self, parts: Indices) -> Indices:
-        """The balls of some parts, one part after the other."""
-        return np.concatenate([self._balls[part] for part in parts.tolist()])
+    def sweep(self, positions: Array, starts: Indices, ends: Indices, off: Array) -> SweptArm:
+        """Where the balls come on lines in joint space.
 
-    def place(self, positions: Array) -> PlacedArm:
-        """Where the balls are in a number of postures, (n, 7) [rad]."""
-        count, balls = len(positions), len(self.radii)
+        Args:
+            positions: postures, (n, 7) [rad].
+            starts: those that the lines begin with, (lines,).
+            ends: those that they end with, (lines,).
+            off: by how much each joint may be off its line, (lines, 7) [rad].
+        """
+        frames = self._place(positions)
+        # A ball is off the straight line between its places by an eighth of its curve's second derivative, and a
+        # radian of two joints bends it by no more than its reach from the outer one.
+        ways = np.abs(positions[ends] - positions[starts])
+        bends = 0.125 * ways * (2.0 * np.cumsum(ways, 1) - ways)
+        excess = self.reach @ (bends + off).T
+        points = np.einsum("nfij,fjp->ipn", frames[:, :, :3], self._part_points)
+        begin, end = points.take(starts, 2), points.take(ends, 2)
+        halves = 0.5 * (end - begin)
+        sizes = np.sqrt(np.einsum("xpa,xpa->pa", halves, halves)) + excess + self.part_radii[:, None]
+        return SweptArm(positions, frames, starts, ends, excess, 0.5 * (begin + end), sizes)
+
+    def middle(self, way: SweptArm, posture: int, ball: int) -> Array:
+        """Where the middle of a ball is in one of the postures, (3,) [m]."""
+        return np.asarray(way.frames[posture, self.frames[ball], :3] @ self._points[ball])
+
+    def lines(self, way: SweptArm, balls: Indices, lines: Indices) -> tuple[Array, Array]:
+        """The middles of the lines on which balls move, and from there to their ends, (n, 3) each [m]."""
+        frames, points = self.frames.take(balls), self._points.take(balls, 0)
+        begin, end = (
+            np.einsum("nij,nj->ni", way.frames[at.take(lines), frames, :3], points) for at in (way.starts, way.ends)
+        )
+        return 0.5 * (begin + end), 0.5 * (end - begin)
+
+    def _place(self, positions: Array) -> Array:
+        """The frames of the links and of tool0 in a number of postures, (n, 8, 4, 4)."""
+        count = len(positions)
         sine, cosine = np.sin(positions)[..., None], np.cos(positions)[..., None]
         along_x, along_y = self._origins[..., 0], self._origins[..., 1]
         turned = np.empty((count, _LINKS, 4, 4))
@@ -414,8 +527,7 @@ class ArmBalls:
         for index in range(1, _LINKS):
             np.matmul(frames[:, index - 1], turned[:, index], out=frames[:, index])
         np.matmul(frames[:, _LINKS - 1], self._tool0, out=frames[:, _LINKS])
-        points = (frames[..., :3, :] @ self._points).swapaxes(1, 2).reshape(count, 3, -1).take(self._places, 2)
-        return PlacedArm(points[..., :balls], points[..., balls:], frames)
+        return frames
 
 
 class _ArmShapes:
@@ -469,8 +581,10 @@ def segment_distances(a: Array, b: Array, c: Array, d: Array) -> Array:
     return np.asarray(np.linalg.norm(between + first[:, None] * along - second[:, None] * other, axis=1))
 
 
-def box_distances(start: Array, end: Array, half: Array) -> Array:
+def box_distances(start: Array, end: Array, half: Array) -> tuple[Array, Array]:
     """Distances of segments from boxes about the origin, (n,); 0 where a segment passes through its box.
+
+    Also how far along the segments that is, from 0 to 1, (n,).
 
     The squared distance along a segment is convex, and a parabola between the places where the segment crosses the
     plane of a face, so its slope is a line between two of them: the nearest point is where it is zero.
@@ -496,7 +610,8 @@ def box_distances(start: Array, end: Array, half: Array) -> Array:
     low, high = np.take_along_axis(slopes, index, 1), np.take_along_axis(slopes, index + 1, 1)
     left, right = np.take_along_axis(shares, index, 1), np.take_along_axis(shares, index + 1, 1)
     share = np.clip(-low / np.where(high - low == 0.0, 1.0, high - low), 0.0, 1.0)
-    return np.asarray(np.linalg.norm(outside(left + share * (right - left))[:, 0], axis=1))
+    share = left + share * (right - left)
+    return np.linalg.norm(outside(share)[:, 0], axis=1), share[:, 0]
 
 
 def link_parts() -> tuple[Part, ...]:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from yumi.driver.endpoint import Surroundings
-from yumi.robot.collision import TOOL_FRAME, BallModel, CollisionModel, Near, Obstacle, Part
+from yumi.robot.collision import TOOL_FRAME, BallModel, CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side, Vector
 from yumi.robot.kinematics import matrix
@@ -66,23 +66,36 @@ class Distances:
 
     def nearest(self, positions: Mapping[Side, Joints]) -> NearestPair | None:
         """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`."""
-        balls = self._balls
-        placed = {side: balls.arms[side].place(np.array([positions[side]])) for side in Side}
-        found: list[NearestPair] = []
-
-        def add(side: Side, near: Near, other: Side | None) -> None:
-            if not near.distances.size:
-                return
-            distances = near.distances[0, 0]
+        balls, found = self._balls, []
+        still = {
+            side: arm.sweep(np.array([positions[side]]), np.array([0]), np.array([0]), np.zeros((1, 7)))
+            for side, arm in balls.arms.items()
+        }
+        for side, other in ((Side.RIGHT, Side.LEFT), (Side.RIGHT, None), (Side.LEFT, None)):
+            arm = balls.arms[side]
             if other is None:
-                distances = np.where(np.array([balls.boxes[box] == "body" for box in near.columns]), np.inf, distances)
-            row, column = np.unravel_index(int(np.argmin(distances)), distances.shape)
-            if not (distance := float(distances[row, column])) < WITHIN:
-                return
-            arm, ball = balls.arms[side], int(near.rows[row])
-            middle = placed[side].middles[0, :, ball]
+                columns = np.array([index for index, name in enumerate(balls.boxes) if name != "body"], dtype=np.intp)
+            else:
+                columns = np.arange(len(balls.arms[other].names))
+            rows, columns = (each.ravel() for each in np.meshgrid(np.arange(len(arm.names)), columns, indexing="ij"))
+            if other is not None:  # the shoulders are bolted to one body, next to each other
+                moves = (arm.part_frames[rows] > 0) | (balls.arms[other].part_frames[columns] > 0)
+                rows, columns = rows[moves], columns[moves]
+            if not len(rows):
+                continue
+            within = np.full(len(rows), WITHIN)
             if other is None:
-                box = self._model.fixed[int(near.columns[column])]
+                near = balls.from_fixed(side, still[side], (rows, columns), within)
+            else:
+                near = balls.between(side, still[side], still[other], (rows, columns), within)
+            pair = int(np.argmin(near.distances))
+            distance, at = float(near.distances[pair]), near.least(pair)
+            if distance >= WITHIN or at is None:
+                continue
+            ball, its_ball = (int(each[at]) for each in near.balls)
+            middle = arm.middle(still[side], 0, ball)
+            if other is None:
+                box = self._model.fixed[its_ball]
                 turn, centre, half = (
                     matrix(box.centre.orientation),
                     np.array(box.centre.position),
@@ -90,16 +103,12 @@ class Distances:
                 )
                 name, reached = box.name, centre + turn @ np.clip(turn.T @ (middle - centre), -half, half)
             else:
-                its, its_ball = balls.arms[other], int(near.columns[column])
-                name, reached = its.names[its.part_of[its_ball]], placed[other].middles[0, :, its_ball]
+                its = balls.arms[other]
+                name, reached = its.names[its.part_of[its_ball]], its.middle(still[other], 0, its_ball)
                 way = middle - reached
                 reached = reached + its.radii[its_ball] * way / max(float(np.linalg.norm(way)), 1e-9)
             way = reached - middle
             start = middle + arm.radii[ball] * way / max(float(np.linalg.norm(way)), 1e-9)
             start_point, end_point = ((float(x), float(y), float(z)) for x, y, z in (start, reached))
             found.append(NearestPair(arm.names[arm.part_of[ball]], name, distance, start_point, end_point))
-
-        add(Side.RIGHT, balls.between(Side.RIGHT, placed[Side.RIGHT], placed[Side.LEFT], WITHIN), Side.LEFT)
-        for side in Side:
-            add(side, balls.from_fixed(side, placed[side], WITHIN), None)
         return min(found, key=lambda pair: pair.distance, default=None)

@@ -38,11 +38,13 @@ def test_distances_from_boxes_are_those_of_the_nearest_points() -> None:
     end[:20] = start[:20]
     end[20:40, :2] = start[20:40, :2]  # along an edge
     half = generator.uniform(0.1, 1.0, (300, 3))
-    exact = box_distances(start, end, half)
+    exact, share = box_distances(start, end, half)
     points = start[:, None] + np.linspace(0.0, 1.0, 4001)[:, None] * (end - start)[:, None]
     sampled = np.linalg.norm(points - np.clip(points, -half[:, None], half[:, None]), axis=2).min(1)
     assert np.all(exact <= sampled + 1e-12)
     assert np.all(sampled <= exact + 2e-3)
+    nearest = start + share[:, None] * (end - start)
+    assert np.allclose(np.linalg.norm(nearest - np.clip(nearest, -half, half), axis=1), exact)
 
 
 def inside(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:
