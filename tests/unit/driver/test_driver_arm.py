@@ -212,7 +212,9 @@ def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_addr
                         assert robot.answers() == 1
             finally:
                 flooder.kill()
-        assert answered >= set(range(100, 400))  # the buffer is full of others' before the system drops them
+        # The buffer is full of others' datagrams before the system drops them.
+        unanswered = set(range(1, 400)) - answered
+        assert not unanswered or max(unanswered) - min(unanswered) < 100
         assert arm.wire_counters().foreign >= 32
         robot.close()
 
