@@ -92,13 +92,14 @@ class FakeRobot:
         self.feedback = {side: MemoryBuffer() for side in Side}
         self.dual_feedback = {side: MemoryBuffer() for side in Side}
         self.speed_scale = 1.0
+        self.clock = ManualClock(100.0)
         self.executor = MotionExecutor(
             self.control,
             self.goals,
             self.motions,
             arms,
             YUMI_LIMITS,
-            ManualClock(100.0),
+            self.clock,
             {side: (buffer, self.dual_feedback[side]) for side, buffer in self.feedback.items()},
             lambda: self.speed_scale,
             speeds=self.speeds,

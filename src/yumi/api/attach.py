@@ -188,7 +188,7 @@ class RunningDriver:
         """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s; call it again while it is to move.
 
         Raises:
-            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            CommandRefused: the speeds are no seven finite numbers, or another client or motion moves the arm.
             RobotNotReady: EGM does not run on the arm.
         """
         values = _position(speeds)

@@ -155,7 +155,7 @@ def _index(side: Side, name: object) -> int:
 
 
 _PLACE = 3  # numbers of a pose without an orientation
-_HELD = 0.3  # [s] jogs that follow each other within this time belong to one hold of a key
+_JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
 _FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
 
 LAST_STOP = 5.0
@@ -423,7 +423,7 @@ class MotionExecutor:
         self._motions = motions
         self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
         self._jogs: dict[Side, _Jog] = {}
-        self._jogging = Lock()  # one jog is written at a time
+        self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
 
     def snapshot(self, side: Side) -> Snapshot:
         """An arm after its last cycle.
@@ -552,11 +552,17 @@ class MotionExecutor:
 
         Raises:
             CommandRefused: a trajectory is impossible; nothing moves, but what moved has come to rest.
-            RobotNotReady: an arm does not follow.
+            RobotNotReady: an arm does not follow, or where an arm of ``start`` is, is not known.
             GoalNotReached: an arm that moved did not come to rest.
         """
         for side, then in (start or {}).items():
-            away = max(abs(b - a) for a, b in zip(then, self._control.snapshot(side).position, strict=True))
+            snapshot = self._control.snapshot(side)
+            if not snapshot.is_streaming:  # it may have been led away since its last datagram
+                raise RobotNotReady(
+                    f"Plan refused: where the {side.word} arm is, is not known while EGM does not report it; start EGM "
+                    "and plan again."
+                )
+            away = max(abs(b - a) for a, b in zip(then, snapshot.position, strict=True))
             if not away <= PLAN_TOLERANCE:
                 raise CommandRefused(
                     f"Plan refused: the {side.word} arm is {_degrees_of(away):.1f}° away from where it was when the "
@@ -647,16 +653,17 @@ class MotionExecutor:
         session, _ = self._begin_stream(side, STREAM_CONTROLLER)
         write_goal(self._goals[side], session, checked)
 
-    def jog(self, side: Side, speeds: Sequence[float]) -> bool:
+    def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool:
         """Have an arm move with joint speeds [rad/s], (7,), until its controller's timeout or :meth:`end_jog`.
 
-        The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes.
+        The first call only takes the arm over, which may last seconds; the next one moves it, if it still comes. Until
+        the jogs of one ``owner`` end, or have not come for 0.3 s, those of another one are refused.
 
         Returns:
             Whether its controllers were switched for it.
 
         Raises:
-            CommandRefused: the speeds are no seven finite numbers, or another motion of the arm is under way.
+            CommandRefused: the speeds are no seven finite numbers, or another owner or motion moves the arm.
             RobotNotReady: the arm does not follow.
         """
         if side not in self._speeds:
@@ -668,15 +675,16 @@ class MotionExecutor:
         def write(session: int, values: Joints) -> None:
             write_speeds(buffer, session, values)
 
-        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds))
+        return self._jog(side, JOG_CONTROLLER, buffer, write, joints(speeds), owner)
 
-    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool:
+    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool:
         """Have a tool move with a velocity until its controller's timeout or :meth:`end_jog`, as :meth:`jog`.
 
         Args:
             side: the arm.
             twist: velocity [m/s], angular velocity and that of the arm angle [rad/s], (7,).
             tool: its frame in tool0.
+            owner: who jogs.
             is_in_tool: whether it is seen from the tool, else from the body.
         """
         if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
@@ -686,34 +694,52 @@ class MotionExecutor:
         def write(session: int, values: Joints) -> None:
             buffer.write(twist_goal(session, values, tool, is_in_tool=is_in_tool))
 
-        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist))
+        return self._jog(side, CARTESIAN_CONTROLLER, buffer, write, joints(twist), owner)
 
     def _jog(
-        self, side: Side, controller: str, buffer: Buffer[Any], write: Callable[[int, Joints], None], values: Joints
+        self,
+        side: Side,
+        controller: str,
+        buffer: Buffer[Any],
+        write: Callable[[int, Joints], None],
+        values: Joints,
+        owner: object,
     ) -> bool:
-        with self._jogging:
-            session, is_new = self._begin_stream(side, controller, is_jog=True)
+        self._check_owner(side, owner)
+        session, is_new = self._begin_stream(side, controller, is_jog=True)  # may last seconds, so without the lock
+        with self._jog_locks[side]:
+            self._check_owner(side, owner)
             last = self._jogs.get(side)
-            if is_new or last is None or last.controller != controller:
-                self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write)
-                return True
-            if _number(buffer) != last.number:  # a ROS topic, another client: two streams must not alternate
-                self._streaming.pop(side, None)
-                raise CommandRefused(
-                    f"Jog refused: another program streams to the {controller} of the {side.word} arm; stop it first."
-                )
-            write(session, values)
-            self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write)
-        return False
+            is_first = is_new or last is None or last.controller != controller
+            if last is not None and not is_first:
+                if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
+                    self._streaming.pop(side, None)
+                    raise CommandRefused(
+                        f"Jog refused: another program streams to the {controller} of the {side.word} arm; stop it "
+                        "first."
+                    )
+                write(session, values)
+            self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write, owner)
+        return is_first
 
-    def end_jog(self, side: Side) -> None:
-        """Have an arm stop that was jogged last; one that something else commands meanwhile is left alone."""
-        with self._jogging:
-            last, snapshot = self._jogs.get(side), self._control.snapshot(side)
-            known = self._streaming.get(side)
-            if last is None or known != (last.controller, snapshot.session, snapshot.activation):
+    def _check_owner(self, side: Side, owner: object) -> None:
+        last = self._jogs.get(side)
+        if last is None or last.owner in (None, owner) or self._clock.now() - last.time >= _JOG_GAP:
+            return
+        raise CommandRefused(
+            f"Jog refused: another client jogs the {side.word} arm; wait until it has ended its jog, then press again."
+        )
+
+    def end_jog(self, side: Side, owner: object) -> None:
+        """Have an arm stop that ``owner`` jogged last; one that something else commands meanwhile is left alone."""
+        with self._jog_locks[side]:
+            last = self._jogs.get(side)
+            if last is None or last.owner is not owner:
                 return
-            if _number(last.buffer) == last.number:
+            last = self._jogs[side] = last._replace(owner=None)
+            snapshot, known = self._control.snapshot(side), self._streaming.get(side)
+            is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
+            if is_commanding and _number(last.buffer) == last.number:
                 last.write(snapshot.session, ZERO)
                 self._jogs[side] = last._replace(number=_number(last.buffer))
 
@@ -734,11 +760,11 @@ class MotionExecutor:
         if (
             is_jog
             and jog
-            and self._clock.now() - jog.time < _HELD
+            and self._clock.now() - jog.time < _JOG_GAP
             and last[0] == jog.controller
             and last[1:] != known[1:]
         ):
-            self._streaming.pop(side, None)  # the next hold of a key may take the arm back
+            self._streaming.pop(side, None)  # the next press of a key may take the arm back
             raise CommandRefused(
                 f"Jog refused: another program has switched the controllers of the {side.word} arm; press again to "
                 "take it back."
@@ -844,13 +870,23 @@ class MotionExecutor:
 
 
 class _Jog(NamedTuple):
-    """The last jog of an arm: its controller, when it was, its message's number in the buffer, how one is written."""
+    """The last jog of an arm.
+
+    Attributes:
+        controller: that carries it out.
+        time: when it was asked for [s].
+        number: of its message in the buffer.
+        buffer: of the controller.
+        write: writes a message for an EGM session.
+        owner: who asked for it; None once it was ended.
+    """
 
     controller: str
     time: float
     number: int
     buffer: Buffer[Any]
     write: Callable[[int, Joints], None]
+    owner: object
 
 
 def _number(buffer: Buffer[Any]) -> int:

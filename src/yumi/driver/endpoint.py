@@ -157,7 +157,8 @@ class Jog(Request, frozen=True):
     """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
 
     The first one only takes the arm over from standstill; the next one moves it. The driver stops the arm when its
-    client goes away, or asks no more, whatever timeouts its controllers have.
+    client goes away, or asks no more, whatever timeouts its controllers have. An arm that one client jogs is not jogged
+    by another one.
     """
 
     arm: Arm

@@ -145,11 +145,11 @@ class Mover(Protocol):
 
     def stop(self, sides: Sequence[Side]) -> Sequence[RunningMotion]: ...
 
-    def jog(self, side: Side, speeds: Sequence[float]) -> bool: ...
+    def jog(self, side: Side, speeds: Sequence[float], owner: object) -> bool: ...
 
-    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, *, is_in_tool: bool) -> bool: ...
+    def jog_tool(self, side: Side, twist: Sequence[float], tool: Pose, owner: object, *, is_in_tool: bool) -> bool: ...
 
-    def end_jog(self, side: Side) -> None: ...
+    def end_jog(self, side: Side, owner: object) -> None: ...
 
     def is_moving(self, side: Side) -> bool: ...
 
@@ -224,11 +224,13 @@ class Caller(NamedTuple):
     """Who has asked.
 
     Attributes:
+        client: its connection; an arm that one client jogs is not jogged by another one.
         show: takes each step of the request.
         show_motions: takes how far motions are.
         is_gone: whether the client is not there any more, or the driver ends.
     """
 
+    client: object
     show: Callable[[str], None]
     show_motions: Callable[[dict[str, MotionReport]], None]
     is_gone: Callable[[], bool]
@@ -468,20 +470,20 @@ class Handlers:
         try:
             caller.check()
             if isinstance(request, Jog):
-                is_switched = self._access.mover.jog(side, request.speeds)
+                is_switched = self._access.mover.jog(side, request.speeds, caller.client)
             else:
                 twist, is_in_tool = (*request.linear, *request.angular, request.elbow), request.frame == "tool"
-                is_switched = self._access.mover.jog_tool(side, twist, FINGERTIPS, is_in_tool=is_in_tool)
+                is_switched = self._access.mover.jog_tool(side, twist, FINGERTIPS, caller.client, is_in_tool=is_in_tool)
             if is_switched:
                 self._access.on_change()
         finally:
             self._moving.release()
         return ""
 
-    def end_jog(self, arm: Arm) -> None:
+    def end_jog(self, arm: Arm, client: object) -> None:
         """Stop an arm that a client has jogged and asks for no more."""
         for side in sides_of((arm,)):
-            self._access.mover.end_jog(side)
+            self._access.mover.end_jog(side, client)
 
     def _give_back(self, commanding: Mapping[Side, tuple[str, ...]]) -> None:
         """Have these controllers command the arms again; not after a motion that was stopped: the arm holds then."""
@@ -606,6 +608,8 @@ class EndpointServer:
         self._end: Callable[[], None] = lambda: None
         self._thread = SupervisedThread("endpoint", self._run, self._is_over)
         self._workers = ThreadPoolExecutor(MAX_CLIENTS, "endpoint-work")
+        # The end of a jog waits neither for requests nor on the loop's thread, which all clients need.
+        self._jog_ends = ThreadPoolExecutor(len(Side), "endpoint-end-jog")
 
     def note(self, level: int, sentence: str) -> None:
         """Keep a line of the driver's log for the clients, with a level of :mod:`logging`; from any thread."""
@@ -641,6 +645,7 @@ class EndpointServer:
         self._end()
         self._thread.join()
         self._workers.shutdown()
+        self._jog_ends.shutdown()
 
     def _run(self) -> None:
         asyncio.run(self._serve())
@@ -688,12 +693,13 @@ class EndpointServer:
             self._clients.discard(client)
             if client.subscription is not None:
                 client.subscription.cancel()
-            for arm, timer in client.jogs.items():
+            for timer in client.jogs.values():
                 timer.cancel()
-                self._handlers.end_jog(arm)
+            ends = [self._end_jog(client, arm) for arm in client.jogs]
             writer.close()
             with suppress(ConnectionError):
                 await writer.wait_closed()
+            await asyncio.gather(*ends)
 
     async def _read(self, reader: asyncio.StreamReader, client: _Client) -> None:
         while True:
@@ -733,6 +739,7 @@ class EndpointServer:
     def _answer(self, client: _Client, request: Request) -> None:
         """On a worker's thread."""
         caller = Caller(
+            client,
             lambda step: client.send_soon(Answer(id=request.id, step=step)),
             lambda motions: client.send_soon(Answer(id=request.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
@@ -751,10 +758,12 @@ class EndpointServer:
         if arm in client.jogs:
             client.jogs.pop(arm).cancel()
         if client.is_gone:
-            self._handlers.end_jog(arm)
+            self._end_jog(client, arm)
         else:
-            loop = asyncio.get_running_loop()
-            client.jogs[arm] = loop.call_later(JOG_HOLDS, self._handlers.end_jog, arm)
+            client.jogs[arm] = asyncio.get_running_loop().call_later(JOG_HOLDS, self._end_jog, client, arm)
+
+    def _end_jog(self, client: _Client, arm: Arm) -> asyncio.Future[None]:
+        return asyncio.get_running_loop().run_in_executor(self._jog_ends, self._handlers.end_jog, arm, client)
 
     async def _publish(self, client: _Client, request: Subscribe) -> None:
         self._on_subscription()

@@ -24,6 +24,7 @@ from yumi.api.attach import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.events import SessionLost
+from yumi.control.loop import ControllerCommand
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
@@ -31,7 +32,7 @@ from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import ZERO, Side, home, named_pose
+from yumi.robot.joints import ZERO, Joints, Side, home, named_pose
 
 
 @pytest.fixture(autouse=True)
@@ -535,3 +536,58 @@ def test_driver_goes_on_without_an_endpoint_where_its_path_is_too_long(
         "No command and no second script finds this driver: The path of the local endpoint is too long"
     )
     assert line.endswith("set XDG_RUNTIME_DIR to a shorter one.")
+
+
+SPEEDS, OTHERS = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+
+
+def speeds_of(driver: FakeDriver, side: Side) -> Joints:
+    newest = driver.robot.speeds[side].read()
+    assert newest is not None
+    return newest[1].velocity
+
+
+def test_second_client_does_not_jog_the_arm_that_one_jogs(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(endpoint_server, "JOG_HOLDS", WAIT)  # the first client holds until it is gone
+    driver.robot.control.on_command = driver.robot.rest
+    with attach() as second:
+        with attach() as first:
+            for _ in range(2):
+                first.jog("right", SPEEDS)
+            with pytest.raises(CommandRefused, match="another client jogs the right arm"):
+                second.jog("right", OTHERS)
+            with pytest.raises(CommandRefused, match="another client jogs the right arm"):
+                second.jog_tool("right", linear=(0.0, 0.0, 0.05))
+            assert speeds_of(driver, Side.RIGHT) == SPEEDS
+        poll_until(lambda: speeds_of(driver, Side.RIGHT) == ZERO)
+        second.jog("right", OTHERS)
+        assert speeds_of(driver, Side.RIGHT) == OTHERS
+
+
+def test_all_clients_are_served_while_an_arm_comes_to_rest_for_a_jog(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+    waits, is_served = threading.Event(), threading.Event()
+    served: list[bool] = []
+
+    def rest_late(command: ControllerCommand) -> None:
+        waits.set()
+        served.append(is_served.wait(2.0))
+        driver.robot.rest(command)
+
+    with attach() as other:
+        connection, file = raw()
+        with connection, file:
+            for _ in range(2):
+                file.write(json.dumps({"method": "jog", "arm": "left", "speeds": SPEEDS}).encode() + b"\n")
+                file.flush()
+                assert "error" not in json.loads(file.readline())
+            driver.robot.control.on_command = rest_late
+            file.write(json.dumps({"method": "jog", "arm": "right", "speeds": SPEEDS}).encode() + b"\n")
+            file.flush()
+            assert waits.wait(WAIT)
+        # That client is gone: its jog of the left arm ends at once, and nobody waits for the right arm.
+        poll_until(lambda: speeds_of(driver, Side.LEFT) == ZERO)
+        other.stop_egm()
+        is_served.set()
+        poll_until(lambda: bool(served))
+    assert (served, driver.manager.asked) == ([True], ["stop"])

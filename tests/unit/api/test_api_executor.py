@@ -1,7 +1,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from math import inf, nan
+from threading import Event
 
 import pytest
 
@@ -23,7 +25,7 @@ from yumi.control.events import (
     RobotStoppedFollowing,
     SessionLost,
 )
-from yumi.control.loop import Commands
+from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
 from yumi.driver.stops import Cause
@@ -32,6 +34,7 @@ from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, j
 
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 BY_NAME = dict(zip(joint_names(Side.RIGHT), RIGHT, strict=True))
+PAGE, OTHER_PAGE = "a page", "another page"  # who jogs
 LOST = SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,))
 
 
@@ -405,20 +408,20 @@ def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobo
     twist = (0.1, *ZERO[1:])
     tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     for _ in range(2):
-        robot.executor.jog_tool(Side.RIGHT, twist, tool, is_in_tool=False)
+        robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
     written = robot.tool_goals[Side.RIGHT].read()
     robot.motions.begin(Side.RIGHT)  # as a line does, by the same controller
     with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
-        robot.executor.jog_tool(Side.RIGHT, twist, tool, is_in_tool=False)
+        robot.executor.jog_tool(Side.RIGHT, twist, tool, PAGE, is_in_tool=False)
     assert robot.tool_goals[Side.RIGHT].read() == written
 
 
 def test_first_jog_takes_the_arm_over_and_the_next_one_moves_it(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     speeds = (0.1, *ZERO[1:])
-    assert robot.executor.jog(Side.RIGHT, speeds)
+    assert robot.executor.jog(Side.RIGHT, speeds, PAGE)
     assert robot.speeds[Side.RIGHT].read() is None  # the key may have been let go meanwhile
-    assert not robot.executor.jog(Side.RIGHT, speeds)
+    assert not robot.executor.jog(Side.RIGHT, speeds, PAGE)
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
     assert newest[1].velocity == speeds
@@ -428,15 +431,15 @@ def test_jog_ends_when_its_client_asks_no_more_and_leaves_what_others_command(ro
     robot.control.on_command = robot.rest
     speeds = (0.1, *ZERO[1:])
     for _ in range(2):
-        robot.executor.jog(Side.RIGHT, speeds)
-    robot.executor.end_jog(Side.RIGHT)
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
+    robot.executor.end_jog(Side.RIGHT, PAGE)
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
     assert newest[1].velocity == ZERO
-    robot.executor.jog(Side.RIGHT, speeds)
+    robot.executor.jog(Side.RIGHT, speeds, PAGE)
     robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     written = robot.speeds[Side.RIGHT].read()
-    robot.executor.end_jog(Side.RIGHT)
+    robot.executor.end_jog(Side.RIGHT, PAGE)
     assert robot.speeds[Side.RIGHT].read() == written
 
 
@@ -444,11 +447,11 @@ def test_jog_is_refused_while_another_program_streams_to_the_same_controller(rob
     robot.control.on_command = robot.rest
     speeds, other = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
     for _ in range(2):
-        robot.executor.jog(Side.RIGHT, speeds)
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
     write_speeds(robot.speeds[Side.RIGHT], 1, other)  # as a ROS topic does
     with pytest.raises(CommandRefused, match="another program streams to the joint_velocity_controller"):
-        robot.executor.jog(Side.RIGHT, speeds)
-    robot.executor.end_jog(Side.RIGHT)
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
+    robot.executor.end_jog(Side.RIGHT, PAGE)
     newest = robot.speeds[Side.RIGHT].read()
     assert newest is not None
     assert newest[1].velocity == other
@@ -459,20 +462,83 @@ def test_jog_takes_over_no_arm_that_another_program_moves_by_the_same_controller
     moving = robot.control.snapshots[Side.RIGHT]._replace(velocity=(0.3, *ZERO[1:]))
     robot.control.snapshots[Side.RIGHT] = moving
     with pytest.raises(CommandRefused, match="another motion of the right arm is under way"):
-        robot.executor.jog(Side.RIGHT, (0.1, *ZERO[1:]))
+        robot.executor.jog(Side.RIGHT, (0.1, *ZERO[1:]), PAGE)
 
 
 def test_jog_does_not_take_an_arm_back_that_another_program_has_taken_while_a_key_is_held(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     speeds = (0.1, *ZERO[1:])
     for _ in range(2):
-        robot.executor.jog(Side.RIGHT, speeds)
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
     robot.control.call(Commands.switch_controllers, Side.RIGHT, (TRAJECTORY_CONTROLLER,), (JOG_CONTROLLER,))
     with pytest.raises(CommandRefused, match="another program has switched the controllers of the right arm"):
-        robot.executor.jog(Side.RIGHT, speeds)
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
     assert robot.control.switches[-1].activate == (TRAJECTORY_CONTROLLER,)
-    robot.executor.jog(Side.RIGHT, speeds)  # the key is pressed again
+    robot.executor.jog(Side.RIGHT, speeds, PAGE)  # the key is pressed again
     assert robot.control.switches[-1].activate == (JOG_CONTROLLER,)
+
+
+def test_arm_that_one_client_jogs_is_jogged_and_stopped_by_no_other_one(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    speeds, others = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    tool = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    robot.executor.jog(Side.RIGHT, speeds, PAGE)
+    with pytest.raises(CommandRefused, match="another client jogs the right arm"):  # also before it moves
+        robot.executor.jog(Side.RIGHT, others, OTHER_PAGE)
+    robot.executor.jog(Side.RIGHT, speeds, PAGE)
+    written, switches = robot.speeds[Side.RIGHT].read(), list(robot.control.switches)
+    with pytest.raises(CommandRefused, match="another client jogs the right arm"):
+        robot.executor.jog(Side.RIGHT, others, OTHER_PAGE)
+    with pytest.raises(CommandRefused, match="another client jogs the right arm"):
+        robot.executor.jog_tool(Side.RIGHT, others, tool, OTHER_PAGE, is_in_tool=False)
+    robot.executor.end_jog(Side.RIGHT, OTHER_PAGE)
+    assert (robot.speeds[Side.RIGHT].read(), robot.control.switches) == (written, switches)
+    robot.executor.jog(Side.LEFT, others, OTHER_PAGE)
+    robot.executor.jog(Side.RIGHT, speeds, PAGE)
+
+
+@pytest.mark.parametrize("is_ended", [True, False])
+def test_arm_is_free_for_the_next_client_when_a_jog_has_ended_or_comes_no_more(
+    robot: FakeRobot, *, is_ended: bool
+) -> None:
+    robot.control.on_command = robot.rest
+    speeds, others = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])
+    for _ in range(2):
+        robot.executor.jog(Side.RIGHT, speeds, PAGE)
+    if is_ended:
+        robot.executor.end_jog(Side.RIGHT, PAGE)
+    else:
+        robot.clock.advance(0.31)
+    robot.executor.jog(Side.RIGHT, others, OTHER_PAGE)
+    robot.executor.end_jog(Side.RIGHT, PAGE)  # late: it is not its jog any more
+    newest = robot.speeds[Side.RIGHT].read()
+    assert newest is not None
+    assert newest[1].velocity == others
+
+
+def test_jog_ends_while_another_one_waits_for_its_arm_to_come_to_rest(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    for _ in range(2):
+        robot.executor.jog(Side.LEFT, (0.1, *ZERO[1:]), PAGE)
+    waits, is_stopped = Event(), Event()
+    ended: list[bool] = []
+
+    def rest_late(command: ControllerCommand) -> None:
+        waits.set()
+        ended.append(is_stopped.wait(2.0))
+        robot.rest(command)
+
+    robot.control.on_command = rest_late
+    with ThreadPoolExecutor(2) as others:
+        taking = others.submit(robot.executor.jog, Side.RIGHT, (0.1, *ZERO[1:]), PAGE)
+        assert waits.wait(2.0)
+        for side in Side:
+            robot.executor.end_jog(side, PAGE)
+        is_stopped.set()
+        assert taking.result()
+    newest = robot.speeds[Side.LEFT].read()
+    assert newest is not None
+    assert (newest[1].velocity, ended) == (ZERO, [True])
 
 
 def test_trajectory_from_elsewhere_than_where_it_was_planned_is_refused(robot: FakeRobot) -> None:
@@ -485,6 +551,18 @@ def test_trajectory_from_elsewhere_than_where_it_was_planned_is_refused(robot: F
     assert robot.control.commands == []
     robot.executor.follow({Side.RIGHT: points}, start)
     assert isinstance(robot.control.commands[-1].message, FollowTrajectory)
+
+
+@pytest.mark.parametrize("unknown", Side)
+def test_plan_is_refused_while_egm_does_not_report_where_an_arm_is(robot: FakeRobot, unknown: Side) -> None:
+    robot.control.on_command = robot.rest
+    off = robot.control.snapshots[unknown]._replace(is_streaming=False, is_running=False, activation=0)
+    robot.control.snapshots[unknown] = off  # with the last position that was streamed: a person may have led it away
+    points = [(0.0, home(Side.RIGHT)), (1.0, home(Side.RIGHT))]
+    words = f"Plan refused: where the {unknown.word} arm is, is not known .*; start EGM and plan again"
+    with pytest.raises(RobotNotReady, match=words):
+        robot.executor.follow({Side.RIGHT: points}, {side: home(side) for side in Side})
+    assert robot.control.commands == []
 
 
 def test_motion_that_is_not_wanted_any_more_is_not_sent(robot: FakeRobot) -> None:
