@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -43,7 +42,7 @@ class Control:
             return tuple(ParameterInfo(each, each.default) for each in self.parameters)
         if command is Commands.commanded_positions:
             if self.is_stopped_meanwhile:
-                self.now = replace(self.now, session=self.now.session + 1)
+                self.now = self.now._replace(session=self.now.session + 1)
             return {Side.RIGHT: POSTURE}
         self.commands += args
         return None

@@ -455,6 +455,7 @@ class Limiter:
         self._was_refused = False  # whether nothing but braking was accepted in the last cycle
         self._session = 0
         self._sent_at = -inf
+        self._stopped_in_a_row = 0  # datagrams that say that the robot does not follow
         self._state: ArmState | None = None  # what was made of the newest state
         self._entering: ArmState | None = None  # of a new session that got no reply yet
         self._has_stood = False  # whether its plan did not move from one state to the next
@@ -499,7 +500,8 @@ class Limiter:
     def check(self, state: ArmState) -> ArmState | None:
         """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
 
-        A position that no arm can have reached is replaced by the last one that was plausible.
+        A position that no arm can have reached is replaced by the last one that was plausible, and the plan by where the
+        references lead it, as long as it is in doubt.
 
         Returns:
             None where no reply is safe: it is open whether the robot still follows, or where it is.
@@ -508,9 +510,10 @@ class Limiter:
             self._state = self._enter(state)
         elif self._feedback.is_plausible(state, self._positions.position):
             self._state = self._accept(state)
-            expected = None if state.is_running else self._references.plan_at(state.time)
+            self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
+            expected = self._references.plan_at(state.time) if 0 < self._stopped_in_a_row < DOUBTED else None
             if expected is not None and largest_difference(expected, state.planned) < _UNEXPECTED:
-                # A forged word that the robot stands comes with a plan that is a cycle old: it follows all the same.
+                # Until several datagrams say that the robot stands, they may be forged, with a plan that is a cycle old.
                 self._state = state._replace(planned=expected)
         else:
             self._state, is_believed = self._feedback.replace(state)
