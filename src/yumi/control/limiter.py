@@ -500,7 +500,7 @@ class Limiter:
     def check(self, state: ArmState) -> ArmState | None:
         """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
 
-        A position that no arm can have reached is replaced by the last one that was plausible, and the plan by where the
+        A position that no arm can have reached is replaced by the last plausible one, and the plan by where the
         references lead it, as long as it is in doubt.
 
         Returns:
@@ -513,7 +513,7 @@ class Limiter:
             self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
             expected = self._references.plan_at(state.time) if 0 < self._stopped_in_a_row < DOUBTED else None
             if expected is not None and largest_difference(expected, state.planned) < _UNEXPECTED:
-                # Until several datagrams say that the robot stands, they may be forged, with a plan that is a cycle old.
+                # Until several say that the robot stands, they may be forged, with a plan that is a cycle old.
                 self._state = state._replace(planned=expected)
         else:
             self._state, is_believed = self._feedback.replace(state)
