@@ -330,8 +330,8 @@ def test_each_header_that_leaves_names_a_frame_of_its_robot(cells: Cells) -> Non
     for name, (full, *_) in node.get_topic_names_and_types():
         package, _, word = full.split("/")
         kind = getattr(importlib.import_module(f"{package}.msg"), word, None)  # actions have hidden topics
-        publishers = {each.node_namespace.split("/")[1] for each in node.get_publishers_info_by_topic(name)}
-        if hasattr(kind, "header") and publishers == {"cell2"}:
+        spaces = [f"{each.node_namespace}/" for each in node.get_publishers_info_by_topic(name)]
+        if hasattr(kind, "header") and spaces and all(each.startswith("/cell2/") for each in spaces):
             take = partial(lambda name, message: heard.update({name: message.header.frame_id}), name)
             subscriptions.append(node.create_subscription(kind, name, take, 10))
     of_controllers = {f"/cell2/l/{each}_controller/controller_state" for each in ("joint_trajectory",)}

@@ -36,11 +36,7 @@ def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) ->
         stack.callback(process.terminate)
         assert process.stdout is not None
         assert process.stdout.readline() == "ready\n"
-        clients = [
-            stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=5.0))
-            for port in ports[2:]
-            for _ in range(CONNECTIONS)
-        ]
+        clients = [stack.enter_context(_connected(port)) for port in ports[2:] for _ in range(CONNECTIONS)]
         answered = _exchanged(arms, clients, seconds)
     gaps = [after - before for arm in arms for before, after in zip(arm.times, arm.times[1:], strict=False)]
     tell(
@@ -51,6 +47,18 @@ def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) ->
         assert arm.numbers == list(range(arm.numbers[0], arm.numbers[0] + len(arm.numbers))), "a cycle is missing"
         assert len(arm.numbers) > 0.95 * (seconds - 1.0) / CYCLE
     assert min(answered) > 0.5 * max(answered) > 0  # no connection is kept waiting for the others
+
+
+def _connected(port: int, within: float = 20.0) -> socket.socket:
+    """A connection to a server that may only be about to listen."""
+    end = time.monotonic() + within
+    while True:
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=5.0)
+        except ConnectionRefusedError:
+            if time.monotonic() > end:
+                raise
+            time.sleep(0.01)
 
 
 def _exchanged(arms: list[HeldArm], clients: list[socket.socket], seconds: float) -> list[int]:
