@@ -22,7 +22,7 @@ from yumi.rws.services.rapid import Range, RunCycle, Step, StopMode
 from yumi.rws.services.symbols import SymbolKind
 from yumi.rws.services.targets import RobTarget
 from yumi.rws.services.users import Privilege, RmmpStatus
-from yumi.rws.types import OperatingMode, SignalType
+from yumi.rws.types import Code, OperatingMode, SignalType
 from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.world import World
 
@@ -146,9 +146,12 @@ def test_tasks(client: RwsClient, bench: Bench) -> None:
     assert [task.name for task in client.tasks()] == ["T_ROB_R", TASK]
     client.select_task(TASK, False)
     assert not client.task(TASK).is_active
-    client.select_all_tasks(False)
-    client.select_all_tasks(True)
     client.select_task(TASK, True)
+    assert client.task(TASK).is_active
+    client.select_all_tasks(False)
+    assert [task.is_active for task in client.tasks()] == [False, False]
+    client.select_all_tasks(True)
+    assert [task.is_active for task in client.tasks()] == [True, True]
     assert client.task(TASK).is_motion_task
     assert client.task_change_count(TASK) >= 0
     assert not client.is_synchronized()
@@ -279,12 +282,18 @@ def test_signals_devices_networks(client: RwsClient) -> None:
     assert [network.name for network in client.networks("Local")] == ["Local"]
     assert client.network("DeviceNet").is_running
     assert client.network_type("DeviceNet") == "DEV"
+    client.start_network("DeviceNet", False)
+    assert not client.network("DeviceNet").is_running
     client.start_network("DeviceNet", True)
+    assert client.network("DeviceNet").is_running
     client.configure_network("DeviceNet")
     assert "D652_10" in [device.name for device in client.devices()]
     assert {device.name for device in client.devices(network="DeviceNet")} == {"D652_10"}
     assert [device.name for device in client.devices("D652")] == ["D652_10"]
+    client.enable_device("D652_10", False)
+    assert not client.device("DeviceNet/D652_10").is_enabled
     client.enable_device("D652_10", True)
+    assert client.device("DeviceNet/D652_10").is_enabled
     assert client.device("DeviceNet/D652_10").address == "10"
     assert client.device_access("DeviceNet/D652_10").rapid
     assert not client.has_upgrade("DeviceNet", "D652_10")
@@ -304,18 +313,27 @@ def test_positions_and_kinematics_are_those_of_the_arm(client: RwsClient) -> Non
     assert client.joints_of_pose("ROB_L", computed, position) == pytest.approx(position, abs=1e-3)
     assert client.joints_of_cartesian("ROB_L", computed, position) == pytest.approx(position, abs=1e-3)
     assert any(each == pytest.approx(position, abs=1e-3) for each in client.all_joints_of_pose("ROB_L", computed))
-    assert client.base_frame("ROB_L") == Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    client.set_base_frame("ROB_L", Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)))
+    mounted = client.base_frame("ROB_L")
+    assert mounted == Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+    for frame in (Pose((0.1, -0.2, 0.3), (0.0, 0.6, 0.0, 0.8)), mounted):
+        client.set_base_frame("ROB_L", frame)
+        attributes = client.cfg_instance("MOC", "ROBOT", "ROB_L").attributes
+        position = [float(attributes[f"base_frame_pos_{axis}"]) for axis in "xyz"]
+        orientation = [float(attributes[f"base_frame_orient_u{number}"]) for number in range(4)]
+        assert (position, orientation) == (pytest.approx(frame.position), pytest.approx(frame.orientation))
+        assert client.base_frame("ROB_L") == mounted  # another one acts after a restart
     assert client.axes("ROB_L") == 6
     assert client.is_axis_synchronized("ROB_L", 1)
     assert all(abs(length) < 1.0 for length in client.axis_pose("ROB_L", 1).position)
 
 
-def test_units_supervision_calibration(client: RwsClient) -> None:
+def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:
     assert client.mechanical_units() == ("ROB_R", "ROB_L", "ROB_R_7", "ROB_L_7")
     client.set_mechanical_unit("ROB_L", tool="tool0", coordinates=Coordinates.TOOL, jog_mode=JogMode.AXES_1_TO_3)
     unit = client.mechanical_unit("ROB_L")
     assert (unit.total_axes, unit.integrated_unit, unit.coordinates) == (7, "ROB_L_7", Coordinates.TOOL)
+    client.set_lead_through("ROB_L", True)
+    assert client.is_lead_through_on("ROB_L")
     client.set_lead_through("ROB_L", False)
     assert not client.is_lead_through_on("ROB_L")
     for read, write in (
@@ -325,8 +343,16 @@ def test_units_supervision_calibration(client: RwsClient) -> None:
         write("ROB_L", Supervision(False, 80))
         assert read("ROB_L") == Supervision(False, 80)
         write("ROB_L", Supervision(True, 100))
+        assert read("ROB_L") == Supervision(True, 100)
+    client.predict_collisions(False)
+    assert not client.is_collision_predicted()
     client.predict_collisions(True)
     assert client.is_collision_predicted()
+    with pytest.raises(ControllerRefused) as refused:
+        client.skip_motion(True)
+    assert refused.value.code == Code.NOTIMPL
+    bench.controller.motion.is_non_motion = True  # which this controller does not do when it is asked to
+    assert client.is_motion_skipped()
     client.skip_motion(False)
     assert not client.is_motion_skipped()
     assert [each.joint for each in client.calibration("ROB_L")] == [f"rob_L_{axis}" for axis in range(1, 7)]
@@ -371,6 +397,11 @@ def test_configuration(client: RwsClient) -> None:
     assert client.can_change_cfg("SIO", "COM_TRP", ["NEW"])
     assert client.can_remove_cfg("NEW")
     client.remove_cfg("SIO", "COM_TRP", "NEW")
+    lines = client.cfg("SYS", "CAB_TASK_MODULES")  # listed with defaulted attributes, saved without them
+    assert {each.attributes["AllTask"] for each in lines} == {"false"}
+    assert client.cfg_size("SYS", "CAB_TASK_MODULES") == (len(lines[0].attributes), len(lines))
+    client.save_cfg("SYS", "HOME:/sys.cfg")
+    assert "-AllTask" not in client.download("HOME:/sys.cfg")
     client.reset_cfg("PROC")
     client.reset_cfg("MOC", "ARM")
 

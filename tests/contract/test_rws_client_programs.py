@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from threading import Event, Thread
+
+import httpx
 import pytest
 
 from memory_http import MemoryHttp
@@ -147,6 +150,71 @@ def test_mastership_is_given_back_after_a_refusal(plant: Plant, client: RwsClien
     other = RwsClient(plant.http, clock=plant)
     other.upload(PATH, GREETER)
     other.load_module(LEFT, PATH)
+
+
+def test_error_of_a_block_is_not_replaced_by_that_of_the_release(
+    plant: Plant, client: RwsClient, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail() -> None:
+        plant.http.is_there = False
+        raise CommandRefused("of the block")
+
+    with pytest.raises(CommandRefused, match="of the block"), client.holding("rapid"):
+        fail()
+    assert "The mastership of rapid may still be held, which locks the FlexPendant out" in caplog.text
+
+
+def test_refused_release_of_a_mastership_is_an_error(
+    plant: Plant, client: RwsClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange = client._session.exchange
+
+    def refusing(request: Request) -> httpx.Response:
+        return httpx.Response(403) if ("action", "release") in request.query else exchange(request)
+
+    other = RwsClient(plant.http, clock=plant)
+    refused = pytest.raises(ControllerRefused, match="releasing the mastership of rapid was refused")
+    with refused, client.holding("rapid"):
+        monkeypatch.setattr(client._session, "exchange", refusing)
+    assert other.mastership("rapid") != ""
+    monkeypatch.undo()
+    with client.holding("rapid"):  # it is requested again, and released
+        pass
+    assert other.mastership("rapid") == ""
+
+
+def test_mastership_that_the_controller_has_ended_needs_no_release(plant: Plant, client: RwsClient) -> None:
+    with client.holding("rapid"):
+        client.call("POST", "/rw/mastership/rapid", (("action", "release"),))
+    assert RwsClient(plant.http, clock=plant).mastership("rapid") == ""
+
+
+def test_mastership_is_not_released_while_another_thread_comes_to_use_it(
+    client: RwsClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    exchange, has_it = client._session.exchange, Event()
+    done: list[str] = []
+
+    def hold() -> None:
+        with client.holding("rapid"):
+            has_it.set()
+
+    other = Thread(target=hold)
+
+    def recorded(request: Request) -> httpx.Response:
+        action = dict(request.query).get("action", "")
+        if action == "release" and other.ident is None:  # of the first thread: the other one comes now
+            other.start()
+            assert not has_it.wait(0.1)
+        reply = exchange(request)
+        done.append(action)
+        return reply
+
+    monkeypatch.setattr(client._session, "exchange", recorded)
+    with client.holding("rapid"):
+        pass
+    other.join(10.0)
+    assert done == ["request", "release", "request", "release"]
 
 
 def test_restart_leaves_motors_off_and_rapid_stopped_with_its_program(plant: Plant, client: RwsClient) -> None:

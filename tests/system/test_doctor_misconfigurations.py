@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pytest
 
 from memory_http import MemoryHttp
+from yumi.cli.doctor import _examine_stream
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.doctor import examine_controller, examine_stream, obstacle_to_stream
@@ -18,7 +19,7 @@ from yumi.driver.commissioning.machine import examine_machine
 from yumi.driver.commissioning.modules import delivered_modules
 from yumi.driver.commissioning.stream import ArmStream, listen, streaming
 from yumi.egm.udp import NetworkCard, UdpServer
-from yumi.errors import NoConnection, ProtocolError, RobotNotReady
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import TaskInfo
@@ -414,7 +415,8 @@ def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
     assert controller.controller_state is ControllerState.MOTORS_OFF
 
 
-def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
+def with_another_task() -> VirtualYumi:
+    """A robot whose owner has a task of his own, which starts with the others."""
     text = "MODULE Log\n  PERS num seen:=0;\n  PROC main()\n    seen:=1;\n  ENDPROC\nENDMODULE\n"
     ours = delivered_system()
     system = replace(
@@ -423,7 +425,11 @@ def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
         files={**ours.files, "HOME:/log.mod": text.encode()},
         modules={"T_LOG": ("HOME:/log.mod",)},
     )
-    yumi = VirtualYumi(WorldSettings(system=system))
+    return VirtualYumi(WorldSettings(system=system))
+
+
+def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
+    yumi = with_another_task()
     with yumi.client() as client:
         with streaming(client, yumi):
             yumi.wait(0.5)
@@ -436,6 +442,56 @@ def test_stream_starts_no_other_task_and_leaves_it_selected() -> None:
         client.start_rapid()
         yumi.wait(0.5)
         assert client.value("T_LOG", "Log", "seen") == 1.0
+
+
+def refuse_switching_on(client: RwsClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    select = client.select_task
+
+    def refusing(task: str, is_selected: bool) -> None:
+        if is_selected:
+            raise ControllerRefused("The task panel is locked.", status=403)
+        select(task, is_selected)
+
+    monkeypatch.setattr(client, "select_task", refusing)
+
+
+@pytest.mark.parametrize("error", [None, NoConnection("The link was lost; check the cable.")])
+def test_task_that_stays_switched_off_is_an_error_that_names_it(
+    monkeypatch: pytest.MonkeyPatch, error: NoConnection | None
+) -> None:
+    yumi = with_another_task()
+    progress: list[str] = []
+
+    def fail() -> None:
+        if error is not None:
+            raise error
+
+    with yumi.client() as client:
+        refuse_switching_on(client, monkeypatch)
+        with pytest.raises(RobotNotReady) as raised, streaming(client, yumi, progress.append):
+            fail()
+    sentence = "Task T_LOG is still switched off; select it on the FlexPendant (QuickSet menu, Tasks)."
+    assert str(raised.value) == (f"{sentence} Before that: {error}" if error else sentence)
+    assert progress[-1] == sentence
+    assert not yumi.world.controller.is_running
+
+
+def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    yumi = with_another_task()
+    monkeypatch.setattr("yumi.clock.SystemClock", lambda: yumi)
+    monkeypatch.setattr("yumi.driver.commissioning.stream.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
+    with yumi.client() as client:
+        refuse_switching_on(client, monkeypatch)
+        (found,) = _examine_stream(client, dict.fromkeys(Side, EgmAddress("127.0.0.1", 0)))
+    assert (found.requirement, found.verdict) == ("EGM stream", Verdict.PROBLEM)
+    assert found.found == "Task T_LOG is still switched off"
+    assert found.remedy == "select it on the FlexPendant (QuickSet menu, Tasks)"
+    said = [line.strip() for line in capsys.readouterr().err.splitlines()]
+    assert said.index("task T_LOG is switched off meanwhile") < said.index(
+        "program pointers to main, start the program"
+    )
 
 
 def test_stream_is_not_tried_where_the_program_is_a_problem() -> None:

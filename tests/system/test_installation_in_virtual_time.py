@@ -157,7 +157,9 @@ def test_main_that_the_configuration_loads_at_each_start_is_explained_and_comes_
     assert "Production" in site.modules()["T_ROB_R"]
     loaded, configured = site.plan().refusals
     assert loaded.startswith("T_ROB_R has a program of its own: its module Production")
-    assert configured.startswith("the configuration loads HOME:/production.mod at each start, which has a main")
+    assert configured.startswith(
+        "the configuration loads HOME:/production.mod in T_ROB_R at each start, which has a main"
+    )
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install(replaces_main=True)
     assert "Production" not in site.modules()["T_ROB_R"]
@@ -166,6 +168,33 @@ def test_main_that_the_configuration_loads_at_each_start_is_explained_and_comes_
     assert site.plan().changes == ()
     roll_back(site)
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
+def test_lines_that_load_one_file_into_several_tasks_all_go_and_come_back(site: Site) -> None:
+    site.controller.files["HOME:/production.mod"] = FOREIGN
+    configuration = site.controller.configuration
+    for into in ({"Task": "T_ROB_L"}, {"Task": "T_ROB_R", "Hidden": "TRUE"}, {"Task": "T_LOG"}):
+        configuration.put("SYS", "CAB_TASK_MODULES", {"File": "HOME:/production.mod", "ModName": "Production", **into})
+    site.client.wait_for_restart()
+    refusals = [each for each in site.plan().refusals if each.startswith("the configuration loads")]
+    assert [each.partition(" at each start")[0] for each in refusals] == [
+        "the configuration loads HOME:/production.mod in T_ROB_L",
+        "the configuration loads HOME:/production.mod in T_ROB_R",
+    ]
+    cfg, modules = site.cfg(), site.modules()
+    assert "Production" in modules["T_ROB_L"]
+    assert "Production" in modules["T_ROB_R"]
+    site.install(replaces_main=True)
+    site.client.wait_for_restart()
+    assert not any("Production" in names for names in site.modules().values())
+    left = [each.attributes for each in configuration.instances("SYS", "CAB_TASK_MODULES")]
+    assert [each["Task"] for each in left if each["File"] == "HOME:/production.mod"] == ["T_LOG"]
+    assert site.plan().changes == ()
+    roll_back(site)
+    assert site.modules() == modules
+    assert {domain: sorted(text.splitlines()) for domain, text in site.cfg().items()} == {
+        domain: sorted(text.splitlines()) for domain, text in cfg.items()
+    }
 
 
 def test_roll_back_brings_the_program_that_was_there_last(site: Site) -> None:

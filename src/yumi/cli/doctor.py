@@ -47,7 +47,8 @@ def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, htm
     Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
     datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
     program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
-    have begun anew. It starts nothing where a task has another program, or its modules are a problem.
+    have begun anew. It starts nothing where a task has another program, or its modules are a problem. Other tasks that
+    would start, too, are switched off meanwhile: it says which.
 
     Exit code 0: no problems; 1: there are problems.
 
@@ -128,7 +129,7 @@ def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> 
             links = {
                 side: stack.enter_context(UdpServer(address.host, address.port)) for side, address in addresses.items()
             }
-            with streaming(client, clock):
+            with streaming(client, clock, lambda text: click.echo(f"  {text}", err=True)):
                 streams = listen(links, clock, _STREAM_TIME)
             stands = {side: client.joint_target(side.unit) for side in Side}
     except YumiError as error:

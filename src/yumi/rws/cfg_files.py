@@ -39,6 +39,23 @@ class CfgFile:
         return self.header.partition(":CFG_")[0]
 
 
+_UNSET = {"", "false", "no"}
+_SET = {"true", "yes"}
+
+
+def stated(attributes: Mapping[str, str]) -> dict[str, str]:
+    """What a file has to state of an instance: without flags that are not set and attributes that are empty.
+
+    Args:
+        attributes: as Robot Web Services list them: all that its type has, those with their default values, too.
+    """
+    return {
+        name: FLAG if value.strip().lower() in _SET else value
+        for name, value in attributes.items()
+        if value.strip().lower() not in _UNSET
+    }
+
+
 def read_cfg(text: str) -> CfgFile:
     """The instances in a cfg file.
 

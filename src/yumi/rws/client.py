@@ -10,6 +10,7 @@ import logging
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from queue import Queue
+from threading import Lock
 from types import TracebackType
 from weakref import WeakSet
 
@@ -71,6 +72,7 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
         transport = HttpTransport(address, self._clock) if isinstance(address, str) else address
         self.address = transport.address
         self._session = RwsSession(transport, user=user, password=password, timeout=timeout, clock=self._clock)
+        self._mastership = Lock()
         self._held: Counter[str] = Counter()
         self._subscriptions: WeakSet[Subscription] = WeakSet()
 

@@ -30,7 +30,7 @@ from yumi.driver.commissioning.modules import (
 )
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
-from yumi.rws.cfg_files import CfgFile, read_cfg, write_cfg
+from yumi.rws.cfg_files import FLAG, CfgFile, read_cfg, stated, write_cfg
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
 from yumi.rws.services.requests import OnProgress
@@ -44,6 +44,10 @@ ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
 
 _KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
 """What distinguishes instances of a type without names."""
+
+_OUR_FILES = {f"{FOLDER}{each.name}" for each in files("yumi.controller_files").iterdir()}
+_INTO = ("Task", "Shared", "AllTask", "AllMotionTask")
+"""Into which tasks a line of CAB_TASK_MODULES loads its file: of another's files, several lines may name the same."""
 
 _HEADERS = {
     "EIO": "EIO:CFG_1.0:6:1::",
@@ -269,7 +273,12 @@ def _folder(path: str) -> str:
 
 def _name_of(type_name: str, attributes: Mapping[str, str]) -> str:
     key = _KEYS.get(type_name)
-    return attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
+    name = attributes.get(key, "") if key else attributes.get("Name") or attributes.get("name") or ""
+    if type_name != "CAB_TASK_MODULES" or name in _OUR_FILES:
+        return name
+    given = stated(attributes)
+    into = (each if given[each] == FLAG else given[each] for each in _INTO if each in given)
+    return f"{name} in {', '.join(into) or 'no task'}"
 
 
 @dataclass(slots=True)
@@ -506,11 +515,12 @@ class Installation:
         tasks = {side.task.lower() for side in Side}
         for name, (_, attributes) in self._instances("SYS", "CAB_TASK_MODULES").items():
             key = CfgKey("SYS", "CAB_TASK_MODULES", name)
-            task = (attributes or {}).get("Task", "").lower()
+            assert attributes is not None, "they are of what is there"
+            task = attributes.get("Task", "").lower()
             if key in wanted.cfg or (task and task not in tasks):
                 continue
             try:
-                text = self._client.download(name)
+                text = self._client.download(attributes.get("File", ""))
             except ControllerRefused as error:
                 if error.status not in _NOT_FOUND:
                     raise
@@ -612,6 +622,12 @@ class Installation:
         A program of another that is there now is as its owner wants it, whatever an earlier record has of it.
         """
         present, recorded = self.read(wanted), self._record.before
+        removed = {
+            key: stated(now)  # as a file is what brings it back
+            for key, now in present.cfg.items()
+            if now is not None and wanted.cfg[key] is None
+        }
+        present = Contents(cfg=removed).completed_from(present)
         if recorded is not None:
             others = {key: text for key, text in present.modules.items() if text and wanted.modules[key] is None}
             present = Contents(modules=others).completed_from(recorded.completed_from(present))

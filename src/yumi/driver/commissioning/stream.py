@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
@@ -14,7 +13,7 @@ from yumi.driver.panel import ControllerPanel
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
+from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side
 from yumi.rws.client import RwsClient
 from yumi.rws.services.requests import OnProgress
@@ -104,11 +103,12 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
     """Position streams of both arms for the time of the block; afterwards motors and program are on or off as before.
 
     Where no program runs, the motors go on and the program starts at main, with its variables as they begin; its
-    pointers stay where it stops. Other tasks of the user are not started. The arms do not move.
+    pointers stay where it stops. Other tasks of the user are not started: they are switched off for that time, which
+    ``on_progress`` gets before. The arms do not move.
 
     Raises:
         RobotNotReady: a task has another program than the state machine, and nothing was switched; or the mode, a stop
-            or the program prevents it.
+            or the program prevents it; or a task that was switched off could not be switched on again.
     """
     for side in Side:
         _refuse_other_program(client, side)
@@ -125,12 +125,7 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
                 on_progress("motors on")
                 undo.callback(quietly, panel.switch_motors_off)
                 panel.switch_motors_on()
-            # All tasks that the task panel selects would start, so only ours stay selected for that time.
-            for task in client.tasks():
-                if task.is_active and task.starts_by_hand and task.name not in {side.task for side in Side}:
-                    on_progress(f"task {task.name} is switched off meanwhile")
-                    undo.callback(quietly, partial(client.select_task, task.name, True))
-                    client.select_task(task.name, False)
+            undo.enter_context(_others_off(client, on_progress))
             on_progress("program pointers to main, start the program")
             panel.move_pp_to_main()
             undo.callback(quietly, panel.stop_rapid)
@@ -144,6 +139,37 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
         on_progress("start the position streams")
         client.pulse_signal(START_STREAM)
         undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
+        yield
+
+
+@contextmanager
+def _others_off(client: RwsClient, on_progress: OnProgress) -> Iterator[None]:
+    """Keep other tasks switched off for the time of the block: all that the task panel selects would start.
+
+    Raises:
+        RobotNotReady: one could not be switched on again.
+    """
+    left_off: list[str] = []
+
+    def switch_on(task: str) -> None:
+        try:
+            client.select_task(task, True)
+        except YumiError:
+            left_off.append(f"Task {task} is still switched off; select it on the FlexPendant (QuickSet menu, Tasks).")
+            on_progress(left_off[-1])
+
+    def report(kind: object, error: BaseException | None, trace: object) -> None:
+        """The error, if there was one, comes after what is left off; a Ctrl-C stays one."""
+        if left_off and (error is None or isinstance(error, YumiError)):
+            raise RobotNotReady(" ".join((*left_off, *([f"Before that: {error}"] if error else [])))) from error
+
+    with ExitStack() as undo:
+        undo.push(report)  # the last that is done
+        for task in client.tasks():
+            if task.is_active and task.starts_by_hand and task.name not in {side.task for side in Side}:
+                on_progress(f"task {task.name} is switched off meanwhile")
+                undo.callback(switch_on, task.name)
+                client.select_task(task.name, False)
         yield
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Lock
 from typing import TypeVar
 
 import httpx
 
 from yumi.clock import Clock
-from yumi.errors import ControllerRefused
+from yumi.errors import ControllerRefused, YumiError
 from yumi.rws import replies
 from yumi.rws.documents import Page, Pairs, State, read_page
 from yumi.rws.session import BUSY, Request, RwsSession
+from yumi.rws.types import Code
+
+log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -27,6 +32,8 @@ class Requests:
     address: str
     _session: RwsSession
     _clock: Clock
+    _mastership: Lock
+    """Held while a mastership is requested or released: no thread releases what another one has just come to use."""
     _held: Counter[str]
 
     def _read(self, request: Request, parse: Callable[[Page], T], what: str) -> T:
@@ -69,17 +76,39 @@ class Requests:
     def holding(self, domain: str) -> Iterator[None]:
         """The mastership of ``cfg``, ``rapid`` or ``motion`` for the time of the block.
 
-        A client that keeps it locks the FlexPendant out. A block within another one of the same domain keeps it.
+        A client that keeps it locks the FlexPendant out. A block within another one of the same domain keeps it, in
+        any thread.
+
+        Raises:
+            ControllerRefused: another client has it, or its release was refused after the block.
         """
-        if not self._held[domain]:
-            self._do(post(f"/rw/mastership/{domain}", "request"), f"requesting the mastership of {domain}")
-        self._held[domain] += 1
+        with self._mastership:
+            if not self._held[domain]:
+                self._do(post(f"/rw/mastership/{domain}", "request"), f"requesting the mastership of {domain}")
+            self._held[domain] += 1
         try:
             yield
-        finally:
+        except BaseException:
+            try:
+                self._release(domain)
+            except YumiError as error:  # what failed in the block says more
+                log.warning(
+                    "The mastership of %s may still be held, which locks the FlexPendant out: %s", domain, error
+                )
+            raise
+        self._release(domain)
+
+    def _release(self, domain: str) -> None:
+        """End one block that holds a mastership; the last one gives it back."""
+        with self._mastership:
             self._held[domain] -= 1
-            if not self._held[domain]:
-                self._session.exchange(post(f"/rw/mastership/{domain}", "release"))
+            if self._held[domain]:
+                return
+            try:
+                self._do(post(f"/rw/mastership/{domain}", "release"), f"releasing the mastership of {domain}")
+            except ControllerRefused as error:
+                if error.code != Code.RESOURCE_NOT_HELD:  # a new session or another mode has ended it already
+                    raise
 
 
 def get(path: str, *query: tuple[str, str]) -> Request:

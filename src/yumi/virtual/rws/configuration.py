@@ -26,6 +26,14 @@ _OWN = {
 """What describes the robot itself: it is neither removed nor reset."""
 
 _NUMBERS = {"RemotePortNumber", "Default", "ramp_time", "ext_motion_level", "ext_motion_Kp", "logical_axis"}
+_LISTED = {
+    ("SYS", "CAB_TASK_MODULES"): {
+        **dict.fromkeys(("ModName", "Task"), ""),
+        **dict.fromkeys(("Install", "Shared", "AllTask", "AllMotionTask", "Hidden"), "false"),
+    }
+}
+"""Values of attributes that a file leaves out: they are listed all the same, but not saved (reference/rws.md §9)."""
+
 _NUMBERED_OPTION = re.compile(r"(\d[\d/-]*-\d+) (.+)")
 
 
@@ -57,6 +65,8 @@ def get_type(controller: Irc5, call: Call) -> Page:
 def get_attributes(controller: Irc5, call: Call) -> Page:
     """What instances of a type have, as far as those that exist show it."""
     place, found = _place(call), _found(controller, call)
+    domain, type_name = place.split("/")
+    initial = {**_LISTED.get((domain, type_name), {}), **defaults_of(domain, type_name)}
     states = []
     for name in _attributes(found):
         kind = "float" if name in _NUMBERS else "string"
@@ -66,7 +76,7 @@ def get_attributes(controller: Irc5, call: Call) -> Page:
             "numbers": "1",
             "mini": "" if kind == "float" else "0",
             "max": "" if kind == "float" else "80",
-            "init": defaults_of(*place.split("/")).get(name, ""),
+            "init": initial.get(name, ""),
             "mandatory": "true" if name.lower() == "name" else "false",
         }
         states.append(State("cfg-dt-attribute-li", name, fields))
@@ -166,7 +176,7 @@ def get_instance(controller: Irc5, call: Call) -> Page:
 
 def set_instance(controller: Irc5, call: Call) -> None:
     domain, type_name, name = _existing(controller, call)
-    known = controller.configuration.instances(domain, type_name)[0].attributes
+    known = _found(controller, call)[0].attributes
     for attribute, _ in call.form:
         if attribute not in known:
             raise invalid(f"{domain}/{type_name} has no attribute {attribute}")
@@ -245,7 +255,11 @@ def _found(controller: Irc5, call: Call) -> tuple[Instance, ...]:
     found = tuple(controller.cfg(domain, type_name))
     if not found:
         raise Failure(400, Code.CFG_TYPE_INVALID, f"domain {domain} has no type {type_name} with instances")
-    return found
+    listed = _LISTED.get((domain, type_name), {})
+    return tuple(
+        Instance(each.name, {**each.attributes, **{k: v for k, v in listed.items() if k not in each.attributes}})
+        for each in found
+    )
 
 
 def _state(type: str, place: str, index: int, instance: Instance) -> State:
