@@ -40,7 +40,7 @@ INDEX_PAGES = {
 
 OTHER_SPELLINGS = {
     ("GET", "/rw/rapid/tasks/{task}", None, "task-struc-change-count"),
-    ("GET", "/rw/rapid/tasks/{task}", None, "activation-record"),
+    ("GET", "/rw/rapid/tasks/{task}/activation-record", None, None),
     ("GET", "/rw/rapid/tasks/{task}/breakpoints", None, None),
     ("POST", "/rw/motionsystem", "set-target", None),
     ("POST", "/rw/motionsystem/nonmotionexecution", "set", None),
@@ -157,7 +157,8 @@ def test_tasks(client: RwsClient, bench: Bench) -> None:
     assert not client.is_synchronized()
     assert not client.is_synchronized(TASK)
     assert not client.is_spy_running()
-    assert client.stack_frame(TASK).routine == "main"
+    frame = client.stack_frame(TASK)
+    assert (frame.module, frame.routine) == ("TRobMain", "main")
     assert "main" in client.service_routines(TASK)
     assert client.preferred_type(TASK, "MoveAbsJ", "Speed") == "speeddata"
     assert client.task_place(TASK)[:2] == ("TRobMain", "main")

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import cmd
-from collections.abc import Iterator
-from typing import IO, TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from typing import IO, TYPE_CHECKING, Any
 
 from yumi.clock import Clock, comes_true
 from yumi.errors import CommandRefused, ControllerRefused, YumiError
+from yumi.rws.services.rapid import RunCycle, Step
 from yumi.rws.types import ExecutionState
 
 if TYPE_CHECKING:
     from yumi.rws.client import RwsClient
 
 _STEP_TIMEOUT = 30.0  # [s]: a step that takes longer, such as a wait, goes on while others are entered
-_MASTERSHIP = "/rw/mastership/rapid"
+_CONTINUE_TIMEOUT = 1.0  # [s]: then `stop` can be entered
 _AROUND = 4  # lines shown before and behind the program pointer
 _MOST_DATA = 100  # of a module that are listed
 
@@ -27,21 +28,43 @@ class Debugger(cmd.Cmd):
         task: name of the task.
         clock: what waits for the end of a step.
         output: where answers are written.
+        confirm: asked before the first start; whether it may be.
         commands: where commands come from when they are not typed.
     """
 
     prompt = "(rapid) "
 
     def __init__(
-        self, client: RwsClient, task: str, clock: Clock, output: IO[str], commands: IO[str] | None = None
+        self,
+        client: RwsClient,
+        task: str,
+        clock: Clock,
+        output: IO[str],
+        confirm: Callable[[str], bool],
+        commands: IO[str] | None = None,
     ) -> None:
         super().__init__(stdin=commands, stdout=output)
         self.use_rawinput = commands is None
         self._client, self._task, self._clock = client, task, clock
-        self._path = f"/rw/rapid/tasks/{task}"
+        self._confirm, self._is_confirmed = confirm, False
+        self._has_started = False  # and has not seen it stop
 
     def _say(self, text: str) -> None:
         self.stdout.write(f"{text}\n")
+
+    def cmdloop(self, intro: Any = None) -> None:
+        """Commands until `quit`; Ctrl-C stops RAPID if it was started here, and leaves otherwise."""
+        while True:
+            try:
+                super().cmdloop(intro)
+                return
+            except KeyboardInterrupt:
+                if not self._has_started:
+                    raise
+                self._say("")  # behind ^C
+                self.onecmd("stop")
+                if not self.use_rawinput:  # the commands that follow count on what was interrupted
+                    raise
 
     def onecmd(self, line: str) -> bool:
         """A command; what is refused is said, and the next one can be tried."""
@@ -62,36 +85,44 @@ class Debugger(cmd.Cmd):
 
     def do_step(self, argument: str) -> None:
         """step: execute one statement, and enter the routine it calls."""
-        self._run("stepin")
+        self._run(Step.IN)
 
     def do_next(self, argument: str) -> None:
         """next: execute one statement, with the routines it calls."""
-        self._run("stepover")
+        self._run(Step.OVER)
 
     def do_out(self, argument: str) -> None:
         """out: execute the rest of the routine."""
-        self._run("stepout")
+        self._run(Step.OUT)
 
     def do_continue(self, argument: str) -> None:
-        """continue: execute until a breakpoint, an error or the end; `stop` stops it."""
-        self._run("continue")
+        """continue: execute until a breakpoint, an error or the end; `stop` or Ctrl-C stops it."""
+        self._run(Step.CONTINUE)
 
-    def _run(self, mode: str) -> None:
-        form = (
-            ("regain", "continue"),
-            ("execmode", mode),
-            ("cycle", "asis"),
-            ("condition", "none"),
-            ("stopatbp", "enabled"),
-            ("alltaskbytsp", "false"),
-        )
-        self._client.call("POST", "/rw/rapid/execution", (("action", "start"),), form)
-        is_stopped = comes_true(self._clock, lambda: self._client.execution() is ExecutionState.STOPPED, _STEP_TIMEOUT)
-        self._say(self._here() if is_stopped else "running; `stop` stops it, `where` says where it is")
+    def _run(self, step: Step) -> None:
+        if not self._is_confirmed:
+            tasks = [task.name for task in self._client.tasks() if task.is_active and task.starts_by_hand]
+            what = f"This starts {' and '.join(tasks) or 'RAPID'}, and arms may move."
+            if not self._confirm(f"{what} Is their workspace free?"):
+                raise CommandRefused(f"Not started. {what} It has to be confirmed, or --yes given.")
+            self._is_confirmed = True
+        before, self._has_started = self._has_started, True  # Ctrl-C may come before the answer
+        try:
+            self._client.start_rapid(cycle=RunCycle.AS_IS, step=step, stop_at_breakpoints=True)
+        except ControllerRefused:
+            self._has_started = before
+            raise
+        timeout = _CONTINUE_TIMEOUT if step is Step.CONTINUE else _STEP_TIMEOUT
+        if comes_true(self._clock, lambda: self._client.execution() is ExecutionState.STOPPED, timeout):
+            self._has_started = False
+            self._say(self._here())
+        else:
+            self._say("running; `stop` stops it, `where` says where it is")
 
     def do_stop(self, argument: str) -> None:
         """stop: stop RAPID in all tasks."""
         self._client.stop_rapid()
+        self._has_started = False
         self._say(self._here())
 
     def do_main(self, argument: str) -> None:
@@ -105,16 +136,11 @@ class Debugger(cmd.Cmd):
         """Module, routine and line of each routine under way, the innermost first."""
         number = 1
         while True:
-            query = (("resource", "activation-record"), ("stackframe", str(number)))
             try:
-                page = self._client.call("GET", self._path, query)
+                frame = self._client.stack_frame(self._task, number)
             except ControllerRefused:  # no more
                 return
-            if page is None:
-                return
-            fields = page.one("rap-stackframe").fields
-            module, routine = fields["routine-url"].split("/")[-2:]
-            yield module, routine, int(fields["beg-row"])
+            yield frame.module, frame.routine, frame.range.row
             number += 1
 
     def _here(self) -> str:
@@ -137,7 +163,10 @@ class Debugger(cmd.Cmd):
         if not module:
             self._say(self._here())
             return
-        marks = {line for name, line in self._breakpoints() if name.lower() == module.lower()}
+        try:
+            marks = {at.row for name, at in self._client.breakpoints(self._task) if name.lower() == module.lower()}
+        except ControllerRefused:  # some controllers do not tell, and answer 404
+            marks = set()
         lines = self._client.module_text(self._task, module).splitlines()
         for number in range(max(row - _AROUND, 1), min(row + _AROUND, len(lines)) + 1):
             mark = "->" if number == row else " *" if number in marks else "  "
@@ -145,24 +174,14 @@ class Debugger(cmd.Cmd):
 
     # Breakpoints --------------------------------------------------------------------------------------------------
 
-    def _breakpoints(self) -> list[tuple[str, int]]:
-        page = self._client.call("GET", f"{self._path}/program/breakpoint")
-        states = () if page is None else page.of_type("rap-program-breakpoint")
-        return [(state.fields["module-name"], int(state.fields["start-row"])) for state in states]
-
     def do_break(self, argument: str) -> None:
         """Break MODULE:LINE: stop before that line, or no more where there is a breakpoint; alone, it lists them."""
         if argument:
             module, colon, row = argument.rpartition(":")
             if not colon or not row.isdigit():
                 raise CommandRefused(f"break takes a module and a line, such as break Program:12, not {argument!r}.")
-            form = (("module", module), ("row", row), ("column", "1"))
-            self._client.call("POST", _MASTERSHIP, (("action", "request"),))
-            try:
-                self._client.call("POST", f"{self._path}/program/breakpoint", (("action", "set"),), form)
-            finally:
-                self._client.call("POST", _MASTERSHIP, (("action", "release"),))
-        found = [f"{module}:{row}" for module, row in self._breakpoints()]
+            self._client.set_breakpoint(self._task, module, int(row))
+        found = [f"{name}:{at.row}" for name, at in self._client.breakpoints(self._task)]
         self._say("breakpoints: " + (", ".join(found) or "none"))
 
     # Data ---------------------------------------------------------------------------------------------------------

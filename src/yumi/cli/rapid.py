@@ -58,24 +58,30 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], as_json: bool) -> None
 
 @rapid.command("debug")
 @click.argument("task")
+@click.option("--yes", is_flag=True, help="Do not ask before the first start.")
 @of_controller
-def debug_(client: RwsClient, task: str) -> None:
+def debug_(client: RwsClient, task: str, yes: bool) -> None:
     """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
 
     Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
-    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. A start steps all tasks that are selected on
-    the task panel, and arms move.
+    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. All tasks that are selected on the task panel
+    start, and arms move: it asks before the first start; commands that are not typed need --yes for it. Ctrl-C stops
+    what was started.
 
     \b
     Examples:
       yumi rapid debug T_ROB_R --robot 192.168.125.1
-      printf "main\\nstep\\nwhere\\n" | yumi rapid debug T_ROB_R
+      printf "main\\nstep\\nwhere\\n" | yumi rapid debug T_ROB_R --yes
     """
     from yumi.cli.debugger import Debugger  # noqa: PLC0415 - a quick --help
     from yumi.clock import SystemClock  # noqa: PLC0415
 
     commands = None if sys.stdin.isatty() else sys.stdin
-    debugger = Debugger(client, task, SystemClock(), sys.stdout, commands)
+
+    def confirm(question: str) -> bool:
+        return yes or (commands is None and click.confirm(question))
+
+    debugger = Debugger(client, task, SystemClock(), sys.stdout, confirm, commands)
     if commands is not None:
         debugger.prompt = ""
     try:

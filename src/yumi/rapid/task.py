@@ -100,17 +100,19 @@ class StackEntry:
     line: int
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class CyclicBool:
     """A flag that follows a condition.
 
     Attributes:
         flag: the persistent.
         condition: its value now.
+        has_failed: whether the condition could not be computed the last time.
     """
 
     flag: Reference
     condition: Callable[[], bool]
+    has_failed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +152,7 @@ class Task:
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
+        has_flag_timer: whether one of the timers computes them.
         spy, end_of_spy: called before each statement while execution is recorded, and then (SpyStart, SpyStop).
     """
 
@@ -161,6 +164,7 @@ class Task:
         self.repeats = False
         self.breakpoints: set[tuple[str, int]] = set()
         self.cyclic_bools: dict[str, CyclicBool] = {}
+        self.has_flag_timer = False
         self.spy: Callable[[StackEntry], None] | None = None
         self.end_of_spy: Callable[[], None] = lambda: None
         self.now = 0.0

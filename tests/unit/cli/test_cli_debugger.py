@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import io
+import math
+from contextlib import nullcontext
 
 import pytest
+from click.testing import CliRunner
 
 from memory_http import MemoryHttp
 from yumi.cli.debugger import Debugger
+from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
+from yumi.rws.types import Code
+from yumi.virtual.rws.operations import Call, Failure, Operation
 from yumi.virtual.world import World
 
 PROGRAM = """MODULE Program
@@ -31,7 +37,13 @@ ENDMODULE
 
 
 class Session(ManualClock):
-    """A debugger whose waiting lets the controller go on."""
+    """A debugger whose waiting lets the controller go on.
+
+    Attributes:
+        questions: what it has asked.
+        answer: to them.
+        interrupt_at: when a wait ends with Ctrl-C [s].
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -43,21 +55,49 @@ class Session(ManualClock):
                 task.unload(module.name)
         controller.tasks["T_ROB_R"].load(PROGRAM, "program.mod")
         controller.set_motors(True)
-        self._http = MemoryHttp(controller, self)
-        self._output = io.StringIO()
-        self._debugger = Debugger(RwsClient(self._http, clock=self), "T_ROB_R", self, self._output)
+        self.http = MemoryHttp(controller, self)
+        self.output = io.StringIO()
+        self.questions: list[str] = []
+        self.answer, self.interrupt_at = True, math.inf
+        self.client = RwsClient(self.http, clock=self)
+        self.debugger = Debugger(self.client, "T_ROB_R", self, self.output, self._confirm)
+
+    def _confirm(self, question: str) -> bool:
+        self.questions.append(question)
+        return self.answer
 
     def wait(self, seconds: float) -> None:
+        if self.now() >= self.interrupt_at:
+            self.interrupt_at = math.inf
+            raise KeyboardInterrupt
         for _ in range(max(1, round(seconds / CYCLE))):
             self.advance(CYCLE)
             self.world.cycle({})
-            self._http.advance()
+            self.http.advance()
 
     def enter(self, command: str) -> str:
         """What a command answers, without the line's end."""
-        begin = len(self._output.getvalue())
-        self._debugger.onecmd(command)
-        return self._output.getvalue()[begin:].rstrip()
+        begin = len(self.output.getvalue())
+        self.debugger.onecmd(command)
+        return self.output.getvalue()[begin:].rstrip()
+
+    def type(self, monkeypatch: pytest.MonkeyPatch, *lines: str) -> list[str]:
+        """What is said when lines are typed at the prompt, of which ^C is Ctrl-C."""
+        typed = iter(lines)
+
+        def read(prompt: str) -> str:
+            if (line := next(typed)) == "^C":
+                raise KeyboardInterrupt
+            return line
+
+        monkeypatch.setattr("builtins.input", read)
+        self.debugger.cmdloop()
+        assert next(typed, None) is None, "it has left before all was typed"
+        return self.output.getvalue().splitlines()
+
+    @property
+    def is_running(self) -> bool:
+        return self.world.controller.execution.is_running
 
 
 @pytest.fixture
@@ -90,8 +130,88 @@ def test_program_stops_at_a_breakpoint_and_data_are_changed_there(session: Sessi
 
 def test_statement_that_waits_goes_on_until_it_is_stopped(session: Session) -> None:
     session.enter("main")
+    begin = session.now()
     assert session.enter("continue").startswith("running; `stop` stops it")
+    assert session.now() - begin < 1.5, "`stop` cannot be entered yet"
     assert session.enter("stop") == "Program/main, line 8: WaitTime 60;"
+    assert not session.is_running
+
+
+@pytest.mark.parametrize("command", ["step", "continue"])
+def test_interrupt_while_a_command_waits_stops_rapid_and_gives_the_prompt_back(
+    session: Session, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    session.type(monkeypatch, "main", "next", "next", "next", "quit")
+    session.interrupt_at = session.now() + 0.2
+    said = session.type(monkeypatch, command, "print count", "quit")
+    assert said[-2:] == ["Program/main, line 8: WaitTime 60;", "count = 2"]
+    assert not session.is_running
+
+
+def test_interrupt_at_the_prompt_stops_what_goes_on_and_then_leaves(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = session.type(monkeypatch, "main", "continue", "^C", "quit")
+    assert said[-1] == "Program/main, line 8: WaitTime 60;"
+    assert not session.is_running
+    with pytest.raises(KeyboardInterrupt):
+        session.type(monkeypatch, "^C")
+
+
+def test_interrupt_leaves_what_was_not_started_here_running(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    session.enter("main")
+    session.world.controller.start_rapid()
+    session.wait(0.1)
+    with pytest.raises(KeyboardInterrupt):
+        session.type(monkeypatch, "step", "where", "^C")
+    assert session.is_running
+
+
+def test_interrupt_ends_commands_from_a_pipe_with_rapid_stopped(session: Session) -> None:
+    session.interrupt_at = session.now() + 0.5
+    commands = io.StringIO("main\ncontinue\nset count 7\n")
+    with pytest.raises(KeyboardInterrupt):
+        Debugger(session.client, "T_ROB_R", session, session.output, lambda _: True, commands).cmdloop()
+    assert not session.is_running
+    assert session.enter("print count") == "count = 2"
+
+
+def test_first_start_is_confirmed(session: Session) -> None:
+    session.enter("main")
+    session.answer = False
+    assert session.enter("step").startswith("Not started. This starts T_ROB_R and T_ROB_L, and arms may move.")
+    assert session.enter("where") == "#0 Program/main, line 5"
+    session.answer = True
+    assert session.enter("step") == "Program/main, line 6: add_one;"
+    assert session.enter("next") == "Program/main, line 7: add_one;"
+    assert session.questions == 2 * ["This starts T_ROB_R and T_ROB_L, and arms may move. Is their workspace free?"]
+
+
+@pytest.mark.parametrize(("options", "line"), [([], "main, line 5"), (["--yes"], "main, line 6")])
+def test_commands_from_a_pipe_start_with_yes_only(
+    session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
+) -> None:
+    monkeypatch.setattr("yumi.cli.rws._client", lambda *_: nullcontext(session.client))
+    monkeypatch.setattr("yumi.clock.SystemClock", lambda: session)
+    result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
+    assert result.output.splitlines()[-1] == f"#0 Program/{line}"
+    assert ("Not started." in result.output) is (not options)
+
+
+def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.enter("main")
+    find = session.http.adapter._router.find
+
+    def without_breakpoints(call: Call) -> tuple[Operation, Call]:
+        if call.path[-1] == "breakpoint" and call.method == "GET":
+            raise Failure(404, Code.FAIL, "there is no such resource")
+        return find(call)
+
+    monkeypatch.setattr(session.http.adapter._router, "find", without_breakpoints)
+    assert session.enter("list").splitlines()[4] == "    5 ->         count:=0;"
+    assert "refused" in session.enter("break Program:6")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,49 @@ from yumi.rapid.program import Severity
 EXTRA = 'MODULE Extra\nPROC extra() TPWrite "extra"; ENDPROC\nENDMODULE'
 
 
+FLAGS = "PERS bool bad:=FALSE; PERS bool good:=FALSE; PERS num n:=0; PERS num index:=1; VAR num list{2}:=[1,2];"
+
+
+def test_condition_that_fails_stops_the_program_once_and_other_flags_follow_theirs() -> None:
+    bench = started(
+        "SetupCyclicBool bad,list{index}>1; SetupCyclicBool good,n>1; WHILE TRUE DO WaitTime 1; ENDWHILE", FLAGS
+    )
+    bench.run(0.1)
+    bench.task.write("M", "index", "3")
+    bench.run(0.1)
+    assert not bench.task.is_running
+    assert [event.error for event in bench.host.events] == ["ERR_OUTOFBND"]
+    bench.task.write("M", "n", "5")
+    bench.task.write("M", "index", "2")
+    bench.task.start()
+    bench.run(0.1)
+    assert (bench.read("good"), bench.read("bad"), bench.task.is_running) == ("TRUE", "TRUE", True)
+    bench.task.write("M", "index", "0")
+    bench.run(0.1)
+    assert len(bench.host.events) == 2
+
+
+def test_flag_that_is_set_up_again_and_again_is_computed_by_one_timer() -> None:
+    bench = started(
+        "FOR i FROM 1 TO 1100 DO RemoveAllCyclicBool; SetupCyclicBool good,n>1; WaitTime 0.001; ENDFOR "
+        "n:=2; WaitTime 0.02; TPWrite ValToStr(good);",
+        FLAGS,
+    )
+    bench.run(1.5)
+    assert bench.lines == ["TRUE"], bench.stop.sentence
+
+
+def test_program_knows_whether_its_pointer_was_moved_before_the_start() -> None:
+    asked = "TPWrite ValToStr(IsStopStateEvent(\\PPMoved))+ValToStr(IsStopStateEvent(\\PPToMain));"
+    bench = started(f"{asked} Stop; {asked}", f"PROC other() {asked} ENDPROC")
+    bench.task.start()
+    bench.run(0.1)
+    bench.task.move_pp_to_routine("other")
+    bench.task.start()
+    bench.run(0.1)
+    assert bench.lines == ["TRUETRUE", "FALSEFALSE", "TRUEFALSE"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "line"),
     [

@@ -127,20 +127,36 @@ def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
         raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
 
     def setup(condition: Callable[[], bool]) -> None:
-        is_first = not task.cyclic_bools
-        task.cyclic_bools[name] = CyclicBool(flag, condition)
-        if is_first:
+        if not task.has_flag_timer:
             task.timers.add(task.now, lambda: _update_flags(task))
+            task.has_flag_timer = True
+        task.cyclic_bools[name] = CyclicBool(flag, condition)
 
     return setup
 
 
 def _update_flags(task: Task) -> None:
-    for each in task.cyclic_bools.values():
-        if (value := each.condition()) != each.flag.value:
-            each.flag.value = value
-    if task.cyclic_bools:
+    """Compute all flags now and, as long as there are any, every 12 ms.
+
+    A condition that fails stops the task once, not in each cycle, and keeps no other flag from following its own.
+    """
+    task.has_flag_timer = bool(task.cyclic_bools)
+    if task.has_flag_timer:
         task.timers.add(task.now + CYCLE_OF_BOOLS, lambda: _update_flags(task))
+    new: list[Exception] = []
+    for each in list(task.cyclic_bools.values()):
+        try:
+            value = each.condition()
+        except Exception as error:  # what the task makes of it, its timers say
+            if not each.has_failed:
+                new.append(error)
+            each.has_failed = True
+            continue
+        each.has_failed = False
+        if value != each.flag.value:
+            each.flag.value = value
+    if new:
+        raise new[0]
 
 
 @EXECUTION.instruction("RemoveCyclicBool", "PERS bool Flag")

@@ -104,6 +104,7 @@ class Pointer:
 class StackFrame:
     """One call that is under way in a task; ``level`` is Normal, Trap, User or Service."""
 
+    module: str
     routine: str
     level: str
     range: Range
@@ -302,10 +303,11 @@ class Rapid(Requests):
 
     def stack_frame(self, task: str, number: int = 1) -> StackFrame:
         """A call that is under way in a task; 1 is the innermost."""
-        path = f"{_TASKS}/{task}/activation-record"
-        state = self._state(f"reading the calls of {task}", path, "rap-stackframe", ("stackframe", str(number)))
+        query = (("resource", "activation-record"), ("stackframe", str(number)))
+        state = self._state(f"reading the calls of {task}", f"{_TASKS}/{task}", "rap-stackframe", *query)
         place = Range(*(state.whole(name) for name in ("beg-row", "beg-col", "end-row", "end-col")))
-        return StackFrame(state.text("routine-url").rpartition("/")[2], state.text("execlevel"), place)
+        url, _, routine = state.text("routine-url").rpartition("/")
+        return StackFrame(url.rpartition("/")[2], routine, state.text("execlevel"), place)
 
     def service_routines(self, task: str) -> tuple[str, ...]:
         """Routines without parameters, which can be called from the FlexPendant."""

@@ -17,7 +17,7 @@ from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.course import CircleMode
 from yumi.virtual.mechanics.gripper import VirtualGripper
-from yumi.virtual.mechanics.path import Acceleration
+from yumi.virtual.mechanics.path import Acceleration, StoredPath
 from yumi.virtual.mechanics.zones import WorldZone
 
 # The strings clients compare with are exact; without 604-1 they take the two arms for one group.
@@ -200,9 +200,10 @@ class ArmUnit:
         zone_fault: why a world zone stops the arm; empty when none does.
         synchronized_tasks: whose moves begin together with its own (SyncMoveOn), its own among them.
         suspended_tasks: the same while synchronization is suspended (SyncMoveSuspend).
-        path_level: 2 between StorePath and RestoPath, otherwise 1.
+        stored_paths: what StorePath has put aside, until RestoPath.
         led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
         observers: called in each cycle, such as those of test signals, by what they are for.
+        beginnings: called when the program begins at main, by what they are for.
     """
 
     arm: VirtualArm
@@ -218,9 +219,10 @@ class ArmUnit:
     zone_fault: str = ""
     synchronized_tasks: tuple[str, ...] = ()
     suspended_tasks: tuple[str, ...] = ()
-    path_level: int = 1
+    stored_paths: list[StoredPath] = field(default_factory=list)
     led: set[str] = field(default_factory=set)
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
+    beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.unit
@@ -230,6 +232,9 @@ class ArmUnit:
         self.settings = MotionSettings()
         self.zones.clear()
         self.synchronized_tasks = self.suspended_tasks = ()
+        self.stored_paths.clear()
+        for begin in self.beginnings.values():
+            begin()
         path = self.arm.path
         path.holds.clear()
         path.acceleration = Acceleration()
@@ -237,6 +242,11 @@ class ArmUnit:
             path.restart_at(self.arm.planned)
         else:
             path.abandon()
+
+    @property
+    def path_level(self) -> int:
+        """2 between StorePath and RestoPath, otherwise 1."""
+        return 1 + len(self.stored_paths)
 
     @property
     def mechanical_unit(self) -> str:

@@ -18,7 +18,7 @@ from yumi.virtual.instructions.motion import FATAL, MotionInstructions
 from yumi.virtual.instructions.poses import unit_quaternion
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.course import CircleMode, Frames
-from yumi.virtual.mechanics.path import Acceleration, StoredPath
+from yumi.virtual.mechanics.path import Acceleration
 
 STOP_MOVE = "StopMove"
 """Why an arm stands on its path: the program has stopped its movements."""
@@ -43,7 +43,6 @@ class MotionSettingInstructions:
         self._motion = motion
         self._unit = motion.unit
         self._robots, self._is_motion_task = robots, is_motion_task
-        self._stored: list[StoredPath] = []
 
     # Settings -----------------------------------------------------------------------------------------------------
 
@@ -261,27 +260,25 @@ class MotionSettingInstructions:
     def store_path(self, call: Call) -> Wait:
         """StorePath: put the rest of the path aside, for other motions until RestoPath."""
         arm = self._unit.arm
-        if self._stored:
+        if self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "StorePath: a path is stored already; RestoPath has to come before.")
         while not arm.is_stationary:
             yield None
-        self._stored.append(arm.path.store())
-        self._unit.path_level = 2
+        self._unit.stored_paths.append(arm.path.store())
 
     def restore_path(self, call: Call) -> Wait:
         """RestoPath: the path that was stored is ahead again, and starts with StartMove."""
         arm = self._unit.arm
-        if not self._stored:
+        if not self._unit.stored_paths:
             raise RapidRuntimeError(FATAL, "RestoPath: no path is stored.")
         while not arm.is_stationary:
             yield None
         arm.leave_path()  # it may stand elsewhere than where the stored path goes on
-        arm.path.restore(self._stored.pop())
-        self._unit.path_level = 1
+        arm.path.restore(self._unit.stored_paths.pop())
 
     def path_level(self, call: Call) -> float:
         """PathLevel: 1, or 2 between StorePath and RestoPath."""
-        return 1.0 + len(self._stored)
+        return float(self._unit.path_level)
 
     def is_stopped(self, call: Call) -> bool:
         """IsStopMoveAct."""

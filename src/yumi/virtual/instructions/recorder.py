@@ -47,6 +47,7 @@ class PathRecorder:
         self._recording = 0
         self._at: int | None = None  # the position where the arm is on its way back and forth; None at the end
         self._is_retracing = False
+        self._unit.beginnings[_RECORDER] = self._forget
 
     def start(self, call: Call) -> None:
         """PathRecStart: record from here on; while it records, mark this place."""
@@ -58,9 +59,18 @@ class PathRecorder:
         r"""PathRecStop: record no more; with \Clear what is recorded is forgotten."""
         self._unit.observers.pop(_RECORDER, None)
         if call.present("Clear"):
-            self._positions.clear()
-            self._recording += 1
-            self._at = None
+            self._clear()
+
+    def _clear(self) -> None:
+        self._positions.clear()
+        self._recording += 1
+        self._at = None
+
+    def _forget(self) -> None:
+        """The program begins at main: nothing is recorded, until PathRecStart."""
+        self._unit.observers.pop(_RECORDER, None)
+        self._clear()
+        self._is_retracing = False
 
     def _observe(self, *, is_mark: bool = False) -> None:
         """Record where the arm is planned to be, but not while it goes back or forth, or on a path between."""

@@ -5,7 +5,9 @@ import pytest
 from drawn_path import Drawing, at, from_line
 from instruction_bench import InstructionBench
 
+from yumi.rapid.program import Execution
 from yumi.robot.joints import CYCLE
+from yumi.virtual.world import World
 
 TO_START = r"ConfL\Off; ConfJ\Off; MoveAbsJ [[20,-100,20,0,60,0],[-110,9E9,9E9,9E9,9E9,9E9]],vmax,fine,tool0; "
 BEGIN = r"ConfL\Off; point:=CRobT(\Tool:=tool0\WObj:=wobj0); "
@@ -163,6 +165,54 @@ def test_joints_and_targets_are_each_others_inverse(bench: InstructionBench) -> 
 def test_target_out_of_reach_has_no_joints(bench: InstructionBench) -> None:
     bench.run("point:=Offs(CRobT(),2000,0,0); target:=CalcJointT(point,tool0);")
     assert "ERR_OUTSIDE_REACH" in bench.failure
+
+
+STOPPED_ON_ANOTHER_PATH = r"""MODULE Program
+    PERS bool again:=FALSE;
+    VAR pathrecid begin;
+    PROC main()
+        VAR robtarget p;
+        p:=CRobT();
+        IF NOT again THEN
+            again:=TRUE;
+            PathRecStart begin;
+            MoveL Offs(p,0,0,-20),v200,fine,tool0;
+            StorePath;
+            WaitTime 100;
+        ENDIF
+        TPWrite ValToStr(PathLevel())+ValToStr(PathRecValidBwd());
+        MoveL Offs(p,0,0,20),v200,fine,tool0;
+        TPWrite ValToStr(PathRecValidBwd());
+        PathRecStart begin;
+        MoveL p,v200,fine,tool0;
+        TPWrite ValToStr(PathRecValidBwd(\ID:=begin));
+        StorePath;
+        RestoPath;
+        TPWrite "end";
+    ENDPROC
+ENDMODULE
+"""
+
+
+def test_program_that_begins_at_main_again_has_no_stored_path_and_no_recorded_one() -> None:
+    world = World()
+    controller = world.controller
+    task, other = controller.tasks["T_ROB_R"], controller.tasks["T_ROB_L"]
+    for each in (task, other):
+        each.lose_pp()
+        for module in each.modules:
+            each.unload(module.name)
+    task.load(STOPPED_ON_ANOTHER_PATH, "program.mod")
+    controller.set_motors(True)
+    for seconds in (1.0, 3.0):
+        controller.move_pp_to_main()
+        controller.start_rapid("once")
+        for _ in range(round(seconds / CYCLE)):
+            world.cycle({})
+        stopped_at = task.execution
+        controller.stop_rapid()
+    assert list(controller.screens["T_ROB_R"]) == ["1FALSE", "FALSE", "TRUE", "end"], controller.events.entries()[:2]
+    assert stopped_at is Execution.READY
 
 
 def test_arm_goes_back_to_a_stored_path_from_elsewhere_without_a_jump(bench: InstructionBench) -> None:
