@@ -207,6 +207,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
 @pytest.mark.parametrize("url", [True], indirect=True, ids=["limited"])
 def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chromium: Any, url: str) -> None:
     page = Page(chromium, url)
+    page.wait("#verdict", "EGM is off")
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
