@@ -71,6 +71,13 @@ class Page:
         )
         return self.text(selector)
 
+    def until(self, condition: Callable[[], bool]) -> None:
+        for _ in range(200):
+            if condition():
+                return
+            self.tab.wait_for_timeout(50)
+        raise AssertionError(f"the page shows otherwise; it has said: {self.text('#toast')}")
+
     def press(self, selector: str) -> None:
         self.tab.click(selector)
 
@@ -197,6 +204,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
         assert page.angle(0) == before
         with Watch() as watch:
             page.press("#execute")
+            page.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)  # else the toast may be an old one
             page.wait("#toast", "The right arm stands at the goal")
         assert page.angle(0) == pytest.approx(goal[0], abs=0.3)
         assert not page.tab.is_visible("#plan-box")
@@ -207,14 +215,19 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
 @pytest.mark.parametrize("url", [True], indirect=True, ids=["limited"])
 def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chromium: Any, url: str) -> None:
     page = Page(chromium, url)
+    page.wait("#verdict", "EGM is off")
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
 
     # Push the arm: what is measured deviates, and comes back.
     before = page.angle(3)
-    page.press("#push")
-    page.wait("#toast", "arm-pushed: done")
+    with Watch() as watch:
+        watch.wait(lambda: True)
+        page.press("#push")
+        watch.wait(lambda: watch.travel() > 0.02)
+        _, start = watch.seen[0]
+        watch.wait(lambda: all(it == pytest.approx(start, abs=0.002) for _, it in watch.seen[-30:]))  # for 0.5 s
     page.wait("#verdict", "EGM holds both arms")
     assert page.angle(3) == pytest.approx(before, abs=0.2)
 
@@ -227,10 +240,9 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     page.tab.mouse.move(canvas["x"] + x, canvas["y"] + y)
     page.tab.mouse.down()
     page.tab.mouse.move(canvas["x"] + x, canvas["y"] + y - 40, steps=5)
-    page.wait("#verdict", "The right arm moves")
-    page.wait("#verdict", "Ready")  # it is where the handle is
+    page.until(lambda: page.tip()[2] > before[2] + 15.0)
     page.tab.mouse.up()
-    assert page.tip()[2] > before[2] + 15.0
+    page.wait("#verdict", "Ready")
     page.tab.select_option("#handle", "none")
 
     # By the arrow keys on the picture, to the left, until the limiter leads the arm along its own body.

@@ -9,6 +9,8 @@ from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from math import radians
 
+import msgspec
+
 from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry
 from yumi.clock import SystemClock
 from yumi.control.events import Event
@@ -111,7 +113,9 @@ class Connection:
             mover=self.executor,
             recover=self._recover_for_client,
             calibrate=self._calibrate_for_client,
-            surroundings=surroundings_of(self._settings),
+            surroundings=msgspec.structs.replace(
+                surroundings_of(self._settings), velocity=self.executor.limits.velocity
+            ),
             joints=self.manager.monitor.joints,
             on_subscription=self.manager.monitor.read_joints,
         )

@@ -16,6 +16,7 @@ from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 import click
+import msgspec
 
 from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.cli.options import (
@@ -276,7 +277,7 @@ def _endpoint_of(
         check_arms=front.check_arms,
         on_change=front.update_activity,
         namespace=settings.ros.root,
-        surroundings=surroundings_of(settings),
+        surroundings=msgspec.structs.replace(surroundings_of(settings), velocity=mover.limits.velocity),
         joints=manager.monitor.joints,
         on_subscription=manager.monitor.read_joints,
     )

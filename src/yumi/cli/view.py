@@ -90,7 +90,12 @@ def view(
     with ExitStack() as stack:
         if virtual:
             robot = stack.enter_context(_virtual_robot(logs, is_over, own))
-        elif robot and not _has_driver(robot):
+        elif robot and _has_driver(robot):
+            if config is not None:
+                raise SettingsError(
+                    f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
+                )
+        elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
         may_operate = operate and not virtual  # a virtual one is operated anyway

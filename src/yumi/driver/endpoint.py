@@ -429,7 +429,7 @@ class ToolReport(msgspec.Struct, frozen=True):
 
 
 class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
-    """What must not collide, as the driver's settings declare it.
+    """What a motion is planned with: what must not collide, as the driver's settings declare it, and its joint speeds.
 
     Attributes:
         grippers: the modules of each arm's gripper, in the words of the settings; an arm without an entry has a servo.
@@ -437,6 +437,7 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
         boxes: what stands around the robot.
         is_limited: whether the driver keeps the arms apart from each other, the body and the boxes.
         margin: the distance it keeps [m].
+        velocity: highest joint speeds that EGM allows [rad/s], (7,) in chain order; None where they are unknown.
     """
 
     grippers: dict[str, str] = {}
@@ -444,6 +445,7 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
     boxes: tuple[BoxReport, ...] = ()
     is_limited: bool = False
     margin: float = 0.0
+    velocity: Joints | None = None
 
 
 class GripReport(msgspec.Struct, frozen=True):

@@ -89,6 +89,13 @@ class _Positions(msgspec.Struct, frozen=True):
     arms: dict[str, _Position]
 
 
+class Jogged(NamedTuple):
+    """An arm that pages have jogged: the controllers that commanded it before, and those that pages jogged it with."""
+
+    before: tuple[str, ...]
+    by: frozenset[str]
+
+
 class LiveRobot:
     """The robot of a running driver, which is looked for again and again; watched only while a page is open.
 
@@ -103,7 +110,7 @@ class LiveRobot:
         is_virtual: whether it is a virtual one on this machine.
         events: the newest lines of the driver's log.
         surroundings: what must not collide, as the driver declares it.
-        before: the controllers that commanded arms before pages jogged them.
+        jogged: the arms that pages have jogged since their controllers were switched otherwise.
     """
 
     def __init__(self, robot: str, on_state: Callable[[bytes], None], on_change: Callable[[], None]) -> None:
@@ -112,7 +119,7 @@ class LiveRobot:
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self.surroundings = Surroundings()
-        self.before: dict[Arm, tuple[str, ...]] = {}
+        self.jogged: dict[Arm, Jogged] = {}
         self._on_state, self._on_change = on_state, on_change
         self._state: tuple[float, msgspec.Raw] | None = None
         self._watched = asyncio.Event()
@@ -123,6 +130,7 @@ class LiveRobot:
             self._watched.set()
         else:
             self._watched.clear()
+            self.jogged.clear()  # what others do to the arms from now on is not seen
 
     def state(self) -> DriverState:
         """The newest state.
@@ -148,9 +156,36 @@ class LiveRobot:
                 sentence, self.is_virtual = _failure(error).message, False
                 if sentence != self.why_not:
                     self.why_not, self._state = sentence, None
-                    self.before.clear()  # the next driver begins anew
+                    self.jogged.clear()  # the next driver begins anew
                     self._on_change()
                 await asyncio.sleep(_SEARCH)
+
+    async def give_back(self) -> None:
+        """Have the controllers command the arms again that did so before pages jogged them, once the arms stand.
+
+        This may move them: a person must want it.
+        """
+        if not self.jogged:
+            return
+        try:
+            link = await DriverLink.open(self.robot)
+            try:
+                for arm, (names, by) in tuple(self.jogged.items()):
+                    for _ in range(round(_STAND / _POLL)):
+                        raw = await link.ask(GetState())
+                        state = msgspec.json.decode(raw, type=DriverState)
+                        if state.arms[arm].mode.value != "moving":
+                            break
+                        await asyncio.sleep(_POLL)
+                    now = tuple(each.name for each in state.controllers[arm] if each.commands)
+                    is_jogged = bool(now) and by.issuperset(now)
+                    if names and is_jogged and now != names and state.arms[arm].mode.value == "holding":
+                        await link.ask(SwitchControllers(arm=arm, activate=names, deactivate=now))
+                    self.jogged.pop(arm, None)
+            finally:
+                await link.close()
+        except Exception as error:  # the driver has ended, or EGM has: no controller commands there; what is our fault
+            _failure(error)  # is logged
 
     async def _follow(self, link: DriverLink) -> None:
         self.events.clear()
@@ -228,11 +263,8 @@ class Operator:
         self._link = await DriverLink.open(self._live.robot)
         self._jogging = asyncio.create_task(self._jog_on())
 
-    async def close(self, *, gives_back: bool = False) -> None:
-        """Stop what moves for this page; the arms hold then.
-
-        With ``gives_back`` the controllers that commanded them do so again, which may move them: a person must want it.
-        """
+    async def close(self) -> None:
+        """Stop what moves for this page; the arms hold then."""
         link, self._link = self._link, None
         if self._jogging is not None:
             self._jogging.cancel()
@@ -246,11 +278,6 @@ class Operator:
                     await asyncio.wait_for(link.ask(self._held.jog.at_rest), _LAST_ANSWER)
         finally:
             await link.close()
-        if gives_back and self._live.before:
-            before = dict(self._live.before)
-            self._live.before.clear()
-            with suppress(YumiError):  # the driver has ended, or EGM has: no controller commands there
-                await _give_back(self._live, before)
 
     def take(self, message: Ask | Inject | PlanMotion | ExecutePlan | AnyJog) -> None:
         """Begin what the page asks for; it gets steps and end under the number of its message."""
@@ -258,7 +285,7 @@ class Operator:
             self._take_jog(message)
         elif isinstance(message, Ask):
             if isinstance(message.request, SwitchControllers):
-                self._live.before.pop(message.request.arm, None)  # what was active before a jog is not wanted again
+                self._live.jogged.pop(message.request.arm, None)  # what was active before a jog is not wanted again
             self._begin(self.carry_out(message.id, message.request))
         elif isinstance(message, Inject):
             self._begin(self._inject(message))
@@ -380,8 +407,11 @@ class Operator:
             try:
                 state = self._live.state()
                 leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)
-                if leading not in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,)):
-                    self._live.before[jog.arm] = leading
+                known = self._live.jogged.get(jog.arm)
+                if known is None or not leading or not known.by.issuperset(leading):  # jogged anew
+                    known = Jogged(leading, frozenset())
+                own = JOG_CONTROLLER if isinstance(jog, JogJoints) else CARTESIAN_CONTROLLER
+                self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 await self._link.ask(jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 self._refuse_jog(jog.hold, error)
@@ -393,22 +423,3 @@ def _failure(error: Exception) -> Failure:
         return failure_of(error)
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
     return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))
-
-
-async def _give_back(live: LiveRobot, before: dict[Arm, tuple[str, ...]]) -> None:
-    """Have the controllers command the arms again that did so before a jog, once the arms stand."""
-    link = await DriverLink.open(live.robot)
-    try:
-        for arm, names in before.items():
-            for _ in range(round(_STAND / _POLL)):
-                raw = await link.ask(GetState())
-                state = msgspec.json.decode(raw, type=DriverState)
-                if state.arms[arm].mode.value != "moving":
-                    break
-                await asyncio.sleep(_POLL)
-            now = tuple(each.name for each in state.controllers[arm] if each.commands)
-            is_jogged = now in ((JOG_CONTROLLER,), (CARTESIAN_CONTROLLER,))
-            if names and is_jogged and now != names and state.arms[arm].mode.value == "holding":
-                await link.ask(SwitchControllers(arm=arm, activate=names, deactivate=now))
-    finally:
-        await link.close()

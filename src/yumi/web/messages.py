@@ -7,7 +7,20 @@ from typing import Annotated, Literal
 import msgspec
 
 from yumi.driver import endpoint as wire
-from yumi.driver.endpoint import AnyRequest, Arm, Jog, Position, Request
+from yumi.driver.endpoint import (
+    Arm,
+    Calibrate,
+    Grip,
+    Jog,
+    Move,
+    Position,
+    Recover,
+    Request,
+    SetSpeedScale,
+    StartEgm,
+    StopEgm,
+    SwitchControllers,
+)
 from yumi.robot.joints import ZERO
 
 MAX_JOINT_SPEED = 1.0
@@ -34,10 +47,10 @@ class GiveBack(Message, frozen=True, tag="give_back"):
 
 
 class Ask(Message, frozen=True, tag="ask"):
-    """Something that the driver is asked for; answers have this ``id``."""
+    """What the driver is asked for; answers have this ``id``. Jogs have messages of their own, with limits."""
 
     id: int
-    request: AnyRequest
+    request: StartEgm | StopEgm | Recover | Calibrate | Grip | Move | SwitchControllers | SetSpeedScale
 
 
 class Inject(Message, frozen=True, tag="inject"):

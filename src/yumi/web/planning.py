@@ -9,6 +9,7 @@ import signal
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,7 +17,7 @@ import msgspec
 
 from yumi.driver.endpoint import Surroundings
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Joints, Pose, Side
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side
 from yumi.web.shapes import shapes_of
 
 if TYPE_CHECKING:
@@ -71,8 +72,10 @@ def _begin() -> None:
 def _planner(surroundings: bytes) -> Planner:
     from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
-    grippers, tools, obstacles = shapes_of(msgspec.json.decode(surroundings, type=Surroundings))
-    return Planner(grippers, tools=tools, obstacles=obstacles)
+    known = msgspec.json.decode(surroundings, type=Surroundings)
+    grippers, tools, obstacles = shapes_of(known)
+    limits = YUMI_LIMITS if known.velocity is None else replace(YUMI_LIMITS, velocity=known.velocity)
+    return Planner(grippers, tools=tools, obstacles=obstacles, limits=limits)
 
 
 def _plan(surroundings: bytes, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]) -> Plan:

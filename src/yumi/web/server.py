@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address
@@ -101,6 +101,7 @@ class _Page:
 
     def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
         self.socket, self.is_local = socket, is_local
+        self.stopping = asyncio.Lock()  # one Stop EGM at a time
         self._messages: deque[bytes] = deque(maxlen=200)
         self._state = b""
         self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
@@ -150,7 +151,7 @@ class ViewServer:
     def __init__(self, settings: ViewSettings) -> None:
         self.port = settings.port
         self._settings = settings
-        self._live = LiveRobot(settings.robot, self._publish, self._introduce_all)
+        self._live = LiveRobot(settings.robot, self._publish, self._note_driver)
         self._planning = PlanningProcess()
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
@@ -158,6 +159,8 @@ class ViewServer:
         self._model = msgspec.json.encode(robot_model())
         self._following: asyncio.Task[None] | None = None
         self._taking: asyncio.Task[None] | None = None
+        self._giving_back: asyncio.Task[None] | None = None
+        self._tasks: set[asyncio.Task[object]] = set()
         application = web.Application(middlewares=[self._guard])
         application.router.add_get("/", self._index)
         application.router.add_get("/model.json", self._send_model)
@@ -194,7 +197,10 @@ class ViewServer:
 
     async def stop(self) -> None:
         """Give control back, close all pages and end."""
+        self._cancel_giving_back()
         await self._release(None, "yumi view has ended.")
+        if self._tasks:  # such as a Stop EGM
+            await asyncio.wait(self._tasks, timeout=_ANSWER)
         self._planning.close()
         if self._following is not None:
             self._following.cancel()
@@ -277,15 +283,16 @@ class ViewServer:
             await self._take_control(page)
             return
         if isinstance(message, GiveBack):
-            await self._release(page, "", gives_back=True)
+            if await self._release(page, ""):  # the rest may take seconds: a Stop EGM must be read meanwhile
+                self._giving_back = asyncio.create_task(self._live.give_back())
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
-        if isinstance(message, Ask) and isinstance(message.request, StopEgm) and not why_not and operator is None:
-            await self._stop_egm(page, message)  # who may operate may stop at any time
-            return
         is_stop = isinstance(message, Ask) and isinstance(message.request, StopEgm)
-        if operator is None or (why_not and not is_stop):
+        if isinstance(message, Ask) and is_stop and (operator is not None or not why_not):
+            self._cancel_giving_back()
+            self._begin(self._stop_egm(page, message))  # who may operate may stop at any time
+        elif operator is None or why_not:
             sentence = why_not or "Take control first."
             failure = failure_of(CommandRefused(sentence))
             if isinstance(message, Ask | Inject | PlanMotion | ExecutePlan):
@@ -304,6 +311,7 @@ class ViewServer:
         async with self._switching:
             if self._operator is not None or page not in self._pages:
                 return  # it has it already, another one was faster, or it is gone
+            self._cancel_giving_back()
             operator = Operator(self._live, page.send, self._planning)
             try:
                 await operator.open()
@@ -313,29 +321,39 @@ class ViewServer:
             self._operator = page, operator
         self._introduce_all()
 
-    async def _release(
-        self, page: _Page | None, reason: str, unless: _Page | None = None, *, gives_back: bool = False
-    ) -> None:
-        """Take control from a page, or from the one that has it; what moves for it is stopped."""
+    async def _release(self, page: _Page | None, reason: str, unless: _Page | None = None) -> bool:
+        """Take control from a page, or from the one that has it; what moves for it is stopped. Whether it had it."""
         async with self._switching:
             if self._operator is None or self._operator[0] is unless or page not in (None, self._operator[0]):
-                return
+                return False
             holder, operator = self._operator
             self._operator = None
             if reason and holder in self._pages:
                 holder.send({"type": "refused", "sentence": reason})
-            await operator.close(gives_back=gives_back)
+            await operator.close()
         self._introduce_all()
+        return True
 
     async def _stop_egm(self, page: _Page, message: Ask) -> None:
-        operator = Operator(self._live, page.send, self._planning)
-        try:
-            await operator.open()
-        except YumiError as error:
-            page.send({"type": "failed", "id": message.id, "error": failure_of(error)})
-            return
-        await operator.carry_out(message.id, message.request)
-        await operator.close()
+        """Over a connection of its own: that of a page that has control may be to a driver that has ended."""
+        async with page.stopping:
+            operator = Operator(self._live, page.send, self._planning)
+            try:
+                await operator.open()
+                await operator.carry_out(message.id, message.request)
+            except YumiError as error:
+                page.send({"type": "failed", "id": message.id, "error": failure_of(error)})
+            finally:
+                await operator.close()
+
+    def _cancel_giving_back(self) -> None:
+        if self._giving_back is not None:
+            self._giving_back.cancel()
+
+    def _begin(self, work: Coroutine[Any, Any, object]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def _why_not_operated(self, page: _Page) -> str:
         """Why a page may only look; empty when it may operate the robot."""
@@ -360,6 +378,12 @@ class ViewServer:
             await self._release(page, "This page did not answer for a while, and has lost control.")
         finally:
             self._taking = None
+
+    def _note_driver(self) -> None:
+        """A driver was found or lost: the page that has control loses it together with the driver."""
+        self._introduce_all()
+        if self._live.why_not:
+            self._begin(self._release(None, "The driver has ended."))
 
     def _introduce_all(self) -> None:
         for page in self._pages:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from math import degrees, radians
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -13,7 +14,8 @@ import pytest
 
 from browser import browser
 from fake_driver import FakeDriver
-from yumi.robot.joints import ZERO, Joints, Side
+from yumi.control.controllers.joint_goal import JointGoal
+from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.web import live
 from yumi.web.server import ViewServer, ViewSettings
 
@@ -51,17 +53,82 @@ def running() -> Iterator[FakeDriver]:
         driver.server.stop()
 
 
+def operated(chromium: Any, url: str, errors: list[str]) -> Any:
+    """A page that has control; what it logs as an error is appended."""
+    page = chromium.new_page(viewport={"width": 1280, "height": 900})
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(url)
+    page.wait_for_function("() => document.querySelector('#verdict').innerText.includes('Ready')", polling=50)
+    page.click("#take")
+    page.wait_for_function("() => document.querySelector('#take').innerText.includes('back')", polling=50)
+    return page
+
+
+@pytest.mark.timeout(120)
+def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running() as driver, served() as url:
+        at_left = joints([radians(angle) for angle in (5.0, -110.0, -30.0, 25.0, 10.0, 40.0, -15.0)])
+        snapshots = driver.robot.control.snapshots
+        snapshots[Side.LEFT] = snapshots[Side.LEFT]._replace(position=at_left)
+        page = operated(chromium, url, errors)
+        page.wait_for_function("() => document.querySelector('#tool-pose').innerText.includes('mm')", polling=50)
+        page.select_option("#pose", "joint positions")
+        page.click("#preview")
+
+        def angles() -> Any:
+            return page.evaluate("() => [...document.querySelectorAll('#joint-goal input')].map(each => each.value)")
+
+        def refuses(button: str, words: str) -> None:
+            page.evaluate("() => (document.querySelector('#toast').textContent = '')")
+            page.click(button)
+            page.wait_for_function(
+                "words => document.querySelector('#toast').innerText.includes(words)", arg=words, polling=50
+            )
+
+        assert angles() == [f"{degrees(angle):.1f}" for angle in home(Side.RIGHT)]
+        page.click("#tab-left")
+        assert angles() == [f"{degrees(angle):.1f}" for angle in at_left]
+        assert page.get_attribute("#preview", "aria-pressed") == "false"
+        axis = page.locator("#joint-goal input").nth(2)
+        axis.fill("")
+        page.click("#preview")  # shows nothing, and breaks nothing
+        for button in ("#move", "#plan"):
+            refuses(button, "the goal needs a number of degrees for each axis")
+        page.fill("#open-width", "")
+        refuses("#open", "a number from 1 to 50 mm")
+        page.fill("#grip-force", "0")
+        refuses("#close", "a number from 1 to 20 N")
+
+        # What is complete is sent, and nothing was before.
+        page.fill("#open-width", "20.5")
+        page.click("#open")
+        axis.fill("-25.5")
+        page.click("#move")
+        for _ in range(400):
+            if driver.robot.control.commands and driver.grippers[Side.LEFT].goals:
+                break
+            page.wait_for_timeout(20)
+        (opened,) = driver.grippers[Side.LEFT].goals
+        assert opened.position == pytest.approx(0.01025)
+        assert not driver.grippers[Side.RIGHT].goals
+        goals = [command for command in driver.robot.control.commands if isinstance(command.message, JointGoal)]
+        assert [command.side for command in goals] == [Side.LEFT]
+        expected = [*at_left[:2], radians(-25.5), *at_left[3:]]
+        assert goals[0].message.position == pytest.approx(expected, abs=1e-6)
+    assert errors == []
+
+
 @pytest.mark.timeout(120)
 def test_tool_follows_the_handle_and_the_keys_on_the_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.setattr(live, "OLDEST_SEEN", 60.0)  # a browser that draws in software may be slow
     errors: list[str] = []
     with browser() as chromium, running() as driver, served() as url:
-        page: Any = chromium.new_page(viewport={"width": 1280, "height": 900})
-        page.on("pageerror", lambda error: errors.append(str(error)))
-        page.goto(url)
-        page.click("#take")
-        page.wait_for_function("() => document.querySelector('#take').innerText.includes('back')", polling=50)
+        page = operated(chromium, url, errors)
 
         def twist(condition: Callable[[Joints], bool]) -> None:
             for _ in range(400):

@@ -17,6 +17,7 @@ from fake_driver import BOX, FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
+from yumi.control.loop import Commands
 from yumi.control.shared_state import Snapshot
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
@@ -342,6 +343,10 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
         ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [0.1]}, "length 7"),
         ({"type": "jog_tool", "arm": "head", "hold": 1}, "Invalid enum value 'head'"),
         ({"type": "ask", "id": 1, "request": {"method": "shutdown"}}, "Invalid value 'shutdown'"),
+        (
+            {"type": "ask", "id": 1, "request": {"method": "jog", "arm": "right", "speeds": [5.0, 0, 0, 0, 0, 0, 0]}},
+            "Invalid value 'jog'",
+        ),
         ({"type": "open_door"}, "Invalid value 'open_door'"),
     ],
 )
@@ -467,6 +472,86 @@ def test_next_page_gives_back_what_a_page_that_was_closed_has_jogged(driver: Fak
             await other.take_control()
             await other.send(type="give_back")
             await eventually(lambda: driver.robot.control.switches[-1].activate == (GOAL_CONTROLLER,))
+
+    run(story, may_operate=True)
+
+
+def test_arm_follows_its_own_tool_controller_again_after_its_joints_were_jogged(driver: FakeDriver) -> None:
+    control = driver.robot.control
+    control.on_command = driver.robot.rest
+    control.call(Commands.switch_controllers, Side.RIGHT, (CARTESIAN_CONTROLLER,), (GOAL_CONTROLLER,))
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            await page.send(type="give_back")
+            await eventually(lambda: control.switches[-1].activate == (CARTESIAN_CONTROLLER,))
+
+    run(story, may_operate=True)
+
+
+def test_nothing_is_given_back_of_what_was_jogged_before_all_pages_were_closed(driver: FakeDriver) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+        await eventually(lambda: not driver.server.client_count)
+        async with site.page() as page:
+            await page.take_control()
+            await page.send(type="give_back")
+            await eventually(lambda: site.server._giving_back is not None and site.server._giving_back.done())
+        assert driver.robot.control.switches[-1].activate == (JOG_CONTROLLER,)
+
+    run(story, may_operate=True)
+
+
+def test_egm_is_stopped_while_control_is_given_back_which_ends_then(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "_STAND", 1000.0)
+    control = driver.robot.control
+    control.on_command = driver.robot.rest
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
+            moving = control.snapshots[Side.RIGHT]._replace(velocity=tuple(SPEEDS))
+            control.snapshots[Side.RIGHT] = moving
+            await page.send(type="give_back")
+            await page.until("view", lambda view: view["control"] == "none")
+            assert (await page.ask("stop_egm"))["type"] == "done"
+            await eventually(lambda: site.server._giving_back is not None and site.server._giving_back.cancelled())
+        assert driver.manager.asked == ["stop"]
+        assert control.switches[-1].activate == (JOG_CONTROLLER,)
+
+    run(story, may_operate=True)
+
+
+def test_page_loses_control_with_its_driver_and_stops_the_next_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_SEARCH", 0.05)
+    driver, following = FakeDriver(), FakeDriver()
+    driver.server.start()
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await asyncio.to_thread(driver.server.stop)
+            assert (await page.until("refused"))["sentence"] == "The driver has ended."
+            await page.until("view", lambda view: view["control"] == "none")
+            await asyncio.to_thread(following.server.start)
+            try:
+                await page.until("view", lambda view: not view["why_no_robot"])
+                assert (await page.ask("stop_egm"))["type"] == "done"
+                await page.take_control()
+                assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
+            finally:
+                await asyncio.to_thread(following.server.stop)
+        assert (driver.manager.asked, following.manager.asked) == ([], ["stop"])
+        assert following.manager.speed.value == 0.5
 
     run(story, may_operate=True)
 

@@ -597,21 +597,34 @@ function jogByKey(event) {
 
 // ---- plans
 
-/** The goal that is chosen for an arm: as the driver takes it, and joint positions [rad] where they are known here. */
+/** The number in a field; null where it is empty, no number or not allowed: empty does not mean zero. */
+const numberOf = (input) => (input.checkValidity() && Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
+
+/** The goal that is chosen for an arm: as the driver takes it, and joint positions [rad] where they are known here; null where a field has no number. */
 function goalOf(name) {
   const choice = at("pose").value;
   if (choice === "the handle") return { goal: scene.handlePose(), isPose: true, joints: null };
   if (choice === "joint positions") {
-    const joints = [...at("joint-goal").querySelectorAll("input")].map((each) => Number(each.value) / DEGREES);
+    const angles = [...at("joint-goal").querySelectorAll("input")].map(numberOf);
+    const joints = angles.includes(null) ? null : angles.map((angle) => angle / DEGREES);
     return { goal: joints, isPose: false, joints };
   }
   return { goal: choice, isPose: false, joints: model.arms[name].poses[choice] };
 }
 
-async function makePlan(button) {
-  forgetPlan();
+/** The goals of the arms that are meant; null, with a reason for a person, where one is incomplete. */
+function chosenGoals() {
   const names = at("both").checked && !at("both").disabled ? ARMS : [word];
   const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
+  if (!Object.values(goals).includes(null)) return goals;
+  toast("Nothing was sent: the goal needs a number of degrees for each axis.");
+  return null;
+}
+
+async function makePlan(button) {
+  forgetPlan();
+  const goals = chosenGoals();
+  if (!goals) return;
   const made = await ask({ type: "plan", is_pose: goalOf(word).isPose, ...goals }, button);
   if (!made) return;
   plan = { ...made, time: 0 };
@@ -661,8 +674,8 @@ function fillGoals() {
   at("move").disabled = isHandle;
   const arm = state?.arms[word];
   const now = arm?.position ?? arm?.resting;
-  if (!at("joint-goal").hidden && now) {
-    at("joint-goal").querySelectorAll("input").forEach((each, index) => (each.value = (now[index] * DEGREES).toFixed(1)));
+  if (!at("joint-goal").hidden) {
+    at("joint-goal").querySelectorAll("input").forEach((each, index) => (each.value = now ? (now[index] * DEGREES).toFixed(1) : ""));
   }
   if (isHandle && !at("handle").value.startsWith("goal")) {
     at("handle").value = "goal translate";
@@ -679,7 +692,8 @@ function choose(name) {
   showHandle();
   for (const each of ARMS) at(`tab-${each}`).setAttribute("aria-selected", String(each === name));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${name}`);
-  show();
+  at("preview").setAttribute("aria-pressed", "false");
+  fillGoals(); // with what this arm does: the goal of the other one is not meant
 }
 
 function fillFaults() {
@@ -732,7 +746,7 @@ function bind() {
   const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
   at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
   model.arms.right.axes.forEach((axis) => {
-    const input = make("input", { type: "number", step: "1", value: "0", ariaLabel: `Axis ${axis}, degrees` });
+    const input = make("input", { type: "number", step: "any", ariaLabel: `Axis ${axis}, degrees` });
     input.addEventListener("input", show);
     at("joint-goal").append(make("label", {}, `${axis}`, input));
   });
@@ -744,8 +758,8 @@ function bind() {
   at("both").addEventListener("change", show);
   press("move", (button) => {
     forgetPlan();
-    const names = at("both").checked && !at("both").disabled ? ARMS : [word];
-    request("move", Object.fromEntries(names.map((name) => [name, goalOf(name).goal])), button);
+    const goals = chosenGoals();
+    if (goals) request("move", goals, button);
   });
   press("plan", makePlan);
   press("discard", forgetPlan);
@@ -785,8 +799,13 @@ function bind() {
     const activate = at("controller").value;
     request("switch_controllers", { arm: word, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
   });
-  press("open", (button) => request("grip", { arm: word, action: "open", width: Number(at("open-width").value) / 1000 }, button));
-  press("close", (button) => request("grip", { arm: word, action: "close", force: Number(at("grip-force").value) }, button));
+  const grip = (id, unit, asked) => (button) => {
+    const value = numberOf(at(id));
+    if (value !== null) request("grip", { arm: word, ...asked(value) }, button);
+    else toast(`Nothing was sent: the gripper needs a number from ${at(id).min} to ${at(id).max} ${unit}.`);
+  };
+  press("open", grip("open-width", "mm", (value) => ({ action: "open", width: value / 1000 })));
+  press("close", grip("grip-force", "N", (value) => ({ action: "close", force: value })));
   press("press-stop", (button) => inject("emergency-stop", {}, button));
   press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
   press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
