@@ -76,7 +76,7 @@ class ApartArms:
                 self.silent[side] -= 1
                 self._unheard[side] += 1
                 if self._unheard[side] == LOST_AFTER:
-                    self.both.lose(side)
+                    self.both.connection_lost(side)
             else:
                 is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])

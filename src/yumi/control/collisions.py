@@ -24,9 +24,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.motion import Setpoint, braking_path
+from yumi.control.motion import BrakingPath, Setpoint, braking_path
 from yumi.robot.collision import Array, BallModel, Indices, Nearest, SweptArm
-from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side, joints
+from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
@@ -34,20 +34,20 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_FORESIGHT = 0.02  # [m] parts that are further beyond the margin need no exact distance
-_SIGHT = 0.002  # [m] a boundary so near is led along
+_EXACT_WITHIN = 0.02  # [m] parts that are further beyond the margin need no exact distance
+_BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
 _STRAIGHT = 2e-3  # [rad] a way to rest of one joint, and so little of the others, counts as a straight line
-_PIECE = 0.25  # [rad] of all joints together in a line
-_LOOKS = 12  # at a longer one, at equal times
-_QUARTER, _HALF = _LOOKS // 4, _LOOKS // 2
-_AGES = np.arange(_LOOKS + 1.0)
-_LAGS = np.maximum(_AGES[:-1, None] - _AGES[:-1], 0.0)
+_LINE_LENGTH = 0.25  # [rad] of all joints together
+_SAMPLES = 12  # of a way that is not straight, at equal times
+_QUARTER, _HALF = _SAMPLES // 4, _SAMPLES // 2
+_STEPS = np.arange(_SAMPLES + 1.0)
+_STEPS_SINCE = np.maximum(_STEPS[:-1, None] - _STEPS[:-1], 0.0)
 _CORNERS = 3  # boundaries that count at once
 _EXACT = 1e-6  # [m]
 _ROUNDING = 1e-9  # [m]
 _TOLERANCE = 5e-5  # [m] a part within its margin that came nearer by more did so for another reason
-_DIP = 1e-4  # [m] and may come nearer by, on a way that ends further out
+_ALLOWED_APPROACH = 1e-4  # [m] and may come nearer by, on a way that ends further out
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
@@ -70,6 +70,10 @@ class Limited(NamedTuple):
         return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
 
 
+_Polyline = tuple[list[Array], list[Array]]
+"""Postures in a row and, of each line between two of them, by how much each joint may be off it, (7,) [rad] each."""
+
+
 class ArmMotion:
     """How an arm moves, and where it may come on its way to rest.
 
@@ -85,14 +89,15 @@ class ArmMotion:
         robot_brake: how far the robot's own joints do, where speeds are fed forward, (7,) [rad].
     """
 
-    __slots__ = ("_gain", "_limits", "_way", "brake", "planned", "robot", "robot_brake", "sent")
+    __slots__ = ("_gain", "_limits", "_paths", "_way", "brake", "planned", "robot", "robot_brake", "sent")
 
     def __init__(
         self, planned: Joints, sent: Setpoint, robot: Setpoint | None, limits: JointLimits, gain: float
     ) -> None:
         self.planned, self.sent, self.robot = planned, sent, robot
         self._limits, self._gain = limits, gain
-        self.brake = ZERO if sent.velocity is ZERO else self._brake(sent.velocity, sent.acceleration)
+        self._paths = _STANDING if sent.velocity is ZERO else _braking_paths(sent.velocity, sent.acceleration, limits)
+        self.brake = ZERO if sent.velocity is ZERO else joints([path.end for path in self._paths])
         self.robot_brake = ZERO
         if robot is not None:
             # Its speed is taken back by ramp_speed, which needs at most this way; see speed_to_stop.
@@ -101,14 +106,10 @@ class ArmMotion:
             self.robot_brake = joints([0.5 * v * (abs(v) / top + 3.0 * top / jerk) for v, top, jerk in speeds])
         self._way: SweptArm | None = None
 
-    def _brake(self, velocity: Joints, acceleration: Joints) -> Joints:
-        rows = zip(velocity, acceleration, self._limits.acceleration, self._limits.jerk, strict=True)
-        return joints([braking_path(v, a, top, jerk).end for v, a, top, jerk in rows])
-
     @property
     def length(self) -> float:
-        """How far all joints together go to rest [rad]."""
-        return sum(map(abs, self.brake))
+        """How far all joints together get from where they are until they rest [rad]."""
+        return sum(path.highest - path.lowest for path in self._paths)
 
     def moved(self, before: ArmMotion) -> list[float]:
         """By how much each joint's way to rest is off the one before, at most [rad], (7,).
@@ -119,7 +120,7 @@ class ArmMotion:
         now, then = self.sent, before.sent
         halfway = before.brake
         if now.velocity is not then.velocity:
-            halfway = self._brake(now.velocity, then.acceleration)
+            halfway = joints([path.end for path in _braking_paths(now.velocity, then.acceleration, self._limits)])
         rows = zip(now.position, then.position, self.brake, halfway, before.brake, strict=True)
         ways = [abs(p - q) + abs(faster - last) + abs(new - faster) for p, q, new, faster, last in rows]
         ways = [max(way, abs(p - q)) for way, p, q in zip(ways, self.planned, before.planned, strict=True)]
@@ -138,60 +139,78 @@ class ArmMotion:
             model: its shapes.
             coasts_to: where the robot goes in a straight line if it is not heard any more [rad], (7,).
         """
-        if self._way is None:
-            sent, planned, brake = np.array((self.sent.position, self.planned, self.brake))
-            end = sent + brake
-            postures, lines = [sent, end, planned], [(0, 1), (2, 0)]
-            off = [np.zeros(7), np.zeros(7)]
-            aside = np.abs(brake)
-            largest = int(aside.argmax())
-            aside[largest] = 0.0
-            is_straight = float(aside.sum()) <= _STRAIGHT
-            if is_straight:  # along the line of the joint that goes furthest
-                off[0], swerve = aside, aside
-            else:
-                # The joints come to rest one after the other: by how much that is off a straight line.
-                positions, duration = self._braking_positions(sent)
-                step = duration / _LOOKS
-                between = np.array(self._limits.acceleration) * step * step / 8.0
-                postures += [positions[_QUARTER], positions[_HALF]]
-                lines[:1] = [(0, 3), (3, 4), (4, 1)]
-                thirds = positions[: _QUARTER + 1], positions[_QUARTER : _HALF + 1], positions[_HALF:]
-                off[:1] = [np.minimum(_off(each) + between, np.abs(brake)) for each in thirds]
-                swerve = np.max(off[:3], 0)
-            if self.robot is not None:
-                # With speeds fed forward it brakes for itself, then comes to where the position sent has come.
-                place = np.array(self.robot.position)
-                postures += [place, place + self.robot_brake]
-                lines += [(2, len(postures) - 2), (len(postures) - 2, len(postures) - 1), (len(postures) - 1, 1)]
-                off += [np.zeros(7), swerve, swerve]
-            elif is_straight and brake[largest] != 0.0:
-                lines.append((2, 1))
-                off.append(aside)
-            elif not is_straight and self._gain > 0.0:
-                # It follows, by its time constant behind; then straight to the end.
-                kept = exp(-self._gain * step)
-                robots = kept ** _AGES[:, None] * planned
-                robots[1:] += (1.0 - kept) * np.tril(kept**_LAGS) @ (0.5 * (positions[1:] + positions[:-1]))
-                postures += [robots[_HALF], robots[-1]]
-                lines += [(2, len(postures) - 2), (len(postures) - 2, len(postures) - 1), (len(postures) - 1, 1)]
-                off += [_off(robots[: _HALF + 1]), _off(robots[_HALF:]), np.zeros(7)]
-            if coasts_to is not None:
-                postures.append(np.array(coasts_to))
-                lines.append((2, len(postures) - 1))
-                off.append(np.zeros(7))
-            # A long line in pieces, so that a ball's curve is near each piece's line.
-            pieces, offs = [], []
-            for (start, end), bend in zip(lines, off, strict=True):
-                first, last = postures[start], postures[end]
-                count = ceil(float(np.abs(last - first).sum()) / _PIECE)
-                at = [start, *range(len(postures), len(postures) + count - 1), end]
-                postures += [first + (last - first) * (step / count) for step in range(1, count)]
-                pieces += list(pairwise(at))
-                offs += [bend] * (len(at) - 1)
-            starts, ends = np.array(pieces).T
-            self._way = model.arms[side].sweep(np.array(postures), starts, ends, np.array(offs))
+        if self._way is not None:
+            return self._way
+        sent, planned, brake = np.array((self.sent.position, self.planned, self.brake))
+        end = sent + brake
+        ranges = np.array(self._paths)[:, :2].T  # a joint may turn round, and come to more than its end
+        spread, beyond = ranges[1] - ranges[0], _beyond(brake, ranges)
+        # How far along its line the arm is, the joint that goes furthest says; the others may be anywhere.
+        largest = int(spread.argmax())
+        aside = spread.copy()
+        aside[largest] = beyond[largest]
+        # A robot that follows the position sent, late, is in the triangle of the planned position, the one sent and
+        # the end. That is swept along its edges: from two of them it is no further than half of its width.
+        inside = np.zeros(7)
+        is_following = self.robot is None and self._gain > 0.0 and bool(brake[largest] != 0.0)
+        if is_following:
+            lead = planned - sent
+            across = lead - lead[largest] / brake[largest] * brake if abs(brake[largest]) > _ROUNDING else brake
+            inside = 0.5 * min(np.abs(brake), np.abs(across), key=np.sum)
+        ways: list[_Polyline]
+        if float((aside + inside).sum()) <= _STRAIGHT:
+            most_aside = aside
+            ways = [([sent, end], [aside]), ([planned, sent], [aside + inside])]
+            if is_following:
+                ways.append(([planned, end], [aside + inside]))
+        else:
+            ways = self._curved_ways(sent, planned, end, spread, is_following=is_following)
+            most_aside = np.max(ways[0][1], 0)
+        if self.robot is not None:
+            # With speeds fed forward it brakes for itself, then comes to where the position sent has come.
+            place, stop = np.array((self.robot.position, self.robot_brake))
+            its_paths = _braking_paths(self.robot.velocity, self.robot.acceleration, self._limits)
+            most_aside = np.maximum(most_aside, _beyond(stop, np.array(its_paths)[:, :2].T))
+            ways.append(([planned, place, place + stop, end], [np.zeros(7), most_aside, most_aside]))
+        if coasts_to is not None:
+            ways.append(([planned, np.array(coasts_to)], [np.zeros(7)]))
+        # A long line in pieces, so that a ball's curve is near each piece's line.
+        postures: list[Array] = []
+        starts: list[int] = []
+        offs: list[Array] = []
+        for places, allowances in ways:
+            for (first, last), allowance in zip(pairwise(places), allowances, strict=True):
+                count = max(1, ceil(float(np.abs(last - first).sum()) / _LINE_LENGTH))
+                starts += range(len(postures), len(postures) + count)
+                postures += [first + (last - first) * (piece / count) for piece in range(count)]
+                offs += [allowance] * count
+            postures.append(places[-1])
+        begins = np.array(starts)
+        self._way = model.arms[side].sweep(np.array(postures), begins, begins + 1, np.array(offs))
         return self._way
+
+    def _curved_ways(
+        self, sent: Array, planned: Array, end: Array, spread: Array, *, is_following: bool
+    ) -> list[_Polyline]:
+        """The ways of the position sent and of the robot, where the joints come to rest one after the other."""
+        positions, duration = self._braking_positions(sent)
+        step = duration / _SAMPLES
+        between = np.array(self._limits.acceleration) * step * step / 8.0
+        thirds = positions[: _QUARTER + 1], positions[_QUARTER : _HALF + 1], positions[_HALF:]
+        off = [np.minimum(_off(each) + between, spread) for each in thirds]
+        ways = [([sent, positions[_QUARTER], positions[_HALF], end], off), ([planned, sent], [np.zeros(7)])]
+        if is_following:
+            # It follows, by its time constant behind; then straight to the end.
+            kept = exp(-self._gain * step)
+            robots = kept ** _STEPS[:, None] * planned
+            late = (1.0 - kept) / (self._gain * step)  # of a position that changes evenly in a step
+            taken = (1.0 - late) * positions[1:] + (late - kept) * positions[:-1]
+            robots[1:] += np.tril(kept**_STEPS_SINCE) @ taken
+            # Its acceleration is its gain times how the lead changes.
+            between += self._gain * step / 8.0 * np.abs(np.diff(positions - robots, axis=0)).max(0)
+            off = [_off(robots[: _HALF + 1]) + between, _off(robots[_HALF:]) + between, between]
+            ways.append(([planned, robots[_HALF], robots[-1], end], off))
+        return ways
 
     def _braking_positions(self, sent: Array) -> tuple[Array, float]:
         """Positions at equal times on the way to rest, (n, 7) [rad], and how long it takes [s].
@@ -209,7 +228,7 @@ class ArmMotion:
         second = np.maximum((speed - peak * peak / jerk) / np.maximum(peak, 1e-12), 0.0)
         third = peak / jerk
         duration = float((first + second + third).max())
-        times = np.linspace(0.0, duration, _LOOKS + 1)[:, None]
+        times = np.linspace(0.0, duration, _SAMPLES + 1)[:, None]
         one = np.minimum(times, first)
         two = np.minimum(np.maximum(times - first, 0.0), second)
         three = np.minimum(np.maximum(times - first - second, 0.0), third)
@@ -221,11 +240,32 @@ class ArmMotion:
         return sent + sign * way, duration
 
 
+_STANDING = (BrakingPath(0.0, 0.0, 0.0),) * JOINT_COUNT
+
+
+def _braking_paths(velocity: Joints, acceleration: Joints, limits: JointLimits) -> tuple[BrakingPath, ...]:
+    rows = zip(velocity, acceleration, limits.acceleration, limits.jerk, strict=True)
+    return tuple(braking_path(v, a, top, jerk) for v, a, top, jerk in rows)
+
+
+def _beyond(brake: Array, ranges: Array) -> Array:
+    """By how much joints that come to rest after ``brake`` get out of the range from 0 to there, (7,) [rad].
+
+    Args:
+        brake: (7,) [rad].
+        ranges: how far each joint gets backwards and forwards, (2, 7) [rad].
+    """
+    past, behind = ranges[1] - np.maximum(brake, 0.0), np.minimum(brake, 0.0) - ranges[0]
+    return np.asarray(np.maximum(np.maximum(past, behind), 0.0))
+
+
 def _off(positions: Array) -> Array:
     """By how much positions are off the straight line from the first to the last one, at most, (7,) [rad]."""
     along = positions[-1] - positions[0]
     apart = positions - positions[0]
-    return np.asarray(np.abs(apart - (apart @ along)[:, None] / max(float(along @ along), 1e-12) * along).max(0))
+    # A joint that turns round gets beyond an end of the line.
+    shares = np.clip(apart @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
+    return np.asarray(np.abs(apart - shares[:, None] * along).max(0))
 
 
 class Boundary:
@@ -367,13 +407,11 @@ class CollisionLimiter:
         """What limits an arm in this cycle."""
         return self._arms[side].limited
 
-    def place(self, side: Side, position: Joints) -> None:
-        """An arm that no command is sent to stands at ``position`` [rad], (7,)."""
-        self._arms[side].motion = ArmMotion(position, Setpoint(position), None, self._limits, self._gain)
-        self._forget()
+    def connection_lost(self, side: Side) -> None:
+        """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
-    def lose(self, side: Side) -> None:
-        """An arm's datagrams do not arrive any more: it goes on to where its last command leads it."""
+        The other arm keeps clear of that until they arrive again: where RAPID, or a hand, moves the arm is not known.
+        """
         arm = self._arms[side]
         if not arm.is_heard or arm.motion is None:
             return
@@ -385,7 +423,7 @@ class CollisionLimiter:
         arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, self._gain)
         self._forget()
 
-    def take(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
+    def sent(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
         arm = self._arms[side]
         if not arm.is_heard:
@@ -413,7 +451,10 @@ class CollisionLimiter:
         if not arm.is_heard:
             arm.is_heard, arm.coasts_to = True, None
             self._forget()
-        if _stays(arm.motion, planned, sent, robot):
+        # What it stands at may have left it, or have come nearer.
+        known = self._alone[side].left, self._both[side].left
+        is_stale = bool(arm.boundaries) and any(bool((left < 0.0).any()) for left in known)
+        if _stays(arm.motion, planned, sent, robot) and not is_stale:
             return True
         motion, last = ArmMotion(planned, sent, robot, self._limits, self._gain), arm.motion
         if last is None:  # its first command is where it stands
@@ -472,6 +513,8 @@ class CollisionLimiter:
     def _forget(self) -> None:
         for each in (self._both[Side.RIGHT], *self._alone.values()):
             each.forget()
+        for arm in self._arms.values():
+            arm.boundaries = []
 
     def _found(self, name: str, other: str) -> list[tuple[_Left, int, int]]:
         def fits(part: str, wanted: str) -> bool:
@@ -527,13 +570,15 @@ class CollisionLimiter:
             inside = self._inside(side, known, (rows[broken], columns[broken]), motion, last, other, its)
             beyond[broken] = np.maximum(beyond[broken], inside)
         left[rows, columns] = beyond
-        seen = _SIGHT if motion.length < _SLOW else -_ROUNDING
+        seen = _BOUNDARY_WITHIN if motion.length < _SLOW else -_ROUNDING
         names = model.boxes if its is None else model.arms[side.other].names
         for pair in np.argsort(beyond)[:_CORNERS].tolist():
             lacks, at = float(beyond[pair]), near.least(pair)
             if lacks >= seen:
                 break
             part, its_part = model.arms[side].names[int(rows[pair])], names[int(columns[pair])]
+            if other is not None and not other.is_heard:
+                its_part += _LAST_HEARD
             limited = Limited(part, its_part, float(near.distances[pair]))
             if lacks < -_ROUNDING:
                 arm.limited = arm.limited or limited
@@ -556,7 +601,7 @@ class CollisionLimiter:
         self, side: Side, way: SweptArm, its: SweptArm | None, pairs: tuple[Indices, Indices], margins: Array
     ) -> Nearest:
         """How near parts of an arm come to those of the other one, or to what stands still."""
-        within = margins + _FORESIGHT
+        within = margins + _EXACT_WITHIN
         if its is None:
             return self.model.from_fixed(side, way, pairs, within)
         return self.model.between(side, way, its, pairs, within)
@@ -598,12 +643,15 @@ class CollisionLimiter:
         floors = known.floors[groups]
         floors = np.where(now < floors - _TOLERANCE, now, np.maximum(floors, now))
         known.floors[groups] = floors
-        bare = way._replace(excess=np.zeros_like(way.excess))
-        its_bare = its and its._replace(excess=np.zeros_like(its.excess))
-        found = self._compare(side, bare, its_bare, pairs, known.margins[pairs]).distances
-        allowed = np.where(at_end >= floors, np.minimum(now, floors) - _DIP, floors)
+        lines = way._replace(excess=np.zeros_like(way.excess))
+        its_lines = its and its._replace(excess=np.zeros_like(its.excess))
+        found = self._compare(side, lines, its_lines, pairs, known.margins[pairs]).distances
+        allowed = np.where(at_end >= floors, np.minimum(now, floors) - _ALLOWED_APPROACH, floors)
         return np.where(floors < known.margins[pairs], found - allowed, -inf)
 
+
+_LAST_HEARD = " where EGM reported it last"
+"""Added to the name of a part of an arm whose datagrams do not arrive."""
 
 _STILL = np.array((0, 1)), np.array((0, 1)), np.zeros((2, 7))
 """An arm that stands in one of two postures; see :meth:`~yumi.robot.collision.ArmBalls.sweep`."""
@@ -619,8 +667,8 @@ class ArmCollisionLimiter(NamedTuple):
     def limited(self) -> Limited | None:
         return self.both.limited(self.side)
 
-    def lose(self) -> None:
-        self.both.lose(self.side)
+    def connection_lost(self) -> None:
+        self.both.connection_lost(self.side)
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         return self.both.accepts(self.side, planned, sent, robot)
@@ -628,8 +676,8 @@ class ArmCollisionLimiter(NamedTuple):
     def steered(self, desired: ArmCommand) -> ArmCommand:
         return self.both.steered(self.side, desired)
 
-    def take(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
-        self.both.take(self.side, planned, sent, robot)
+    def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
+        self.both.sent(self.side, planned, sent, robot)
 
 
 def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:

@@ -489,7 +489,7 @@ class Limiter:
     def note_silence(self) -> None:
         """The arm's datagrams do not arrive any more: the other arm keeps clear of where this one may go."""
         if self._collisions is not None:
-            self._collisions.lose()
+            self._collisions.connection_lost()
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""
@@ -544,7 +544,7 @@ class Limiter:
             state = checked
         command = self._limit(state, desired)
         if self._collisions is not None:
-            self._collisions.take(state.planned, self._positions.motion, self._speeds.motion)
+            self._collisions.sent(state.planned, self._positions.motion, self._speeds.motion)
         return command
 
     def _limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:

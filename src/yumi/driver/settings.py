@@ -198,7 +198,10 @@ class CollisionSettings:
     def remarks(self) -> tuple[str, ...]:
         """What a person is to know of it at every start."""
         if self.enabled:
-            return ()
+            return (
+                "collision.enabled is true, which is experimental: an arm without EGM is taken to be where it was "
+                "reported last, also after RAPID or a hand has moved it.",
+            )
         return (
             "collision.enabled is false: nothing keeps the arms apart from each other, the body and declared boxes.",
         )

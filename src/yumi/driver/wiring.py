@@ -8,8 +8,9 @@
                                             control-events, automatic-recovery (recovery.automatic), all of
                                             them supervised (process/supervision.py); endpoint, endpoint-work (16 at
                                             most);
-                                            web-socket (opened again by who listens), flight-records (when something
-                                            stops), full-recorder (--record; a broken file is not begun again),
+                                            web-socket (opened again by who listens), flight-records and
+                                            flight-records-after (when something stops),
+                                            full-recorder (--record; a broken file is not begun again),
                                             end-in-time, forced-end
                      process 2     the control process: the cycles of both arms, one thread
 

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -506,7 +506,9 @@ class Recorder:
         self._clock = clock
         self._failures = Failures()
         self._is_over = Flag()
-        self._thread = ThreadPoolExecutor(len(recorders), thread_name_prefix="flight-records")
+        # What led to a stop is on the disk at once, whatever the records before are still waiting for.
+        self._begins = ThreadPoolExecutor(1, thread_name_prefix="flight-records")
+        self._follows = ThreadPoolExecutor(1, thread_name_prefix="flight-records-after")
         self._full: FullRecorder | None = None
 
     def record_all(self, file: Path, epoch: float, sources: Mapping[str, Source] | None = None) -> None:
@@ -538,7 +540,7 @@ class Recorder:
         if is_fault(event):
             memory = self._recorders[event.side].copy()
             try:
-                self._thread.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
+                self._begins.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
             except RuntimeError as error:  # the operating system permits no thread
                 self._report(f"The flight record of the {event.side.word} arm could not be begun: {error}.")
         if self._full:
@@ -547,43 +549,75 @@ class Recorder:
     def close(self) -> None:
         """Wait until everything is written; a record that is not at its end yet ends now."""
         self._is_over.set()
-        self._thread.shutdown()
+        self._begins.shutdown()  # each begun record has asked for its rest by then
+        self._follows.shutdown()
         if self._full:
             self._full.close()
 
     def _write(self, event: RecordedEvent, side: Side, memory: FlightRecorder, time_of_day: float) -> None:
+        """Write what led to the event; this process may end meanwhile."""
         moment = datetime.fromtimestamp(time_of_day)
         name = f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
         file = self._folder / name
-        # The cycles that led to the event; not those of an earlier session.
-        frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
-        seconds = frames[-1].time - frames[0].time if frames else 0.0
-        after: list[Frame] = []
 
-        def write(target: Path) -> None:
+        def write(target: Path, frames: Sequence[Frame]) -> None:
             with RecordingWriter(target, time_of_day - event.time) as writer:
-                for frame in (*frames, *after):
+                for frame in frames:
                     writer.add_frame(side, frame)
                 writer.add_event(event)
 
         try:
-            write(file)  # at once: this process may end meanwhile
-            self._is_over.wait(event.time + AFTER - self._clock.now())
-            after += (each for each in self._recorders[side].since(memory.newest) if each.time <= event.time + AFTER)
-            if after:
-                whole = file.with_suffix(".part")
-                write(whole)
-                whole.replace(file)
-            for oldest in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
-                oldest.unlink(missing_ok=True)  # the other arm's record makes room, too
+            # The cycles that led to the event; not those of an earlier session.
+            frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
+            write(file, frames)
+            self._make_room()
         except (YumiError, OSError) as error:
             self._report(f"The flight record could not be written to {file}: {error}")
             return
         except Exception as error:  # the thread pool would keep it to itself
             self._failures.note(f"Writing the flight record {file}", error)
             return
+        try:
+            self._follows.submit(self._go_on, event, side, memory.newest, file, frames, write)
+        except RuntimeError as error:  # the operating system permits no thread
+            self._report_without_rest(file, error)
+
+    def _go_on(
+        self,
+        event: RecordedEvent,
+        side: Side,
+        newest: int,
+        file: Path,
+        frames: Sequence[Frame],
+        write: Callable[[Path, Sequence[Frame]], None],
+    ) -> None:
+        """Replace a record by one that also has what followed its event."""
+        whole = file.with_suffix(".part")
+        after: list[Frame] = []
+        try:
+            self._is_over.wait(event.time + AFTER - self._clock.now())
+            after += (each for each in self._recorders[side].since(newest) if each.time <= event.time + AFTER)
+            if after:
+                write(whole, [*frames, *after])
+                whole.replace(file)
+            self._make_room()
+        except Exception as error:
+            with suppress(OSError):  # its folder may be gone
+                whole.unlink(missing_ok=True)
+            if not isinstance(error, YumiError | OSError):  # the thread pool would keep it to itself
+                self._failures.note(f"Writing the flight record {file}", error)
+            self._report_without_rest(file, error)
+            return
+        seconds = frames[-1].time - frames[0].time if frames else 0.0
         follows = f", and {max(0.0, after[-1].time - event.time):.1f} s after the stop," if after else ""
         self._report(f"The last {seconds:.1f} s of the {side.word} arm{follows} are in {file}: yumi record show {file}")
+
+    def _report_without_rest(self, file: Path, error: Exception) -> None:
+        self._report(f"What followed the stop could not be written: {error}. What led to it is in {file}.")
+
+    def _make_room(self) -> None:
+        for oldest in sorted(self._folder.glob(f"{_NAME}*.mcap"))[: -self._keep]:
+            oldest.unlink(missing_ok=True)
 
 
 class FullRecorder:

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, standing, to
-from yumi.control.collisions import BODY_MARGIN, MARGIN, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
-from yumi.robot.collision import PADDING, BallModel, CollisionModel, Distance, Obstacle
+from yumi.control.motion import EGM_GAIN, Setpoint, stop
+from yumi.robot.collision import PADDING, Array, BallModel, CollisionModel, Distance, Obstacle, SweptArm
 from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
+from yumi.robot.joints import YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
 from yumi.robot.kinematics import tool0_to_body
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
@@ -115,12 +115,102 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
         arms.cycle({Side.LEFT: at_speed((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))})
     arms.silent[Side.LEFT] = 1000
     goal = to(turned(Side.RIGHT, radians(168.0)))
-    lowest = np.inf
+    lowest, names = np.inf, set()
     for _ in range(300):
         arms.cycle({Side.RIGHT: goal})
         now = {Side.RIGHT: arms.sent[Side.RIGHT].position, Side.LEFT: arms.arms[Side.LEFT].position}
         lowest = min(lowest, between_arms(arms, now))
+        names |= {limited.other for limited in [arms.both.limited(Side.RIGHT)] if limited}
     assert lowest >= MARGIN - ROUNDING
+    # Nothing tells the limiter where RAPID or a hand has moved it since: the log says what it is based on.
+    assert names
+    assert all(name.startswith("left ") and name.endswith(" where EGM reported it last") for name in names)
+
+
+def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -> None:
+    both = CollisionLimiter(BallModel(CollisionModel(SERVO_GRIPPERS)), YUMI_LIMITS, EGM_GAIN)
+    # Both forearms towards each other: 1 mm is left, then 4 mm would be missing.
+    before, stands, goal = (turned(Side.RIGHT, radians(angle)) for angle in (34.0, 34.5, 36.1))
+    left = turned(Side.LEFT, radians(-80.0))
+    for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
+        both.sent(side, position, Setpoint(position), None)
+    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+    for _ in range(3):
+        assert both.steered(Side.RIGHT, ArmCommand(goal)) != ArmCommand(goal)
+        assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+    both.sent(Side.LEFT, FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
+    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
+    assert both.limited(Side.RIGHT) is None
+
+
+def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> None:
+    both = CollisionLimiter(BallModel(CollisionModel(SERVO_GRIPPERS)), YUMI_LIMITS, EGM_GAIN)
+    before, stands, goal = (turned(Side.RIGHT, radians(angle)) for angle in (34.0, 34.5, 36.1))
+    left = turned(Side.LEFT, radians(-80.0))
+    for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
+        both.sent(side, position, Setpoint(position), None)
+    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+    both.permit(("right arm", "left arm"))
+    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
+
+
+def out_of(model: BallModel, way: SweptArm, postures: Array) -> float:
+    """By how much a ball is out of where the arm may come, in one of these postures (n, 7) [rad], at most [m]."""
+    arm, at = model.arms[Side.RIGHT], np.arange(len(postures))
+    still = arm.sweep(postures, at, at, np.zeros_like(postures))
+    balls, lines = (index.ravel() for index in np.indices((len(arm.radii), len(way.starts))))
+    middles, halves = arm.lines(way, balls, lines)
+    excess = way.excess[arm.part_of[balls], lines]
+    worst = -np.inf
+    for posture in at:
+        places, _ = arm.lines(still, balls, np.full(len(balls), posture))
+        apart = places - middles
+        shares = np.einsum("nx,nx->n", apart, halves) / np.maximum(np.einsum("nx,nx->n", halves, halves), 1e-18)
+        apart -= np.clip(shares, -1.0, 1.0)[:, None] * halves
+        out = np.linalg.norm(apart, axis=1) - excess
+        worst = max(worst, float(out.reshape(len(arm.radii), -1).min(1).max()))
+    return worst
+
+
+def ways_to_rest(planned: Joints, sent: Setpoint, count: int = 40) -> Array:
+    """Where the position sent comes when it brakes, and where a robot comes that follows it late, (n, 7) [rad]."""
+    braking = stop(sent, YUMI_LIMITS)
+    steps = 20 * count
+    step = (braking.duration + 1.0 / EGM_GAIN) / steps
+    robot, postures = np.array(planned), []
+    for index in range(steps):
+        middle = np.array(braking.at((index + 0.5) * step).position)
+        robot = middle + (robot - middle) * np.exp(-EGM_GAIN * step)
+        if index % 20 == 0:
+            postures += [np.array(braking.at(index * step).position), robot]
+    return np.array(postures)
+
+
+def test_joint_that_turns_round_stays_in_its_swept_way() -> None:
+    """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
+    model, start = BallModel(CollisionModel(SERVO_GRIPPERS)), READY[Side.RIGHT]
+    sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
+    way = ArmMotion(start, sent, None, YUMI_LIMITS, EGM_GAIN).way(Side.RIGHT, model)
+    assert out_of(model, way, ways_to_rest(start, sent)) < 1e-5
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ways_to_rest_stay_in_what_is_swept(seed: int) -> None:
+    """Speeds and accelerations of opposite signs; the robot is behind, also to the side of where it goes."""
+    model, generator = BallModel(CollisionModel(SERVO_GRIPPERS)), np.random.default_rng(seed)
+    top, jerk = np.array(YUMI_LIMITS.acceleration), np.array(YUMI_LIMITS.jerk)
+    for moving in (1, 1, 1, 2, 2, 7):
+        which = np.isin(np.arange(7), generator.permutation(7)[:moving])
+        acceleration = which * generator.uniform(-1.0, 1.0, 7) * top
+        # Below this speed a joint turns round before it rests.
+        turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
+        velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
+        lead = 0.15 * velocity + generator.normal(0.0, 0.05, 7) * generator.integers(2)
+        sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
+        planned = joints(list(np.array(sent.position) - lead))
+        way = ArmMotion(planned, sent, None, YUMI_LIMITS, EGM_GAIN).way(Side.RIGHT, model)
+        assert out_of(model, way, ways_to_rest(planned, sent)) < 1e-5
 
 
 def test_permitted_pairs_may_touch_and_no_others() -> None:
@@ -163,7 +253,7 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     """The left forearm, sent from home into the body."""
     model = BallModel(CollisionModel(SERVO_GRIPPERS))
     both, goals = CollisionLimiter(model, YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
-    both.place(Side.RIGHT, home(Side.RIGHT))
+    both.sent(Side.RIGHT, home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
     limiter = Limiter(YUMI_LIMITS, collisions=both.arm(Side.LEFT))
     arm = VirtualArmRig({"controller": JointPositionController(goals)}, side=Side.LEFT, limiter=limiter)
     arm.start()

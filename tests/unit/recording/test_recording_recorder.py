@@ -1,11 +1,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from threading import Event as Flag
 
 import pytest
 
 from flight import CYCLE, LOST, flown, record_motion
-from yumi.clock import ManualClock, SystemClock
+from yumi.clock import ManualClock, SystemClock, comes_true
 from yumi.control.events import (
     ControllerFailed,
     ControlProcessEnded,
@@ -18,7 +19,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
-from yumi.recording.mcap import AFTER, FullRecorder, Recorder, read_recording
+from yumi.recording.mcap import AFTER, FullRecorder, RecordedEvent, Recorder, RecordingWriter, read_recording
 from yumi.robot.joints import Side
 
 RIGHT, LEFT = Side.RIGHT, Side.LEFT
@@ -103,6 +104,48 @@ def test_record_is_complete_on_the_disk_before_it_goes_on(
     assert seen[0].stop is not None
     assert [frame.number for frame in seen[0].frames[RIGHT]] == list(range(1, 51))
     assert len(files(tmp_path)) == 1
+
+
+def test_every_record_is_begun_while_others_wait_for_what_follows(
+    records: Recorder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver may be killed after the third fault as well as after the first."""
+    go_on = Flag()
+    monkeypatch.setattr(records._is_over, "wait", lambda seconds: go_on.wait(30.0))
+    for second in range(3):
+        records.on_event(LOST, 0.25, EPOCH + second)
+    try:
+        assert comes_true(SystemClock(), lambda: len(files(tmp_path)) == 3 and is_whole(files(tmp_path)[2]), 5.0)
+    finally:
+        go_on.set()
+        records.close()
+
+
+def is_whole(file: Path) -> bool:
+    recording = read_recording(file)
+    return recording.is_complete and recording.stop is not None
+
+
+def test_record_whose_rest_cannot_be_written_keeps_what_led_to_the_stop(
+    recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    records = Recorder(tmp_path / "flights", 3, recorders, said.append, ManualClock(0.25))
+    add_event = RecordingWriter.add_event
+
+    def fail_on_a_full_disk(writer: RecordingWriter, event: RecordedEvent) -> None:
+        if len(files(tmp_path)) > 1:
+            raise OSError(28, "No space left on device")
+        add_event(writer, event)
+
+    monkeypatch.setattr(RecordingWriter, "add_event", fail_on_a_full_disk)
+    monkeypatch.setattr(records._is_over, "wait", lambda seconds: record_motion(recorders[RIGHT], 20))
+    records.on_event(LOST, 0.25, EPOCH)
+    records.close()
+    (file,) = files(tmp_path)
+    assert is_whole(file)
+    assert said == [
+        f"What followed the stop could not be written: [Errno 28] No space left on device. What led to it is in {file}."
+    ]
 
 
 def test_record_leaves_out_what_was_long_before(

@@ -43,6 +43,22 @@ def test_delivered_gain_is_the_thesis_s_cautious_one() -> None:
     assert values["joint_position_controller"]["p"] == 1.2
 
 
+@pytest.mark.parametrize(
+    ("enabled", "sentence"),
+    [
+        ("false", "nothing keeps the arms apart"),
+        ("true", "an arm without EGM is taken to be where it was reported last"),
+    ],
+)
+def test_every_start_says_what_keeps_the_arms_apart_and_what_it_does_not_know(
+    file: Path, enabled: str, sentence: str
+) -> None:
+    file.write_text(f"collision: {{enabled: {enabled}}}\n")
+    (remark,) = read_settings(file).collision.remarks
+    assert remark.startswith(f"collision.enabled is {enabled}")
+    assert sentence in remark
+
+
 def test_settings_may_name_only_what_differs(file: Path) -> None:
     file.write_text("robot: {address: 10.0.0.7}\n")
     settings = read_settings(file)
