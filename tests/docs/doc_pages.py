@@ -45,7 +45,8 @@ LEFT_OUT = {
     r"yumi moveit-config": "writes where it is told; tests/unit/planning/test_planning_moveit.py runs it",
     r"yumi shell": "a prompt; has tests of its own",
     r"yumi install": "restarts the controller that the other examples use; docs/how-to/real-robot.md has it",
-    r"yumi rws (get|set|ls|put|watch|call) [^-]": "tests/unit/cli/test_cli_rws.py has each",
+    r"yumi rws (get|set|ls|put|watch|call) ": "tests/unit/cli/test_cli_rws.py has each",
+    r"printf .* yumi rapid debug": "docs/how-to/run-your-own-rapid.md has it, for the virtual controller of that page",
     r"yumi completion fish": "needs fish",
 }
 """Examples of ``--help`` that are not run, by their beginning."""
