@@ -288,7 +288,7 @@ def joint_target(page: Page) -> JointTarget:
     """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
     state = page.one("ms-jointtarget")
     a1, a2, a3, a4, a5, a6 = (state.number(f"rax_{axis}") for axis in range(1, 7))
-    external = tuple(state.number(f"eax_{letter}") for letter in "abcdef")
+    external = tuple(state.number(f"eax_{axis}") for axis in "abcdef")
     return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in external))
 
 

@@ -9,7 +9,7 @@ from yumi.rapid.library import Call, Library, core_library
 from yumi.rapid.types import ArrayType, resolved
 
 JOINTS = tuple(f"rax_{n}" for n in range(1, 7))
-EXTERNAL_AXES = tuple(f"eax_{letter}" for letter in "abcdef")
+EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
 NUMS = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
 
 RECORDS: dict[str, dict[str, str]] = {

@@ -18,7 +18,7 @@ _MOTION = "/rw/motionsystem"
 _UNITS = "/rw/motionsystem/mechunits"
 _MM = 1000.0
 _TURNS = ("j1", "j4", "j6", "jx")
-_EXTERNAL = tuple(f"eax_{letter}" for letter in "abcdef")
+_EXTERNAL = tuple(f"eax_{axis}" for axis in "abcdef")
 _NO_TOOL = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 

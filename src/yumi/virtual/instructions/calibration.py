@@ -225,13 +225,13 @@ def add_calibration(library: Library, motion: MotionInstructions) -> None:
     """Register the calibrations of one task."""
     own = CalibrationInstructions(motion)
     errors = "INOUT num MaxErr, INOUT num MeanErr"
-    for letter, kind, point, rotation in (
+    for prefix, kind, point, rotation in (
         ("M", "jointtarget", own.moving_tool_point, own.moving_tool_rotation),
         ("S", "robtarget", own.fixed_tool_point, own.fixed_tool_rotation),
     ):
         four = ", ".join(f"{kind} Pos{number}" for number in range(1, 5))
-        library.instruction(f"{letter}ToolTCPCalib", f"{four}, INOUT tooldata Tool, {errors}")(point)
-        library.instruction(f"{letter}ToolRotCalib", rf"{kind} RefTip, {kind} ZPos, \{kind} XPos, INOUT tooldata Tool")(
+        library.instruction(f"{prefix}ToolTCPCalib", f"{four}, INOUT tooldata Tool, {errors}")(point)
+        library.instruction(f"{prefix}ToolRotCalib", rf"{kind} RefTip, {kind} ZPos, \{kind} XPos, INOUT tooldata Tool")(
             rotation
         )
     targets = "robtarget TargetList{*}, num TargetsInList"
