@@ -12,7 +12,7 @@ import numpy as np
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
-from yumi.robot.collision import BallModel, CollisionModel, Obstacle, SweptArm
+from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
@@ -46,11 +46,12 @@ class ApartArms:
 
     def __post_init__(self) -> None:
         self.shapes = CollisionModel(SERVO_GRIPPERS, obstacles=self.obstacles)
-        self.model = BallModel(self.shapes)
-        self.both = CollisionLimiter(self.model, YUMI_LIMITS, EGM_GAIN, self.margin)
+        self.both = CollisionLimiter(
+            CollisionModel(SERVO_GRIPPERS, obstacles=self.obstacles), YUMI_LIMITS, EGM_GAIN, self.margin
+        )
         self.limiters = {side: Limiter(YUMI_LIMITS, collisions=self.both.arm(side)) for side in Side}
-        model = ArmModel(supervises_load=False)
-        self.arms = {side: VirtualArm(side, self.positions[side], model) for side in Side}
+        without_load = ArmModel(supervises_load=False)
+        self.arms = {side: VirtualArm(side, self.positions[side], without_load) for side in Side}
         self.sent = {side: ArmCommand(self.positions[side]) for side in Side}
         self.silent = dict.fromkeys(Side, 0)
         self._unheard = dict.fromkeys(Side, 0)
@@ -119,11 +120,6 @@ def behind(goal: Joints, gain: float = 1.2) -> Drive:
     return drive
 
 
-def standing(model: BallModel, side: Side, position: Joints) -> SweptArm:
-    """An arm that does not move."""
-    return model.arms[side].sweep(np.array([position]), np.array([0]), np.array([0]), np.zeros((1, 7)))
-
-
 def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, name: str = "") -> Joints:
     """Full speed of all joints towards what is nearest.
 
@@ -132,23 +128,19 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
         sign: 1 leads away from it.
         name: of what stands still; any when empty.
     """
-    model = arms.model
-    still = {each: standing(model, each, arms.sent[each].position) for each in Side}
-    names = model.boxes if group else model.arms[side.other].names
-    rows, columns = (index.ravel() for index in np.indices((len(model.arms[side].names), len(names))))
-    if group:
-        near = model.from_fixed(side, still[side], (rows, columns), np.full(len(rows), 5.0))
-        is_it = np.array([not name or names[column] == name for column in columns])
-        is_it &= model.arms[side].part_frames[rows] > 0
-    else:
-        near = model.between(side, still[side], still[side.other], (rows, columns), np.full(len(rows), 5.0))
-        is_it = (model.arms[side].part_frames[rows] > 0) | (model.arms[side.other].part_frames[columns] > 0)
-    pair = int(np.argmin(np.where(is_it, near.distances, np.inf)))
-    at = near.least(pair)
-    assert at is not None
-    ball, other = (int(each[at]) for each in near.balls)
-    middle = other if group else model.arms[side.other].middle(still[side.other], 0, other)
-    normal = model.gradient(side, still[side], 0, ball, middle)
+    shapes = arms.shapes
+    near = shapes.contacts(np.concatenate([arms.sent[each].position for each in Side]), 5.0)
+    mine, others = (range(part.start, part.stop) for part in (shapes.arms[side], shapes.arms[side.other]))
+    least, found = np.inf, -1
+    for index, pair in enumerate(zip(near.firsts.tolist(), near.seconds.tolist(), strict=True)):
+        part, other = pair if pair[0] in mine else pair[::-1]
+        if part not in mine or (other in others) is bool(group) or (name and shapes.names[other] != name):
+            continue
+        is_moved = shapes.frames[part] > 0 or (not group and shapes.frames[other] > 0)
+        if is_moved and near.distances[index] < least:
+            least, found = float(near.distances[index]), index
+    behind, slopes = shapes.slopes(np.array([found]), side)
+    normal = -slopes[0, int(behind[0].argmin())]
     return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
 
 

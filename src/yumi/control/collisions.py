@@ -5,27 +5,26 @@ come nearer to each other than the margin. A command is sent only if the whole o
 of the other arm's; else the arm brakes, along the way that was found clear when the command before was sent. So what
 was once kept is kept, however the commands are chosen.
 
-Ways are covered, not sampled: each ball of an arm sweeps a capsule along a line in joint space, thicker by how much
-the ball may be off that line. They are compared seldom: a radian of a joint moves a part no further than its reach from
-that joint; so of what was left beyond the margin, all but how far the ways have moved since then is still left
-(docs/explanation/decisions/0032-arms-keep-apart.md).
+A way is a piece in which each joint has a range; its middle is the posture whose distances are calculated, and no part
+is further from there than its reach from each joint times half of that joint's range. Where that is too much to say
+that the arms keep apart, the piece is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from math import ceil, dist, exp, fsum, inf
+from functools import cached_property
+from math import dist, fsum, inf
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.motion import BrakingPath, Setpoint, braking_path
-from yumi.robot.collision import Array, BallModel, Indices, Nearest, SweptArm
+from yumi.control.motion import BrakingPath, Setpoint, braking_paths, braking_positions
+from yumi.robot.collision import Array, CollisionModel, Contacts
 from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
@@ -34,20 +33,16 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_EXACT_WITHIN = 0.02  # [m] parts that are further beyond the margin need no exact distance
+_TOLERANCE = 5e-4  # [m] a way is off the postures that are compared by more, or it counts as being there
+_POSTURES = 40  # that are compared for a command at most; a way that needs more is left to slower commands
+_SAMPLES = 64  # of each curve of a way; a power of two
+_SHORT = 5e-3  # [m] pieces in which parts move less are taken for straight
 _BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
-_STRAIGHT = 2e-3  # [rad] a way to rest of one joint, and so little of the others, counts as a straight line
-_LINE_LENGTH = 0.25  # [rad] of all joints together
-_SAMPLES = 12  # of a way that is not straight, at equal times
-_QUARTER, _HALF = _SAMPLES // 4, _SAMPLES // 2
-_STEPS = np.arange(_SAMPLES + 1.0)
-_STEPS_SINCE = np.maximum(_STEPS[:-1, None] - _STEPS[:-1], 0.0)
 _CORNERS = 3  # boundaries that count at once
 _EXACT = 1e-6  # [m]
-_ROUNDING = 1e-9  # [m]
-_TOLERANCE = 5e-5  # [m] a part within its margin that came nearer by more did so for another reason
-_ALLOWED_APPROACH = 1e-4  # [m] and may come nearer by, on a way that ends further out
+_ALLOWED_APPROACH = 1e-4  # [m] in a cycle, of a part within its margin
+_MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and may go on from there
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
@@ -70,8 +65,60 @@ class Limited(NamedTuple):
         return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
 
 
-_Polyline = tuple[list[Array], list[Array]]
-"""Postures in a row and, of each line between two of them, by how much each joint may be off it, (7,) [rad] each."""
+class _Piece:
+    """Of a way: a straight line in joint space, and how far each joint may be off it.
+
+    Args:
+        curve: postures that it leads along [rad], (n, 7).
+        cut: makes its parts; none of the smallest pieces.
+
+    Attributes:
+        middle: of the line [rad], (7,).
+        along: from there to its end [rad], (7,).
+        off: it by so much, at most [rad], (7,).
+        half: how far each joint is from the middle, at most [rad], (7,).
+    """
+
+    __slots__ = ("_cut", "_parts", "along", "half", "middle", "off")
+
+    def __init__(self, curve: Array, cut: Callable[[], tuple[_Piece, ...]]) -> None:
+        self.middle, self.along = 0.5 * (curve[0] + curve[-1]), 0.5 * (curve[-1] - curve[0])
+        self.off = np.zeros(JOINT_COUNT)
+        if len(curve) > _ENDS:
+            apart = curve - self.middle
+            shares = np.clip(apart @ self.along / max(float(self.along @ self.along), _TINY), -1.0, 1.0)
+            self.off = np.abs(apart - shares[:, None] * self.along).max(0)
+        self.half = np.abs(self.along) + self.off
+        self._cut = cut
+        self._parts: tuple[_Piece, ...] | None = None
+
+    @property
+    def parts(self) -> tuple[_Piece, ...]:
+        """What it consists of."""
+        if self._parts is None:
+            self._parts = self._cut()
+        return self._parts
+
+
+def _piece_of(curve: Array) -> _Piece:
+    def cut() -> tuple[_Piece, ...]:
+        middle = len(curve) // 2
+        return (_piece_of(curve[: middle + 1]), _piece_of(curve[middle:])) if len(curve) > _ENDS else ()
+
+    return _Piece(curve, cut)
+
+
+def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Piece, ...]]) -> _Piece:
+    """All that lies between some postures [rad], (n, 7), whichever joint moves first."""
+    all_of_them = np.array(postures)
+    low, high = all_of_them.min(0), all_of_them.max(0)
+    piece = _Piece(0.5 * (low + high)[None], cut)
+    piece.off = piece.half = 0.5 * (high - low)
+    return piece
+
+
+_ENDS = 2
+_TINY = 1e-12  # [rad²]
 
 
 class ArmMotion:
@@ -82,190 +129,70 @@ class ArmMotion:
         sent: how the position sent moves.
         robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
         limits: of the joints.
-        gain: of the robot's position loop [1/s].
-
-    Attributes:
-        brake: how far each joint goes to rest, (7,) [rad].
-        robot_brake: how far the robot's own joints do, where speeds are fed forward, (7,) [rad].
+        coasts_to: where the robot may go if it is not heard any more [rad], (7,).
     """
 
-    __slots__ = ("_gain", "_limits", "_paths", "_way", "brake", "planned", "robot", "robot_brake", "sent")
-
     def __init__(
-        self, planned: Joints, sent: Setpoint, robot: Setpoint | None, limits: JointLimits, gain: float
+        self,
+        planned: Joints,
+        sent: Setpoint,
+        robot: Setpoint | None,
+        limits: JointLimits,
+        coasts_to: Joints | None = None,
     ) -> None:
-        self.planned, self.sent, self.robot = planned, sent, robot
-        self._limits, self._gain = limits, gain
-        self._paths = _STANDING if sent.velocity is ZERO else _braking_paths(sent.velocity, sent.acceleration, limits)
-        self.brake = ZERO if sent.velocity is ZERO else joints([path.end for path in self._paths])
-        self.robot_brake = ZERO
-        if robot is not None:
-            # Its speed is taken back by ramp_speed, which needs at most this way; see speed_to_stop.
-            rows = zip(robot.velocity, robot.acceleration, limits.acceleration, limits.jerk, strict=True)
-            speeds = [(v + a * abs(a) / (2.0 * jerk), top, jerk) for v, a, top, jerk in rows]
-            self.robot_brake = joints([0.5 * v * (abs(v) / top + 3.0 * top / jerk) for v, top, jerk in speeds])
-        self._way: SweptArm | None = None
+        self.planned, self.sent, self.robot, self.coasts_to = planned, sent, robot, coasts_to
+        self._limits = limits
 
-    @property
+    @cached_property
+    def _paths(self) -> tuple[BrakingPath, ...]:
+        """How each joint comes to rest, as the position sent."""
+        return braking_paths(self.sent, self._limits)
+
+    @cached_property
     def length(self) -> float:
         """How far all joints together get from where they are until they rest [rad]."""
         return sum(path.highest - path.lowest for path in self._paths)
 
-    def moved(self, before: ArmMotion) -> list[float]:
-        """By how much each joint's way to rest is off the one before, at most [rad], (7,).
-
-        Two ways to rest of which one begins faster, or with more acceleration, but the same in all else, differ most at
-        their ends. So the difference is that of the positions, then of the speeds, then of the accelerations.
-        """
-        now, then = self.sent, before.sent
-        halfway = before.brake
-        if now.velocity is not then.velocity:
-            halfway = joints([path.end for path in _braking_paths(now.velocity, then.acceleration, self._limits)])
-        rows = zip(now.position, then.position, self.brake, halfway, before.brake, strict=True)
-        ways = [abs(p - q) + abs(faster - last) + abs(new - faster) for p, q, new, faster, last in rows]
-        ways = [max(way, abs(p - q)) for way, p, q in zip(ways, self.planned, before.planned, strict=True)]
-        own, its = self.robot, before.robot
-        if own is not None or its is not None:
-            new, last = own.position if own else self.planned, its.position if its else before.planned
-            leads = zip(ways, new, last, self.robot_brake, before.robot_brake, strict=True)
-            ways = [max(way, abs(p - q) + abs(a - b)) for way, p, q, a, b in leads]
-        return ways
-
-    def way(self, side: Side, model: BallModel, coasts_to: Joints | None = None) -> SweptArm:
-        """Where the arm comes if it brakes now, or gets no commands any more.
-
-        Args:
-            side: which arm.
-            model: its shapes.
-            coasts_to: where the robot goes in a straight line if it is not heard any more [rad], (7,).
-        """
-        if self._way is not None:
-            return self._way
-        sent, planned, brake = np.array((self.sent.position, self.planned, self.brake))
-        end = sent + brake
-        ranges = np.array(self._paths)[:, :2].T  # a joint may turn round, and come to more than its end
-        spread, beyond = ranges[1] - ranges[0], _beyond(brake, ranges)
-        # How far along its line the arm is, the joint that goes furthest says; the others may be anywhere.
-        largest = int(spread.argmax())
-        aside = spread.copy()
-        aside[largest] = beyond[largest]
-        # A robot that follows the position sent, late, is in the triangle of the planned position, the one sent and
-        # the end. That is swept along its edges: from two of them it is no further than half of its width.
-        inside = np.zeros(7)
-        is_following = self.robot is None and self._gain > 0.0 and bool(brake[largest] != 0.0)
-        if is_following:
-            lead = planned - sent
-            across = lead - lead[largest] / brake[largest] * brake if abs(brake[largest]) > _ROUNDING else brake
-            inside = 0.5 * min(np.abs(brake), np.abs(across), key=np.sum)
-        ways: list[_Polyline]
-        if float((aside + inside).sum()) <= _STRAIGHT:
-            most_aside = aside
-            ways = [([sent, end], [aside]), ([planned, sent], [aside + inside])]
-            if is_following:
-                ways.append(([planned, end], [aside + inside]))
-        else:
-            ways = self._curved_ways(sent, planned, end, spread, is_following=is_following)
-            most_aside = np.max(ways[0][1], 0)
+    @cached_property
+    def ahead(self) -> _Piece:
+        """Where a new command may lead the arm that it did not come by earlier ones: its way to rest."""
+        starts = [(self.sent, self._paths)]
         if self.robot is not None:
-            # With speeds fed forward it brakes for itself, then comes to where the position sent has come.
-            place, stop = np.array((self.robot.position, self.robot_brake))
-            its_paths = _braking_paths(self.robot.velocity, self.robot.acceleration, self._limits)
-            most_aside = np.maximum(most_aside, _beyond(stop, np.array(its_paths)[:, :2].T))
-            ways.append(([planned, place, place + stop, end], [np.zeros(7), most_aside, most_aside]))
-        if coasts_to is not None:
-            ways.append(([planned, np.array(coasts_to)], [np.zeros(7)]))
-        # A long line in pieces, so that a ball's curve is near each piece's line.
-        postures: list[Array] = []
-        starts: list[int] = []
-        offs: list[Array] = []
-        for places, allowances in ways:
-            for (first, last), allowance in zip(pairwise(places), allowances, strict=True):
-                count = max(1, ceil(float(np.abs(last - first).sum()) / _LINE_LENGTH))
-                starts += range(len(postures), len(postures) + count)
-                postures += [first + (last - first) * (piece / count) for piece in range(count)]
-                offs += [allowance] * count
-            postures.append(places[-1])
-        begins = np.array(starts)
-        self._way = model.arms[side].sweep(np.array(postures), begins, begins + 1, np.array(offs))
-        return self._way
+            starts.append((self.robot, braking_paths(self.robot, self._limits)))
 
-    def _curved_ways(
-        self, sent: Array, planned: Array, end: Array, spread: Array, *, is_following: bool
-    ) -> list[_Polyline]:
-        """The ways of the position sent and of the robot, where the joints come to rest one after the other."""
-        positions, duration = self._braking_positions(sent)
-        step = duration / _SAMPLES
-        between = np.array(self._limits.acceleration) * step * step / 8.0
-        thirds = positions[: _QUARTER + 1], positions[_QUARTER : _HALF + 1], positions[_HALF:]
-        off = [np.minimum(_off(each) + between, spread) for each in thirds]
-        ways = [([sent, positions[_QUARTER], positions[_HALF], end], off), ([planned, sent], [np.zeros(7)])]
-        if is_following:
-            # It follows, by its time constant behind; then straight to the end.
-            kept = exp(-self._gain * step)
-            robots = kept ** _STEPS[:, None] * planned
-            late = (1.0 - kept) / (self._gain * step)  # of a position that changes evenly in a step
-            taken = (1.0 - late) * positions[1:] + (late - kept) * positions[:-1]
-            robots[1:] += np.tril(kept**_STEPS_SINCE) @ taken
-            # Its acceleration is its gain times how the lead changes.
-            between += self._gain * step / 8.0 * np.abs(np.diff(positions - robots, axis=0)).max(0)
-            off = [_off(robots[: _HALF + 1]) + between, _off(robots[_HALF:]) + between, between]
-            ways.append(([planned, robots[_HALF], robots[-1], end], off))
-        return ways
+        def curves() -> tuple[_Piece, ...]:
+            return tuple(_piece_of(braking_positions(start, self._limits, _SAMPLES)) for start, _ in starts)
 
-    def _braking_positions(self, sent: Array) -> tuple[Array, float]:
-        """Positions at equal times on the way to rest, (n, 7) [rad], and how long it takes [s].
+        return _hull([posture for start, paths in starts for posture in _extremes(start, paths)], curves)
 
-        In closed form, as :func:`~yumi.control.motion.braking_path`: the acceleration changes by the jerk to its peak,
-        stays, and goes back to zero.
+    @cached_property
+    def way(self) -> _Piece:
+        """Where it may come from now on: from where the robot plans to be to where it rests.
+
+        A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
+        way of that position is left to the margin.
         """
-        top, jerk = np.array(self._limits.acceleration), np.array(self._limits.jerk)
-        velocity, acceleration = np.array(self.sent.velocity), np.array(self.sent.acceleration)
-        sign = np.where(velocity + acceleration * np.abs(acceleration) / (2.0 * jerk) < 0.0, -1.0, 1.0)
-        velocity, acceleration = sign * velocity, sign * acceleration
-        speed = velocity + acceleration * acceleration / (2.0 * jerk)
-        peak = np.minimum(top, np.sqrt(jerk * speed))
-        first = np.maximum((acceleration + peak) / jerk, 0.0)
-        second = np.maximum((speed - peak * peak / jerk) / np.maximum(peak, 1e-12), 0.0)
-        third = peak / jerk
-        duration = float((first + second + third).max())
-        times = np.linspace(0.0, duration, _SAMPLES + 1)[:, None]
-        one = np.minimum(times, first)
-        two = np.minimum(np.maximum(times - first, 0.0), second)
-        three = np.minimum(np.maximum(times - first - second, 0.0), third)
-        after_first = velocity + acceleration * first - 0.5 * jerk * first * first
-        after_second = after_first - peak * second
-        way = one * (velocity + one * (0.5 * acceleration - one * jerk / 6.0))
-        way += two * (after_first - 0.5 * two * peak)
-        way += three * (after_second + three * (three * jerk / 6.0 - 0.5 * peak))
-        return sent + sign * way, duration
+        postures = [self.ahead.middle - self.ahead.half, self.ahead.middle + self.ahead.half, np.array(self.planned)]
+        if self.coasts_to is not None:
+            postures.append(np.array(self.coasts_to))
+
+        def parts() -> tuple[_Piece, ...]:
+            ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
+            lines = [_line(self.planned, end) for end in ends if end is not None]
+            return (*map(_piece_of, lines), *(self.ahead.parts or (self.ahead,)))
+
+        return _hull(postures, parts)
 
 
-_STANDING = (BrakingPath(0.0, 0.0, 0.0),) * JOINT_COUNT
+def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, Joints]:
+    """How far the joints get backwards and forwards while they brake [rad], (7,) each."""
+    rows = list(zip(start.position, paths, strict=True))
+    return joints([at + path.lowest for at, path in rows]), joints([at + path.highest for at, path in rows])
 
 
-def _braking_paths(velocity: Joints, acceleration: Joints, limits: JointLimits) -> tuple[BrakingPath, ...]:
-    rows = zip(velocity, acceleration, limits.acceleration, limits.jerk, strict=True)
-    return tuple(braking_path(v, a, top, jerk) for v, a, top, jerk in rows)
-
-
-def _beyond(brake: Array, ranges: Array) -> Array:
-    """By how much joints that come to rest after ``brake`` get out of the range from 0 to there, (7,) [rad].
-
-    Args:
-        brake: (7,) [rad].
-        ranges: how far each joint gets backwards and forwards, (2, 7) [rad].
-    """
-    past, behind = ranges[1] - np.maximum(brake, 0.0), np.minimum(brake, 0.0) - ranges[0]
-    return np.asarray(np.maximum(np.maximum(past, behind), 0.0))
-
-
-def _off(positions: Array) -> Array:
-    """By how much positions are off the straight line from the first to the last one, at most, (7,) [rad]."""
-    along = positions[-1] - positions[0]
-    apart = positions - positions[0]
-    # A joint that turns round gets beyond an end of the line.
-    shares = np.clip(apart @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
-    return np.asarray(np.abs(apart - shares[:, None] * along).max(0))
+def _line(begin: Joints, end: Joints) -> Array:
+    first, last = np.array(begin), np.array(end)
+    return np.asarray(first + np.linspace(0.0, 1.0, _SAMPLES + 1)[:, None] * (last - first))
 
 
 class Boundary:
@@ -295,37 +222,6 @@ class Boundary:
         return [value + n * change / self._square for n, value in zip(self.normal, values, strict=True)]
 
 
-class _Left:
-    """What is left beyond the margin between the arms, or between an arm and what stands still.
-
-    Attributes:
-        margins: of each two parts, (parts, parts or boxes) [m]; infinitely below zero where they may touch.
-        left: of each two parts, at least [m].
-        groups: of capsules of one name, which are one part, the same number, (parts, parts or boxes).
-        floors: of each group within its margin, how near it may be [m].
-    """
-
-    def __init__(self, margins: Array, groups: Indices) -> None:
-        self.margins = margins
-        self.groups = groups
-        self.floors = np.empty(int(groups.max()) + 1)
-        self.left = np.empty_like(margins)
-        self.forget()
-
-    def forget(self) -> None:
-        """Calculate all distances anew."""
-        self.left[:] = np.where(np.isneginf(self.margins), inf, -inf)
-        self.floors[:] = -inf
-
-    @property
-    def turned(self) -> _Left:
-        """The same, as the other arm has it."""
-        turned = _Left.__new__(_Left)
-        turned.margins, turned.left = self.margins.T, self.left.T
-        turned.groups, turned.floors = self.groups.T, self.floors
-        return turned
-
-
 @dataclass(slots=True)
 class _Arm:
     """What is known of one arm.
@@ -333,14 +229,14 @@ class _Arm:
     Attributes:
         motion: of the command sent last; None before the first.
         is_heard: whether its robot's datagrams arrive.
-        coasts_to: where it goes where they do not [rad], (7,); None while they do.
+        is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
         boundaries: near it.
     """
 
     motion: ArmMotion | None = None
     is_heard: bool = False
-    coasts_to: Joints | None = None
+    is_read: bool = False
     limited: Limited | None = None
     boundaries: list[Boundary] = field(default_factory=list)
 
@@ -355,32 +251,22 @@ class CollisionLimiter:
         margin: the distance kept [m].
     """
 
-    def __init__(self, model: BallModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
+    def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
         self.model = model
         self.margin = margin
         self._limits = limits
         self._gain = gain
         self._arms = {side: _Arm() for side in Side}
-        near = min(margin, BODY_MARGIN)
+        self._is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
+        for side, parts in model.arms.items():
+            self._is_of[side][parts] = True
+        is_shoulder = model.frames == 0
         # The shoulders are as near to the other arm as to the body, and bolted to it.
-        right, left = (arm.part_frames == 0 for arm in model.arms.values())
-        margins = np.where(right[:, None] | left, near, margin)
-        margins[right[:, None] & left] = -inf
-        (rows, columns), boxes = (
-            (np.unique(arm.names, return_inverse=True)[1] for arm in model.arms.values()),
-            model.boxes,
-        )
-        both = _Left(margins, rows[:, None] * (int(columns.max()) + 1) + columns)
-        self._both = {Side.RIGHT: both, Side.LEFT: both.turned}
-        is_body = np.array([name == "body" for name in model.boxes])
-        self._alone = {
-            side: _Left(
-                np.where((arm.part_frames == 0)[:, None] & is_body, -inf, np.where(is_body, near, margin)),
-                names[:, None] * len(boxes) + np.arange(len(boxes)),
-            )
-            for (side, arm), names in zip(model.arms.items(), (rows, columns), strict=True)
-        }
-        self._permitted: tuple[tuple[_Left, int, int, float], ...] = ()
+        is_near = is_shoulder | (np.array(model.names) == "body")
+        self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
+        # Of parts within their margins, how near they may be [m].
+        self._floors: dict[Side, dict[tuple[int, int], float]] = {side: {} for side in Side}
+        self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
         """The part of it that one arm's limiter asks."""
@@ -388,20 +274,36 @@ class CollisionLimiter:
 
     def pairs_of(self, name: str, other: str) -> int:
         """How many pairs of parts have these names, in either order; see :meth:`permit`."""
-        return len(self._found(name, other))
+        return int(np.triu(self._found(name, other)).sum())
 
     def permit(self, *pairs: tuple[str, str]) -> None:
         """Let the parts of these names touch, and no others.
 
         A name is that of a part (``right gripper``), of an arm (``right arm``) or of what stands still (``table``).
         """
-        for left, row, column, margin in self._permitted:
-            left.margins[row, column] = margin
-        found = {(id(each[0]), *each[1:]): each for pair in pairs for each in self._found(*pair)}.values()
-        self._permitted = tuple((left, row, column, float(left.margins[row, column])) for left, row, column in found)
-        for left, row, column, _ in self._permitted:
-            left.margins[row, column] = -inf
-        self._forget()
+        margins = self._declared.copy()
+        for pair in pairs:
+            margins[self._found(*pair)] = -inf
+        still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
+        # Of each arm, whether it is known where the other one is; what does not concern it is infinitely below zero.
+        self._margins = {}
+        for side, parts in self._is_of.items():
+            for is_known in (False, True):
+                counts = still | self._is_of[side.other] if is_known else still
+                concerned = np.outer(parts, counts) | np.outer(counts, parts)
+                self._margins[side, is_known] = np.where(concerned, margins, -inf)
+        for arm in self._arms.values():
+            arm.boundaries = []
+
+    def _found(self, name: str, other: str) -> NDArray[np.bool_]:
+        """Which pairs of parts of an arm, and of the other one or what stands still, have these names."""
+        first, second = (
+            np.array([wanted in {part, f"{part.partition(' ')[0]} arm"} for part in self.model.names])
+            for wanted in (name, other)
+        )
+        one_arm = sum(np.outer(its, its) for its in self._is_of.values()) > 0
+        still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
+        return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
 
     def limited(self, side: Side) -> Limited | None:
         """What limits an arm in this cycle."""
@@ -410,33 +312,38 @@ class CollisionLimiter:
     def connection_lost(self, side: Side) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
-        The other arm keeps clear of that until they arrive again: where RAPID, or a hand, moves the arm is not known.
+        The other arm keeps clear of that until they arrive again, or the arm's joints are read; see :meth:`stands`.
         """
         arm = self._arms[side]
         if not arm.is_heard or arm.motion is None:
             return
-        arm.is_heard, motion = False, arm.motion
-        arm.coasts_to = motion.sent.position
+        arm.is_heard, arm.is_read, motion = False, False, arm.motion
+        coasts_to = motion.sent.position
         if motion.robot is not None and self._gain > 0.0:
             rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
-            arm.coasts_to = joints([p + v / self._gain for p, v in rows])
-        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, self._gain)
-        self._forget()
+            coasts_to = joints([p + v / self._gain for p, v in rows])
+        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, coasts_to)
+
+    def stands(self, side: Side, position: Joints) -> None:
+        """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
+
+        The other arm keeps clear of what lies between there and where it was read before.
+        """
+        arm = self._arms[side]
+        if arm.is_heard:
+            return
+        last, arm.is_read = arm.motion, True
+        before = last.sent.position if last is not None else position
+        # It may not have come yet to where its last command leads it.
+        coasts_to = last.coasts_to if last is not None and dist(before, position) > _NOISE else None
+        arm.motion = ArmMotion(before, Setpoint(position), None, self._limits, coasts_to)
 
     def sent(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
         arm = self._arms[side]
-        if not arm.is_heard:
-            arm.is_heard, arm.coasts_to = True, None
-            self._forget()
-        if _stays(arm.motion, planned, sent, robot):
-            return
-        motion = ArmMotion(planned, sent, robot, self._limits, self._gain)
-        if arm.motion is not None:
-            ways = self._ways(side, motion, arm.motion)
-            for known in (self._alone[side], self._both[side]):
-                known.left -= ways
-        arm.motion = motion
+        if not arm.is_heard or not _stays(arm.motion, planned, sent, robot):
+            arm.motion = ArmMotion(planned, sent, robot, self._limits)
+        arm.is_heard = True
 
     def accepts(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
@@ -447,39 +354,153 @@ class CollisionLimiter:
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
         """
-        arm, other = self._arms[side], self._arms[side.other]
-        if not arm.is_heard:
-            arm.is_heard, arm.coasts_to = True, None
-            self._forget()
+        arm = self._arms[side]
+        is_back, arm.is_heard = not arm.is_heard, True
         # What it stands at may have left it, or have come nearer.
-        known = self._alone[side].left, self._both[side].left
-        is_stale = bool(arm.boundaries) and any(bool((left < 0.0).any()) for left in known)
-        if _stays(arm.motion, planned, sent, robot) and not is_stale:
+        if not is_back and not arm.boundaries and _stays(arm.motion, planned, sent, robot):
             return True
-        motion, last = ArmMotion(planned, sent, robot, self._limits, self._gain), arm.motion
-        if last is None:  # its first command is where it stands
+        motion, last = ArmMotion(planned, sent, robot, self._limits), arm.motion
+        # Its first command is where it stands.
+        if last is None or self._is_clear(side, motion, last):
             arm.motion = motion
             return True
-        ways = self._ways(side, motion, last)
-        alone = self._alone[side].left - ways
-        lacking = alone < 0.0
-        is_free = True
-        boundaries: list[Boundary] = []
-        if lacking.any():
-            is_free = self._measure(side, motion, last, None, alone, lacking, boundaries)
-        both = self._both[side].left
-        if other.motion is not None:  # else it is not known where it is
-            both = both - ways
-            lacking = both < 0.0
-            if lacking.any():
-                is_free = self._measure(side, motion, last, other, both, lacking, boundaries) and is_free
-        arm.boundaries = sorted(boundaries, key=lambda each: each.beyond)[:_CORNERS]
-        if is_free:
-            arm.motion = motion
-            self._alone[side].left[:] = alone
-            if other.motion is not None:
-                self._both[side].left[:] = both
-        return is_free
+        return False
+
+    def _is_clear(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
+        """Whether an arm keeps apart from everything on all of its way to rest, whichever arm is quicker.
+
+        Args:
+            side: which arm.
+            motion: its motion, should the command be sent.
+            last: that of the command before.
+        """
+        arm, its = self._arms[side], self._arms[side.other].motion
+        floors: dict[tuple[int, int], float] = {}
+        is_first, limited, arm.boundaries = True, None, []
+        pieces = [(motion.ahead, motion.ahead if its is None else its.way)]
+        for _ in range(_POSTURES):
+            mine, theirs = pieces.pop()
+            lack = self._lack(side, mine, theirs, floors, steers=motion.length < _SLOW)
+            if lack is not None and is_first:
+                floors, is_first = self._floors_of(side, last), False
+                if floors:
+                    lack = self._lack(side, mine, theirs, floors, steers=motion.length < _SLOW)
+            if lack is None:
+                if not pieces:
+                    return True
+                continue
+            limited = lack.limited
+            larger, smaller = (mine, theirs) if lack.is_mine_longer else (theirs, mine)
+            cut = larger if larger.parts else smaller
+            if lack.is_certain or not cut.parts:
+                break
+            pieces += [(part, theirs) if cut is mine else (mine, part) for part in cut.parts]
+        arm.limited = limited
+        return False
+
+    def _lack(
+        self, side: Side, mine: _Piece, theirs: _Piece, floors: Mapping[tuple[int, int], float], *, steers: bool
+    ) -> _Lack | None:
+        """Which parts may be too near on these pieces of both arms' ways; None where none are.
+
+        Args:
+            side: which arm.
+            mine: of its way.
+            theirs: of the other arm's.
+            floors: of parts within their margins.
+            steers: whether the boundaries near the arm are noted.
+        """
+        model, other = self.model, self._arms[side.other]
+        margins = self._margins[side, other.motion is not None]
+        right, left = (mine, theirs) if side is Side.RIGHT else (theirs, mine)
+        halves = np.concatenate((right.half, left.half))
+        moved = model.reach @ halves
+        furthest = float(moved[model.arms[side]].max() + moved[model.arms[side.other]].max())
+        seen = max(furthest - _TOLERANCE, _BOUNDARY_WITHIN if steers else 0.0)
+        near = model.contacts(np.concatenate((right.middle, left.middle)), max(self.margin, 0.0) + seen)
+        beyond = near.distances - margins[near.firsts, near.seconds]
+        off = moved[near.firsts] + moved[near.seconds]
+        if steers:
+            self._add_boundaries(side, mine, near, np.where(off < _SHORT, beyond, inf))
+        lacking = np.flatnonzero(beyond < np.maximum(off - _TOLERANCE, 0.0))
+        if not len(lacking):
+            return None
+        # Not all that moves comes nearer: how far along the line of nearest distance.
+        bends = model.reach @ np.concatenate(
+            [piece.half * (np.cumsum(piece.half) - 0.5 * piece.half) for piece in (right, left)]
+        )
+        nearer = bends[near.firsts[lacking]] + bends[near.seconds[lacking]]
+        for which, piece in ((Side.RIGHT, right), (Side.LEFT, left)):
+            its = self._is_of[which]
+            concerned = np.flatnonzero(its[near.firsts[lacking]] | its[near.seconds[lacking]])
+            if len(concerned) and piece.half.any():
+                behind, slopes = model.slopes(lacking[concerned], which)
+                forward = np.abs(slopes @ piece.along) + np.abs(slopes) @ piece.off - behind
+                nearer[concerned] += np.maximum(forward.max(1), 0.0)
+        nearer = np.minimum(nearer, off[lacking])
+        beyond, off = beyond[lacking], off[lacking]
+        free = beyond - np.maximum(nearer - _TOLERANCE, 0.0)
+        for index, at in enumerate(lacking.tolist()) if floors else ():
+            # A part within its margin already comes no nearer, and may leave it.
+            floor = floors.get(self._pair(side, near, at))
+            if floor is not None:
+                beyond[index] = float(near.distances[at]) - floor + _ALLOWED_APPROACH
+                free[index] = beyond[index] - nearer[index]
+        worst = int(free.argmin())
+        if free[worst] >= 0.0:
+            return None
+        at = int(lacking[worst])
+        part, its_part = self._pair(side, near, at)
+        return _Lack(
+            self._limited_by(side, part, its_part, float(near.distances[at])),
+            is_certain=bool(beyond[worst] + off[worst] < 0.0),
+            is_mine_longer=bool(moved[part] >= moved[its_part]),
+        )
+
+    def _limited_by(self, side: Side, part: int, other: int, distance: float) -> Limited:
+        names, its = self.model.names, self._arms[side.other]
+        is_old = self._is_of[side.other][other] and not its.is_heard and not its.is_read
+        return Limited(names[part], names[other] + (_LAST_HEARD if is_old else ""), distance)
+
+    def _floors_of(self, side: Side, last: ArmMotion) -> dict[tuple[int, int], float]:
+        """Of parts that are within their margins now, how near they may be to each other [m]."""
+        its = self._arms[side.other].motion or last
+        postures = (last, its) if side is Side.RIGHT else (its, last)
+        near = self.model.contacts(np.concatenate([each.sent.position for each in postures]), max(self.margin, 0.0))
+        margins = self._margins[side, self._arms[side.other].motion is not None]
+        within: dict[tuple[int, int], float] = {}
+        for index in np.flatnonzero(near.distances < margins[near.firsts, near.seconds]).tolist():
+            pair = self._pair(side, near, index)
+            within[pair] = min(float(near.distances[index]), within.get(pair, inf))
+        # What was once left does not come back; an arm that came nearer all the same may go on from there.
+        known = self._floors[side]
+        floors = {
+            pair: now if now < known.get(pair, now) - _MOVED else max(known.get(pair, now), now)
+            for pair, now in within.items()
+        }
+        self._floors[side] = floors
+        return floors
+
+    def _pair(self, side: Side, near: Contacts, index: int) -> tuple[int, int]:
+        """The parts of a contact, that of the arm first."""
+        first, second = int(near.firsts[index]), int(near.seconds[index])
+        return (first, second) if self._is_of[side][first] else (second, first)
+
+    def _add_boundaries(self, side: Side, mine: _Piece, near: Contacts, beyond: Array) -> None:
+        """Note what the arm must not cross; of two parts where they are nearest."""
+        arm = self._arms[side]
+        found = {each.limited[:2]: each for each in arm.boundaries}
+        nearest = np.flatnonzero(beyond < _BOUNDARY_WITHIN)
+        nearest = nearest[np.argsort(beyond[nearest])[:_CORNERS]]
+        for index in nearest.tolist():
+            part, other = self._pair(side, near, index)
+            limited, lacks = self._limited_by(side, part, other, float(near.distances[index])), float(beyond[index])
+            if limited[:2] in found and found[limited[:2]].beyond <= lacks:
+                continue
+            behind, slopes = self.model.slopes(np.array([index]), side)
+            normal = -slopes[0, int(behind[0].argmin())]
+            found[limited[:2]] = Boundary(normal, float(normal @ mine.middle) - lacks, limited, lacks)
+        arm.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
 
     def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
@@ -506,155 +527,23 @@ class CollisionLimiter:
             return desired
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
-    def _ways(self, side: Side, motion: ArmMotion, last: ArmMotion) -> Array:
-        """How far each part is, on its way to rest, from where it was on the way before, at most, (parts, 1) [m]."""
-        return np.asarray(self.model.arms[side].reach @ np.array(motion.moved(last)))[:, None]
-
-    def _forget(self) -> None:
-        for each in (self._both[Side.RIGHT], *self._alone.values()):
-            each.forget()
-        for arm in self._arms.values():
-            arm.boundaries = []
-
-    def _found(self, name: str, other: str) -> list[tuple[_Left, int, int]]:
-        def fits(part: str, wanted: str) -> bool:
-            return wanted in {part, f"{part.partition(' ')[0]} arm"}
-
-        found = []
-        for side in Side:
-            its = self.model.arms[side.other].names
-            for left, columns in ((self._both[side], its), (self._alone[side], self.model.boxes)):
-                found += [
-                    (left, row, column)
-                    for row, a in enumerate(self.model.arms[side].names)
-                    for column, b in enumerate(columns)
-                    if (fits(a, name) and fits(b, other)) or (fits(a, other) and fits(b, name))
-                ]
-        return found
-
-    def _measure(
-        self,
-        side: Side,
-        motion: ArmMotion,
-        last: ArmMotion,
-        other: _Arm | None,
-        left: Array,
-        lacking: NDArray[np.bool_],
-        boundaries: list[Boundary],
-    ) -> bool:
-        """Calculate distances on all of the arm's way to rest, whichever arm is quicker.
-
-        Args:
-            side: which arm.
-            motion: its motion, should the command be sent.
-            last: that of the command before.
-            other: the other arm; None for what stands still.
-            left: of each two parts, to be updated [m].
-            lacking: which of them are compared.
-            boundaries: near the arm, to be added to.
-
-        Returns:
-            Whether the arm may move like this.
-        """
-        model, arm = self.model, self._arms[side]
-        rows, columns = np.nonzero(lacking)
-        known = (self._alone if other is None else self._both)[side]
-        its: SweptArm | None = None
-        if other is not None and other.motion is not None:
-            its = other.motion.way(side.other, model, other.coasts_to)
-        way, margins = motion.way(side, model), known.margins[rows, columns]
-        near = self._compare(side, way, its, (rows, columns), margins)
-        beyond = near.distances - margins
-        broken = np.flatnonzero(beyond < -_ROUNDING)
-        if len(broken):
-            inside = self._inside(side, known, (rows[broken], columns[broken]), motion, last, other, its)
-            beyond[broken] = np.maximum(beyond[broken], inside)
-        left[rows, columns] = beyond
-        seen = _BOUNDARY_WITHIN if motion.length < _SLOW else -_ROUNDING
-        names = model.boxes if its is None else model.arms[side.other].names
-        for pair in np.argsort(beyond)[:_CORNERS].tolist():
-            lacks, at = float(beyond[pair]), near.least(pair)
-            if lacks >= seen:
-                break
-            part, its_part = model.arms[side].names[int(rows[pair])], names[int(columns[pair])]
-            if other is not None and not other.is_heard:
-                its_part += _LAST_HEARD
-            limited = Limited(part, its_part, float(near.distances[pair]))
-            if lacks < -_ROUNDING:
-                arm.limited = arm.limited or limited
-            if at is None:  # known by what is round the parts only
-                continue
-            # Where the balls of two parts are nearest to each other.
-            line, its_line = (int(each[at]) for each in near.lines)
-            ball, its_ball = (int(each[at]) for each in near.balls)
-            posture = int(way.starts[line] if near.shares[0][at] < 0.5 else way.ends[line])
-            middle: Array | int = its_ball
-            if its is not None:
-                (middles,), (halves,) = model.arms[side.other].lines(its, *np.array([[its_ball], [its_line]]))
-                middle = middles + (2.0 * near.shares[1][at] - 1.0) * halves
-            normal = model.gradient(side, way, posture, ball, middle)
-            least = float(normal @ way.postures[posture]) - lacks
-            boundaries.append(Boundary(normal, least, limited, lacks))
-        return bool(beyond.min() >= -_ROUNDING)
-
-    def _compare(
-        self, side: Side, way: SweptArm, its: SweptArm | None, pairs: tuple[Indices, Indices], margins: Array
-    ) -> Nearest:
-        """How near parts of an arm come to those of the other one, or to what stands still."""
-        within = margins + _EXACT_WITHIN
-        if its is None:
-            return self.model.from_fixed(side, way, pairs, within)
-        return self.model.between(side, way, its, pairs, within)
-
-    def _inside(
-        self,
-        side: Side,
-        known: _Left,
-        pairs: tuple[Indices, Indices],
-        motion: ArmMotion,
-        last: ArmMotion,
-        other: _Arm | None,
-        its: SweptArm | None,
-    ) -> Array:
-        """Of pairs that are nearer than their margin already how much further than that they stay on their way [m].
-
-        They may not come nearer still. On a way that leads out of the margin no room is kept for how much the way may
-        bend, and a little is lost to begin with. Below zero for pairs that are not within their margin.
-        """
-        model, groups = self.model, known.groups[pairs]
-        first, second = np.nonzero(np.isin(known.groups, groups))
-        margins = known.margins[first, second]
-
-        def least(way: SweptArm, its: SweptArm | None) -> Array:
-            """Of all capsules of the same parts the least distance."""
-            nearest = np.full(len(known.floors), inf)
-            distances = self._compare(side, way, its, (first, second), margins).distances
-            np.minimum.at(nearest, known.groups[first, second], distances)
-            return nearest[groups]
-
-        arm, way, theirs = model.arms[side], motion.way(side, model), its
-        if other is not None and other.motion is not None and other.is_heard:  # else it may be anywhere on its way
-            postures = np.array((other.motion.sent.position, other.motion.planned))
-            theirs = model.arms[side.other].sweep(postures, *_STILL)
-        now = least(arm.sweep(np.array((last.sent.position, motion.planned)), *_STILL), theirs)
-        end = np.array(motion.sent.position) + motion.brake
-        at_end = least(arm.sweep(np.array((end, end)), *_STILL), theirs)
-        # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        floors = known.floors[groups]
-        floors = np.where(now < floors - _TOLERANCE, now, np.maximum(floors, now))
-        known.floors[groups] = floors
-        lines = way._replace(excess=np.zeros_like(way.excess))
-        its_lines = its and its._replace(excess=np.zeros_like(its.excess))
-        found = self._compare(side, lines, its_lines, pairs, known.margins[pairs]).distances
-        allowed = np.where(at_end >= floors, np.minimum(now, floors) - _ALLOWED_APPROACH, floors)
-        return np.where(floors < known.margins[pairs], found - allowed, -inf)
-
 
 _LAST_HEARD = " where EGM reported it last"
 """Added to the name of a part of an arm whose datagrams do not arrive."""
 
-_STILL = np.array((0, 1)), np.array((0, 1)), np.zeros((2, 7))
-"""An arm that stands in one of two postures; see :meth:`~yumi.robot.collision.ArmBalls.sweep`."""
+
+class _Lack(NamedTuple):
+    """Two parts that may come too near.
+
+    Attributes:
+        limited: which.
+        is_certain: whether smaller pieces would say the same.
+        is_mine_longer: whether the arm itself moves further on its piece than the other one.
+    """
+
+    limited: Limited
+    is_certain: bool
+    is_mine_longer: bool
 
 
 class ArmCollisionLimiter(NamedTuple):
@@ -669,6 +558,9 @@ class ArmCollisionLimiter(NamedTuple):
 
     def connection_lost(self) -> None:
         self.both.connection_lost(self.side)
+
+    def stands(self, position: Joints) -> None:
+        self.both.stands(self.side, position)
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         return self.both.accepts(self.side, planned, sent, robot)

@@ -491,6 +491,11 @@ class Limiter:
         if self._collisions is not None:
             self._collisions.connection_lost()
 
+    def note_position(self, position: Joints) -> None:
+        """The arm, whose datagrams do not arrive, was read from the controller to be at ``position`` [rad], (7,)."""
+        if self._collisions is not None:
+            self._collisions.stands(position)
+
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""
         limits = slower(self._limits, scale)

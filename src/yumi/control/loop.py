@@ -193,6 +193,11 @@ class ArmLoop:
             self._limiter.note_silence()
             self.publish(now)
 
+    def note_position(self, position: Joints) -> None:
+        """Take where the arm was read to be [rad], (7,), while the robot does not stream."""
+        if self._last is None:
+            self._limiter.note_position(position)
+
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
         for name, report in self.manager.take_reports():
@@ -386,6 +391,10 @@ class Commands:
                 raise CommandRefused(f"The {side.word} arm has not reported a position yet: start EGM first.")
             positions[side] = position
         return positions
+
+    def note_position(self, side: Side, position: Joints) -> None:
+        """Take where an arm without EGM is [rad], (7,), so that the other one keeps clear of it."""
+        self._arms[side].note_position(position)
 
     def check_commands(self, *commands: ControllerCommand) -> None:
         """Whether the controllers would take their commands now; nothing is changed."""

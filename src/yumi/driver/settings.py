@@ -25,7 +25,7 @@ from yumi.driver.recovery import RecoverySettings
 from yumi.driver.state_machine import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import CommandRefused, SettingsError
-from yumi.robot.collision import TOOL_FRAME, BallModel, CollisionModel, Obstacle, Part
+from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector
 from yumi.robot.kinematics import quaternion_from_euler_zyx
@@ -188,7 +188,7 @@ class CollisionSettings:
         left_tools: the same of the left arm.
     """
 
-    enabled: bool = False  # experimental: see docs/explanation/collisions.md
+    enabled: bool = True
     margin: float = bounded(MARGIN, 0.0, 0.2, "m")
     boxes: Mapping[str, BoxSettings] = field(default_factory=dict)
     right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
@@ -198,10 +198,7 @@ class CollisionSettings:
     def remarks(self) -> tuple[str, ...]:
         """What a person is to know of it at every start."""
         if self.enabled:
-            return (
-                "collision.enabled is true, which is experimental: an arm without EGM is taken to be where it was "
-                "reported last, also after RAPID or a hand has moved it.",
-            )
+            return ()
         return (
             "collision.enabled is false: nothing keeps the arms apart from each other, the body and declared boxes.",
         )
@@ -222,9 +219,9 @@ class CollisionSettings:
             for name, it in self.boxes.items()
         )
 
-    def model(self, grippers: Mapping[Side, GripperModules]) -> BallModel:
+    def model(self, grippers: Mapping[Side, GripperModules]) -> CollisionModel:
         """The shapes of a robot with these grippers."""
-        return BallModel(CollisionModel(grippers, tools=self.tools(), obstacles=self.obstacles()))
+        return CollisionModel(grippers, tools=self.tools(), obstacles=self.obstacles())
 
 
 def _vector(values: tuple[float, ...]) -> Vector:

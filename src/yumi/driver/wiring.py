@@ -365,6 +365,7 @@ def make_parts(
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
+    manager.monitor.reads_joints = settings.collision.enabled
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())

@@ -30,6 +30,7 @@ from yumi.driver.endpoint import (
     failure_of,
 )
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.robot.collision import Distance
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
 from yumi.robot.kinematics import compose, inverse
@@ -37,7 +38,7 @@ from yumi.virtual.process import inject_fault
 from yumi.web.link import DriverLink
 from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JogJoints, JogTool, PlanMotion
 from yumi.web.planning import PlanningProcess
-from yumi.web.shapes import Distances, NearestPair
+from yumi.web.shapes import Distances
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan
@@ -76,7 +77,7 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     time: float
     state: msgspec.Raw
     events: tuple[EventReport, ...]
-    nearest: NearestPair | None
+    nearest: Distance | None
 
 
 class _Position(msgspec.Struct, frozen=True):

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
-
-import numpy as np
 
 from yumi.driver.endpoint import Surroundings
-from yumi.robot.collision import TOOL_FRAME, BallModel, CollisionModel, Obstacle, Part
+from yumi.robot.collision import TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Side, Vector
-from yumi.robot.kinematics import matrix
+from yumi.robot.joints import Joints, Side
 
 WITHIN = 0.05
 """Parts further from each other than this are not shown [m]."""
@@ -32,24 +28,6 @@ def shapes_of(
     return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
 
 
-class NearestPair(NamedTuple):
-    """The two parts that are nearest to each other.
-
-    Attributes:
-        part: of an arm, as ``right gripper``.
-        other: of the other arm, ``body``, or a box by its name.
-        distance: between them [m]; below zero where their shapes overlap.
-        start: where ``part`` is nearest, in the body's frame [m].
-        end: where ``other`` is.
-    """
-
-    part: str
-    other: str
-    distance: float
-    start: Vector
-    end: Vector
-
-
 class Distances:
     """Finds the two parts that are nearest to each other: each two parts of different arms, and each part and box.
 
@@ -62,53 +40,7 @@ class Distances:
     def __init__(self, surroundings: Surroundings) -> None:
         grippers, tools, obstacles = shapes_of(surroundings)
         self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
-        self._balls = BallModel(self._model)
 
-    def nearest(self, positions: Mapping[Side, Joints]) -> NearestPair | None:
+    def nearest(self, positions: Mapping[Side, Joints]) -> Distance | None:
         """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`."""
-        balls, found = self._balls, []
-        still = {
-            side: arm.sweep(np.array([positions[side]]), np.array([0]), np.array([0]), np.zeros((1, 7)))
-            for side, arm in balls.arms.items()
-        }
-        for side, other in ((Side.RIGHT, Side.LEFT), (Side.RIGHT, None), (Side.LEFT, None)):
-            arm = balls.arms[side]
-            if other is None:
-                columns = np.array([index for index, name in enumerate(balls.boxes) if name != "body"], dtype=np.intp)
-            else:
-                columns = np.arange(len(balls.arms[other].names))
-            rows, columns = (each.ravel() for each in np.meshgrid(np.arange(len(arm.names)), columns, indexing="ij"))
-            if other is not None:  # the shoulders are bolted to one body, next to each other
-                moves = (arm.part_frames[rows] > 0) | (balls.arms[other].part_frames[columns] > 0)
-                rows, columns = rows[moves], columns[moves]
-            if not len(rows):
-                continue
-            within = np.full(len(rows), WITHIN)
-            if other is None:
-                near = balls.from_fixed(side, still[side], (rows, columns), within)
-            else:
-                near = balls.between(side, still[side], still[other], (rows, columns), within)
-            pair = int(np.argmin(near.distances))
-            distance, at = float(near.distances[pair]), near.least(pair)
-            if distance >= WITHIN or at is None:
-                continue
-            ball, its_ball = (int(each[at]) for each in near.balls)
-            middle = arm.middle(still[side], 0, ball)
-            if other is None:
-                box = self._model.fixed[its_ball]
-                turn, centre, half = (
-                    matrix(box.centre.orientation),
-                    np.array(box.centre.position),
-                    np.array(box.size) / 2,
-                )
-                name, reached = box.name, centre + turn @ np.clip(turn.T @ (middle - centre), -half, half)
-            else:
-                its = balls.arms[other]
-                name, reached = its.names[its.part_of[its_ball]], its.middle(still[other], 0, its_ball)
-                way = middle - reached
-                reached = reached + its.radii[its_ball] * way / max(float(np.linalg.norm(way)), 1e-9)
-            way = reached - middle
-            start = middle + arm.radii[ball] * way / max(float(np.linalg.norm(way)), 1e-9)
-            start_point, end_point = ((float(x), float(y), float(z)) for x, y, z in (start, reached))
-            found.append(NearestPair(arm.names[arm.part_of[ball]], name, distance, start_point, end_point))
-        return min(found, key=lambda pair: pair.distance, default=None)
+        return next(iter(self._model.nearest(positions, within=WITHIN, ignore="body")), None)

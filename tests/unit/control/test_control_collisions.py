@@ -7,14 +7,14 @@ from math import radians
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, standing, to
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter
+from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Piece
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, Setpoint, stop
-from yumi.robot.collision import PADDING, Array, BallModel, CollisionModel, Distance, Obstacle, SweptArm
+from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
 from yumi.robot.kinematics import tool0_to_body
@@ -43,11 +43,10 @@ def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
 
 def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
     """The smallest distance, but of the shoulders, which are as near to the other arm as to the body [m]."""
-    right, left = (standing(arms.model, side, positions[side]) for side in Side)
-    moving = [np.flatnonzero(arm.part_frames > 0) for arm in arms.model.arms.values()]
-    pairs = [index.ravel() for index in np.meshgrid(*moving, indexing="ij")]
-    within = np.full(len(pairs[0]), 0.1)
-    return float(arms.model.between(Side.RIGHT, right, left, (pairs[0], pairs[1]), within).distances.min())
+    near = arms.shapes.nearest(positions, 1000)
+    return min(
+        each.distance for each in near if each.other.startswith("left") and "shoulder" not in each.part + each.other
+    )
 
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
@@ -122,16 +121,58 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
         lowest = min(lowest, between_arms(arms, now))
         names |= {limited.other for limited in [arms.both.limited(Side.RIGHT)] if limited}
     assert lowest >= MARGIN - ROUNDING
-    # Nothing tells the limiter where RAPID or a hand has moved it since: the log says what it is based on.
+    # Nobody has read yet where RAPID or a hand has moved it since: the log says what it is based on.
     assert names
     assert all(name.startswith("left ") and name.endswith(" where EGM reported it last") for name in names)
 
 
-def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -> None:
-    both = CollisionLimiter(BallModel(CollisionModel(SERVO_GRIPPERS)), YUMI_LIMITS, EGM_GAIN)
-    # Both forearms towards each other: 1 mm is left, then 4 mm would be missing.
-    before, stands, goal = (turned(Side.RIGHT, radians(angle)) for angle in (34.0, 34.5, 36.1))
+def test_arm_that_was_read_from_the_controller_is_where_it_was_read() -> None:
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+    before, stands, goal, left = at_boundary(both.model)
+    both.sent(Side.RIGHT, before, Setpoint(before), None)
+    # The left arm has sent nothing yet, so nothing is known of it; then it is read.
+    assert both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
+    both.sent(Side.RIGHT, before, Setpoint(before), None)
+    both.stands(Side.LEFT, left)
+    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    limited = both.limited(Side.RIGHT)
+    assert limited is not None
+    assert not limited.other.endswith("last")
+    # RAPID takes it away: what lies between two readings is kept clear of, then it has left.
+    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    assert both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+
+
+def test_arm_whose_datagrams_arrive_is_not_where_it_was_read() -> None:
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+    before, _, goal, left = at_boundary(both.model)
+    for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
+        both.sent(side, position, Setpoint(position), None)
+    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+
+
+def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
+    """Of the right arm turned towards the left one: 4 mm left, 1 mm left, 4 mm missing; and the left one."""
     left = turned(Side.LEFT, radians(-80.0))
+
+    def with_left(beyond: float) -> Joints:
+        low, high = radians(20.0), radians(60.0)
+        for _ in range(40):
+            angle = 0.5 * (low + high)
+            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 100)
+            distance = min(each.distance for each in near if each.other.startswith("left"))
+            low, high = (angle, high) if distance > MARGIN + beyond else (low, angle)
+        return turned(Side.RIGHT, low)
+
+    return with_left(0.004), with_left(0.001), with_left(-0.004), left
+
+
+def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -> None:
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+    before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
         both.sent(side, position, Setpoint(position), None)
     assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
@@ -145,9 +186,8 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
 
 
 def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> None:
-    both = CollisionLimiter(BallModel(CollisionModel(SERVO_GRIPPERS)), YUMI_LIMITS, EGM_GAIN)
-    before, stands, goal = (turned(Side.RIGHT, radians(angle)) for angle in (34.0, 34.5, 36.1))
-    left = turned(Side.LEFT, radians(-80.0))
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+    before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
         both.sent(side, position, Setpoint(position), None)
     assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
@@ -155,50 +195,44 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> N
     assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
 
 
-def out_of(model: BallModel, way: SweptArm, postures: Array) -> float:
-    """By how much a ball is out of where the arm may come, in one of these postures (n, 7) [rad], at most [m]."""
-    arm, at = model.arms[Side.RIGHT], np.arange(len(postures))
-    still = arm.sweep(postures, at, at, np.zeros_like(postures))
-    balls, lines = (index.ravel() for index in np.indices((len(arm.radii), len(way.starts))))
-    middles, halves = arm.lines(way, balls, lines)
-    excess = way.excess[arm.part_of[balls], lines]
-    worst = -np.inf
-    for posture in at:
-        places, _ = arm.lines(still, balls, np.full(len(balls), posture))
-        apart = places - middles
-        shares = np.einsum("nx,nx->n", apart, halves) / np.maximum(np.einsum("nx,nx->n", halves, halves), 1e-18)
-        apart -= np.clip(shares, -1.0, 1.0)[:, None] * halves
-        out = np.linalg.norm(apart, axis=1) - excess
-        worst = max(worst, float(out.reshape(len(arm.radii), -1).min(1).max()))
+def off(way: _Piece, postures: Array) -> float:
+    """By how much a joint is out of every smallest piece of a way, in one of these postures (n, 7) [rad], at most."""
+    pieces, smallest = [way], []
+    while pieces:
+        piece = pieces.pop()
+        pieces += piece.parts
+        if not piece.parts:
+            smallest.append(piece)
+    lines = np.array([(piece.middle, piece.along, piece.off) for piece in smallest])
+    worst = 0.0
+    for posture in postures:
+        apart = posture - lines[:, 0]
+        lengths = np.maximum(np.einsum("nj,nj->n", lines[:, 1], lines[:, 1]), 1e-15)
+        shares = np.clip(np.einsum("nj,nj->n", apart, lines[:, 1]) / lengths, -1.0, 1.0)
+        out = np.abs(apart - shares[:, None] * lines[:, 1]) - lines[:, 2]
+        worst = max(worst, float(out.max(1).min()))
     return worst
 
 
-def ways_to_rest(planned: Joints, sent: Setpoint, count: int = 40) -> Array:
-    """Where the position sent comes when it brakes, and where a robot comes that follows it late, (n, 7) [rad]."""
+def way_to_rest(sent: Setpoint, count: int = 400) -> Array:
+    """Where the position sent comes when it brakes, (n, 7) [rad]."""
     braking = stop(sent, YUMI_LIMITS)
-    steps = 20 * count
-    step = (braking.duration + 1.0 / EGM_GAIN) / steps
-    robot, postures = np.array(planned), []
-    for index in range(steps):
-        middle = np.array(braking.at((index + 0.5) * step).position)
-        robot = middle + (robot - middle) * np.exp(-EGM_GAIN * step)
-        if index % 20 == 0:
-            postures += [np.array(braking.at(index * step).position), robot]
-    return np.array(postures)
+    return np.array([braking.at(braking.duration * index / count).position for index in range(count + 1)])
 
 
-def test_joint_that_turns_round_stays_in_its_swept_way() -> None:
+def test_joint_that_turns_round_stays_in_its_way_to_rest() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
-    model, start = BallModel(CollisionModel(SERVO_GRIPPERS)), READY[Side.RIGHT]
+    start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
-    way = ArmMotion(start, sent, None, YUMI_LIMITS, EGM_GAIN).way(Side.RIGHT, model)
-    assert out_of(model, way, ways_to_rest(start, sent)) < 1e-5
+    motion = ArmMotion(start, sent, None, YUMI_LIMITS)
+    assert off(motion.ahead, way_to_rest(sent)) < 1e-4
+    assert np.all(np.abs(way_to_rest(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_ways_to_rest_stay_in_what_is_swept(seed: int) -> None:
-    """Speeds and accelerations of opposite signs; the robot is behind, also to the side of where it goes."""
-    model, generator = BallModel(CollisionModel(SERVO_GRIPPERS)), np.random.default_rng(seed)
+def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
+    """Speeds and accelerations of opposite signs."""
+    generator = np.random.default_rng(seed)
     top, jerk = np.array(YUMI_LIMITS.acceleration), np.array(YUMI_LIMITS.jerk)
     for moving in (1, 1, 1, 2, 2, 7):
         which = np.isin(np.arange(7), generator.permutation(7)[:moving])
@@ -206,11 +240,11 @@ def test_ways_to_rest_stay_in_what_is_swept(seed: int) -> None:
         # Below this speed a joint turns round before it rests.
         turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
-        lead = 0.15 * velocity + generator.normal(0.0, 0.05, 7) * generator.integers(2)
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
-        planned = joints(list(np.array(sent.position) - lead))
-        way = ArmMotion(planned, sent, None, YUMI_LIMITS, EGM_GAIN).way(Side.RIGHT, model)
-        assert out_of(model, way, ways_to_rest(planned, sent)) < 1e-5
+        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), way_to_rest(sent)
+        assert off(motion.ahead, postures) < 1e-4
+        assert np.all(np.abs(postures - motion.ahead.middle) <= motion.ahead.half + 1e-9)
+        assert np.all(np.abs(postures - motion.way.middle) <= motion.way.half + 1e-9)
 
 
 def test_permitted_pairs_may_touch_and_no_others() -> None:
@@ -251,7 +285,7 @@ def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
 
 def test_loop_reports_which_parts_limit_an_arm() -> None:
     """The left forearm, sent from home into the body."""
-    model = BallModel(CollisionModel(SERVO_GRIPPERS))
+    model = CollisionModel(SERVO_GRIPPERS)
     both, goals = CollisionLimiter(model, YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
     both.sent(Side.RIGHT, home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
     limiter = Limiter(YUMI_LIMITS, collisions=both.arm(Side.LEFT))

@@ -1,4 +1,4 @@
-"""Distances of segments and boxes are exact, and the collision shapes contain the described ones."""
+"""Distances are those of another calculation, and the collision shapes contain the described ones."""
 
 from __future__ import annotations
 
@@ -7,14 +7,77 @@ from itertools import product
 import numpy as np
 import pytest
 
-from yumi.robot.collision import CollisionModel, Obstacle, Part, box_distances, gripper_parts, segment_distances
-from yumi.robot.description import FINGER_ORIGINS, FINGER_SHAPES, FINGER_TRAVEL, GRIPPER_SHAPES, SERVO_GRIPPERS, Box
+from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
+from yumi.robot.description import (
+    FINGER_ORIGINS,
+    FINGER_SHAPES,
+    FINGER_TRAVEL,
+    FLANGE_ORIGIN,
+    GRIPPER_SHAPES,
+    JOINT_ORIGINS,
+    SERVO_GRIPPERS,
+    TOOL0_ORIGIN,
+    Box,
+    joint_1_origin,
+)
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Side, home
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
+from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HOME = {side: home(side) for side in Side}
+
+
+def segment_distances(a: Array, b: Array, c: Array, d: Array) -> Array:
+    """Distances of segments a-b from segments c-d, (n,), each given by its ends (n, 3) [m].
+
+    The nearest points of the lines, moved into the segments one after the other; then the first again, for where it is
+    nearest to the second's point (C. Ericson, Real-Time Collision Detection, §5.1.9).
+    """
+    along, other, between = b - a, d - c, a - c
+    length, other_length = np.sum(along * along, 1), np.sum(other * other, 1)
+    dot, offset, other_offset = np.sum(along * other, 1), np.sum(along * between, 1), np.sum(other * between, 1)
+    tiny = 1e-18
+    denominator = length * other_length - dot * dot
+    parallel = denominator < tiny
+    first = np.clip((dot * other_offset - offset * other_length) / np.where(parallel, 1.0, denominator), 0.0, 1.0)
+    first = np.where(parallel, 0.0, first)
+    second = np.clip((dot * first + other_offset) / np.maximum(other_length, tiny), 0.0, 1.0)
+    first = np.clip((dot * second - offset) / np.maximum(length, tiny), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(between + first[:, None] * along - second[:, None] * other, axis=1))
+
+
+def box_distances(start: Array, end: Array, half: Array) -> tuple[Array, Array]:
+    """Distances of segments from boxes about the origin, (n,); 0 where a segment passes through its box.
+
+    Also how far along the segments that is, from 0 to 1, (n,).
+
+    The squared distance along a segment is convex, and a parabola between the places where the segment crosses the
+    plane of a face, so its slope is a line between two of them: the nearest point is where it is zero.
+
+    Args:
+        start: one end of each segment in the frame of its box, (n, 3) [m].
+        end: the other end, (n, 3) [m].
+        half: half the edges of each box, (n, 3) [m].
+    """
+    along = end - start
+    safe = np.where(np.abs(along) < 1e-15, 1e-15, along)
+    crossings = np.concatenate([(half - start) / safe, (-half - start) / safe], 1)
+    limits = np.broadcast_to((0.0, 1.0), (len(start), 2))
+    shares = np.sort(np.concatenate([np.clip(crossings, 0.0, 1.0), limits], 1), 1)
+
+    def outside(share: Array) -> Array:
+        points = start[:, None] + share[..., None] * along[:, None]
+        return np.asarray(points - np.clip(points, -half[:, None], half[:, None]))
+
+    slopes = np.sum(outside(shares) * along[:, None], 2)
+    # The last crossing with a slope below zero and the next one; the zero lies between them.
+    index = np.clip(np.sum(slopes < 0.0, 1) - 1, 0, shares.shape[1] - 2)[:, None]
+    low, high = np.take_along_axis(slopes, index, 1), np.take_along_axis(slopes, index + 1, 1)
+    left, right = np.take_along_axis(shares, index, 1), np.take_along_axis(shares, index + 1, 1)
+    share = np.clip(-low / np.where(high - low == 0.0, 1.0, high - low), 0.0, 1.0)
+    share = left + share * (right - left)
+    return np.linalg.norm(outside(share)[:, 0], axis=1), share[:, 0]
 
 
 def test_distances_of_segments_are_those_of_their_nearest_points() -> None:
@@ -45,6 +108,100 @@ def test_distances_from_boxes_are_those_of_the_nearest_points() -> None:
     assert np.all(sampled <= exact + 2e-3)
     nearest = start + share[:, None] * (end - start)
     assert np.allclose(np.linalg.norm(nearest - np.clip(nearest, -half, half), axis=1), exact)
+
+
+def placed(side: Side, position: Joints, parts: tuple[Part, ...]) -> tuple[Array, Array]:
+    """Both ends of the axis of each part in the body frame, (n, 3) each."""
+    frame, frames = np.eye(4), []
+    origins = (joint_1_origin(side), *JOINT_ORIGINS, FLANGE_ORIGIN, TOOL0_ORIGIN)
+    for origin, angle in zip(origins, (*position, 0.0, 0.0), strict=True):
+        step, turn = np.eye(4), np.eye(4)
+        step[:3, :3], step[:3, 3] = matrix(quaternion_from_euler_zyx(origin.rpy)), origin.xyz
+        turn[:2, :2] = (np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle))
+        frame = frame @ step @ turn
+        frames.append(frame)
+    frames[7:] = frames[8:]  # without the flange's
+    start, end = (
+        np.array([(frames[part.frame] @ (*getattr(part, name), 1.0))[:3] for part in parts])
+        for name in ("start", "end")
+    )
+    return start, end
+
+
+def test_distances_in_random_postures_are_those_of_another_calculation() -> None:
+    generator = np.random.default_rng(8)
+    pose = Pose((0.4, 0.1, 0.1), (np.cos(0.3), 0.0, 0.0, np.sin(0.3)))
+    model, compared = CollisionModel(SERVO_GRIPPERS, obstacles=[Obstacle("box", pose, (0.2, 0.1, 0.3))]), 0
+    parts = {side: (*link_parts(), *gripper_parts(SERVO_GRIPPERS[side])) for side in Side}
+    for _ in range(30):
+        positions = {side: joints(list(generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper))) for side in Side}
+        near = model.contacts(np.concatenate([positions[side] for side in Side]), 0.3)
+        found: dict[tuple[int, int], float] = {}
+        for first, second, distance in zip(near.firsts.tolist(), near.seconds.tolist(), near.distances, strict=True):
+            pair = min(first, second), max(first, second)
+            found[pair] = min(float(distance), found.get(pair, np.inf))
+        (right, left), fixed = (placed(side, positions[side], parts[side]) for side in Side), len(model.names) - 1
+        radii = {side: np.array([part.radius + PADDING for part in parts[side]]) for side in Side}
+        for i in range(len(parts[Side.RIGHT])):
+            for j in range(len(parts[Side.LEFT])):
+                ends = right[0][i], right[1][i], left[0][j], left[1][j]
+                exact = (
+                    segment_distances(*(each[None] for each in ends))[0] - radii[Side.RIGHT][i] - radii[Side.LEFT][j]
+                )
+                pair = i, model.arms[Side.LEFT].start + j
+                if parts[Side.RIGHT][i].frame == parts[Side.LEFT][j].frame == 0 or not -0.01 < exact < 0.29:
+                    assert parts[Side.RIGHT][i].frame == 0 or exact < 0.0 or pair not in found or found[pair] > 0.28
+                    continue
+                assert found[pair] == pytest.approx(exact, abs=1e-6)
+                compared += 1
+        for side, (start, end) in ((Side.RIGHT, right), (Side.LEFT, left)):
+            local = [(each - pose.position) @ matrix(pose.orientation) for each in (start, end)]
+            exact = box_distances(*local, np.tile((0.1, 0.05, 0.15), (len(start), 1)))[0]
+            for part, (distance, radius) in enumerate(zip(exact, radii[side], strict=True)):
+                if 1e-3 < distance < 0.29 + radius:
+                    assert found[model.arms[side].start + part, fixed] == pytest.approx(distance - radius, abs=1e-6)
+                    compared += 1
+    assert compared > 3000
+
+
+@pytest.mark.parametrize("side", Side)
+def test_slopes_say_how_distances_change(side: Side) -> None:
+    generator = np.random.default_rng(3)
+    model = CollisionModel(SERVO_GRIPPERS, obstacles=[Obstacle("box", Pose((0.4, 0.1, 0.1), UPRIGHT), (0.2, 0.1, 0.3))])
+    first, compared = 0 if side is Side.RIGHT else 7, 0
+
+    def distances(postures: Array) -> dict[tuple[int, int], float]:
+        near = model.contacts(postures, 0.3)
+        pairs = list(zip(near.firsts.tolist(), near.seconds.tolist(), strict=True))
+        return {
+            pair: distance
+            for pair, distance in zip(pairs, near.distances.tolist(), strict=True)
+            if pairs.count(pair) == 1 and distance > 1e-3
+        }
+
+    for _ in range(4):
+        postures = generator.uniform([*YUMI_LIMITS.lower] * 2, [*YUMI_LIMITS.upper] * 2)
+        near = model.contacts(postures, 0.3)
+        concerned = np.array(
+            [
+                index
+                for index, pair in enumerate(zip(near.firsts.tolist(), near.seconds.tolist(), strict=True))
+                if any(model.names[part].startswith(side.word) for part in pair)
+            ]
+        )
+        behind, slopes = model.slopes(concerned, side)
+        pairs = [(int(near.firsts[index]), int(near.seconds[index])) for index in concerned]
+        for joint in range(7):
+            step = np.zeros(14)
+            step[first + joint] = 1e-5
+            before, after = distances(postures - step), distances(postures + step)
+            for pair, back, slope in zip(pairs, behind, slopes[..., joint], strict=True):
+                # One end is foremost: else the nearest point is between both.
+                if pair in before and pair in after and back.max() > 0.01 and back.min() == 0.0:
+                    change = (after[pair] - before[pair]) / 2e-5
+                    assert change == pytest.approx(-slope[int(back.argmin())], abs=2e-3)
+                    compared += 1
+    assert compared > 300
 
 
 def inside(points: np.ndarray, parts: tuple[Part, ...]) -> np.ndarray:

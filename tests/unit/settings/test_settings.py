@@ -43,20 +43,17 @@ def test_delivered_gain_is_the_thesis_s_cautious_one() -> None:
     assert values["joint_position_controller"]["p"] == 1.2
 
 
-@pytest.mark.parametrize(
-    ("enabled", "sentence"),
-    [
-        ("false", "nothing keeps the arms apart"),
-        ("true", "an arm without EGM is taken to be where it was reported last"),
-    ],
-)
-def test_every_start_says_what_keeps_the_arms_apart_and_what_it_does_not_know(
-    file: Path, enabled: str, sentence: str
-) -> None:
-    file.write_text(f"collision: {{enabled: {enabled}}}\n")
+def test_every_start_says_that_nothing_keeps_the_arms_apart(file: Path) -> None:
+    file.write_text("collision: {enabled: false}\n")
     (remark,) = read_settings(file).collision.remarks
-    assert remark.startswith(f"collision.enabled is {enabled}")
-    assert sentence in remark
+    assert remark.startswith("collision.enabled is false: nothing keeps the arms apart")
+
+
+def test_arms_are_kept_apart_unless_the_settings_say_otherwise(file: Path) -> None:
+    file.write_text("robot: {address: 127.0.0.1}\n")
+    collision = read_settings(file).collision
+    assert collision.enabled
+    assert not collision.remarks
 
 
 def test_settings_may_name_only_what_differs(file: Path) -> None:
