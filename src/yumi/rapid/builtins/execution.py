@@ -254,6 +254,17 @@ def was_pointer_moved(call: Call) -> bool:
     return where == "main" if call.present("PPToMain") else bool(where)
 
 
+@EXECUTION.function("PPMovedInManMode", "", "bool")
+def was_pointer_moved_by_hand(call: Call) -> bool:
+    """Whether the program pointer was moved in manual mode since ResetPPMoved."""
+    return call.task.pp_moved_in_manual
+
+
+@EXECUTION.instruction("ResetPPMoved")
+def forget_moved_pointer(call: Call) -> None:
+    call.task.pp_moved_in_manual = False
+
+
 MOST_RECORDED = 10_000  # instructions
 
 

@@ -7,7 +7,7 @@ of the sensor, hand its reference to the arm.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, auto
 from math import degrees, inf, isfinite
@@ -197,6 +197,7 @@ class EgmClient:
         )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
+        self._signals: Callable[[], PartialJoints] | None = None
         self._data = ExternalMotionData()
         self._activation = EgmActivation()
         self._run = EgmRun()
@@ -207,8 +208,18 @@ class EgmClient:
         """EGMGetId: reserve the identity; nothing happens when it is reserved."""
         self.state = max(self.state, EgmState.CONNECTED)
 
-    def setup(self, comm_timeout: float = 1.0, ext_config: ExternalMotionData | None = None) -> None:
-        """EGMSetupUC for joint motion: longest time without a datagram of the sensor [s], and the system parameters.
+    def setup(
+        self,
+        comm_timeout: float = 1.0,
+        ext_config: ExternalMotionData | None = None,
+        signals: Callable[[], PartialJoints] | None = None,
+    ) -> None:
+        """EGMSetupUC and its like for joint motion.
+
+        Args:
+            comm_timeout: longest time without a datagram of the sensor [s].
+            ext_config: the system parameters.
+            signals: reads the references [rad], (7,), from I/O signals (EGMSetupAI); without it they are datagrams.
 
         Raises:
             RobotNotReady: there is no identity yet, or EGM runs.
@@ -216,6 +227,7 @@ class EgmClient:
         self._check_state(EgmState.CONNECTED)
         self._comm_timeout = comm_timeout
         self._data = ext_config or ExternalMotionData()
+        self._signals = signals
 
     def activate(self, activation: EgmActivation) -> None:
         """EGMActJoint: the settings of the runs that follow.
@@ -339,6 +351,13 @@ class EgmClient:
         self._supervise(session)
         if not session.is_due:
             return None
+        if self._signals is not None:  # no network takes part
+            if session.is_over:
+                self._session = None
+            else:
+                session.note_sensor()
+                self._follow(session, self._signals(), None)
+            return None
         datagram = self._datagram(session)
         if session.is_over:
             self._session = None
@@ -435,11 +454,15 @@ class EgmClient:
             self.ignored_datagrams += 1
             return
         session.note_sensor()
+        self._follow(session, message.position, message.velocity)
+
+    def _follow(self, session: EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
+        """Let the arm follow references [rad], [rad/s], unless they are out of bounds."""
         egm = self._arm.egm
         if egm is None or not session.is_run:
             return
-        goal = None if message.position is None else _completed(message.position, egm.reference)
-        speed = None if message.velocity is None else _completed(message.velocity, ZERO)
+        goal = None if position is None else _completed(position, egm.reference)
+        speed = None if velocity is None else _completed(velocity, ZERO)
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,

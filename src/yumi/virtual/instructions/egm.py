@@ -6,6 +6,7 @@ from collections.abc import Callable
 from math import radians
 from typing import Any
 
+from yumi.egm.messages import PartialJoints
 from yumi.errors import RobotNotReady
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
@@ -23,6 +24,7 @@ MOST_IDENTITIES = 4
 FATAL = "ERR_EGM"
 """Stops the program at once, as on the real controller; not registered, so that no error handler gets it."""
 
+_SIGNALS = ("R1x", "R2y", "R3z", "R4rx", "R5ry", "R6rz", "E1")
 _AXES = [f"J{axis}" for axis in range(1, 8)]
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _DEFAULT_BAND_DEG = (-0.5, 0.5)
@@ -69,19 +71,41 @@ class EgmInstructions:
                 "ERR_UDPUC_COMM", f"EGMSetupUC: no Transmission Protocol of type UDPUC is called '{name}' (41830)."
             )
         self._unit.egm_device = device.name
+        data = self._motion_data(call)
+        self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
+
+    def setup_signals(self, call: Call) -> None:
+        """EGMSetupAI, EGMSetupAO, EGMSetupGI: references [deg] from I/O signals, axis 7 from the first of E1 to E6."""
+        if not call.present("Joint"):
+            raise RapidRuntimeError(FATAL, f"{call.name}: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
+        if call["MecUnit"].type != "TCPRobot":
+            raise RapidRuntimeError(FATAL, f"{call.name}: {call['MecUnit'].name} is not a TCP robot (41830).")
+        kind, task = call.name[-2:].lower(), call.task
+        names = [call[f"{kind}{each}"].name if call.present(f"{kind}{each}") else "" for each in _SIGNALS]
+        if not any(names):
+            raise RapidRuntimeError(FATAL, f"{call.name}: at least one signal has to be given.")
+        for name in filter(None, names):
+            task.read_signal(name)  # raises where there is none, or its device is disabled
+
+        def read() -> PartialJoints:
+            return chain_order([radians(task.read_signal(name)) if name else None for name in names])
+
+        data = self._motion_data(call)
+        self._do(lambda: self._client.setup(ext_config=data, signals=read))
+
+    def _motion_data(self, call: Call) -> ExternalMotionData:
         name = call["ExtConfigName"]
         found = self._configuration.find("MOC", "EXT_MOTION_DATA", name)
         if found is None:
-            raise RapidRuntimeError(FATAL, f"EGMSetupUC: there is no External Motion Interface Data '{name}'.")
+            raise RapidRuntimeError(FATAL, f"{call.name}: there is no External Motion Interface Data '{name}'.")
         attributes = found.attributes
-        data = ExternalMotionData(
+        return ExternalMotionData(
             level=int(attributes["ext_motion_level"]),
             position_gain=float(attributes["ext_motion_Kp"]),
             bandwidth=float(attributes["ext_motion_filter_bandwidth"]),
             ramp_time=float(attributes["ramp_time"]),
             restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
         )
-        self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
 
     def act_joint(self, call: Call) -> None:
         r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
@@ -189,6 +213,14 @@ def add_egm(library: Library, unit: ArmUnit, configuration: Configuration, event
         rf"mecunit MecUnit, {identity}, string ExtConfigName, string UCDevice, \switch Joint | \switch Pose "
         r"| \switch PathCorr, \switch APTR | \switch LATR, \num CommTimeout",
     )(egm.setup_uc)
+    for kind, signal in (("AI", "signalai"), ("AO", "signalao"), ("GI", "signalgi")):
+        names = (*_SIGNALS, *(f"E{number}" for number in range(2, 7)))
+        inputs = "".join(rf", \VAR {signal} {kind.lower()}{name}" for name in names)
+        library.instruction(
+            f"EGMSetup{kind}",
+            rf"mecunit MecUnit, {identity}, string ExtConfigName, \switch Joint | \switch Pose | \switch PathCorr, "
+            rf"\switch APTR | \switch LATR{inputs}",
+        )(egm.setup_signals)
     library.instruction(
         "EGMActJoint",
         rf"{identity}, \switch StreamStart, \tooldata Tool, \wobjdata WObj, \loaddata TLoad{bands}, "

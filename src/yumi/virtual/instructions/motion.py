@@ -273,7 +273,9 @@ class MotionInstructions:
         while path.is_abandoned or (path.is_empty and not arm.is_stationary):
             yield None
         unit.override_speed(self._speed_ratio())
-        if path.is_empty and (path.end is None or path.end.end != arm.planned):
+        is_corrected = bool(call.get("Corr", False))
+        stands = path.nominal if is_corrected and path.state.position == arm.planned else arm.planned
+        if path.is_empty and (path.end is None or path.end.end != stands):
             path.restart_at(arm.planned)
         before = path.end
         start = arm.planned if before is None else before.end
@@ -292,6 +294,7 @@ class MotionInstructions:
             sentence = f"{call.task.name}: the next move came too late; the corner has become a stop point."
             self.events.append(50024, "Corner path failure", sentence, EventType.WARNING)
         passage = path.append(leg, rounded if can_round else None)
+        passage.is_corrected = is_corrected
         unit.tool, unit.wobj, unit.has_moved = call.get("Tool", unit.tool), call.get("WObj"), True
         arm.follow_path()
         return passage
