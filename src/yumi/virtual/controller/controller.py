@@ -532,6 +532,8 @@ class Irc5:
             unit = named.get(each.robot.upper())
             if unit is None and each.is_motion_task and free:  # of a group this robot does not have
                 unit = free.pop(0)
+            if unit is not None and each.is_motion_task:
+                unit.task = each.name
             host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
             library = robot_library(
                 unit or next(iter(self._arms.values())),
@@ -542,6 +544,7 @@ class Irc5:
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
                 robots=tuple(self._arms.values()),
+                tasks=[each.name for each in settings],
             )
             task = Task(each.name, host, library, each.entry)
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
@@ -568,15 +571,18 @@ def robot_library(
     sync_points: SyncPoints,
     is_motion_task: bool = True,
     robots: Sequence[ArmUnit] = (),
+    tasks: Sequence[str] = (),
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
-    motion = add_motion(library, unit, speed_ratio, events)
+    for name in tasks:
+        library.data(f"{name}Id", "taskid", (name,))
+    motion = add_motion(library, unit, speed_ratio, events, robots)
     add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)
-    add_measurements(library, unit)
+    add_measurements(library, unit, robots)
     add_calibration(library, motion)
     add_recorder(library, motion)
     add_corrections(library, unit, events)
@@ -585,5 +591,5 @@ def robot_library(
     elif unit.arm.kinematics.is_of_yumi:
         add_egm(library, unit, configuration, events)
         add_gripper(library, unit.gripper, events)
-    add_system(library, unit, units, configuration, sync_points)
+    add_system(library, unit, units, configuration, sync_points, robots)
     return library

@@ -7,10 +7,11 @@ gripper, as its RAPID task sees it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
 from yumi.virtual.controller.egm import EgmClient
@@ -219,6 +220,7 @@ class ArmUnit:
         observers: called in each cycle, such as those of test signals, by what they are for.
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
+        task: name of the task that moves it.
     """
 
     arm: VirtualArm
@@ -239,6 +241,7 @@ class ArmUnit:
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
+    task: str = ""
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.unit
@@ -265,6 +268,15 @@ class ArmUnit:
     def path_level(self) -> int:
         """2 between StorePath and RestoPath, otherwise 1."""
         return 1 + len(self.stored_paths)
+
+    def has_unit(self, name: str) -> bool:
+        """Whether a mechanical unit is this arm's: the robot, or the unit of its seventh axis."""
+        return name.upper() in (self.arm.unit.upper(), f"{self.arm.unit}_7".upper())
+
+    @property
+    def dynamics(self) -> ArmDynamics:
+        """Of the arm with what its tool flange carries."""
+        return ArmDynamics(self.side, self.arm.model.payload)
 
     @property
     def mechanical_unit(self) -> str:
@@ -302,3 +314,8 @@ class ArmUnit:
     @property
     def side(self) -> Side:
         return self.arm.side
+
+
+def unit_of(name: str, own: ArmUnit, robots: Sequence[ArmUnit]) -> ArmUnit:
+    """The arm a mechanical unit belongs to, ``own`` where it is none of the robots'."""
+    return next((each for each in robots if each.has_unit(name)), own)

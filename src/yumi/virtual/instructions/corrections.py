@@ -1,7 +1,7 @@
 r"""RAPID's path corrections (option 612-1, Path Offset): offsets that a program adds to moves with \Corr.
 
-An offset is in path coordinates: x along the path, y across it and the tool's z axis, z completes them. It is taken over
-while the arm moves, smoothly; at standstill nothing changes.
+An offset is in path coordinates: x along the path, y across it and the tool's z axis, z completes them. It is taken
+over while the arm moves, smoothly; at standstill nothing changes.
 """
 
 from __future__ import annotations

@@ -464,8 +464,8 @@ def add_motion_settings(
         ("MaxExtReorientSpeed", "", "num", lambda _: ROTATING_AXIS_DEG_S),
         ("IsLeadThrough", "", "bool", lambda _: motion.unit.mechanical_unit in motion.unit.led),
         ("RobName", "", "string", lambda _: motion.unit.mechanical_unit),
-        ("TaskRunMec", "", "bool", lambda _: True),
-        ("TaskRunRob", "", "bool", lambda _: True),
+        ("TaskRunMec", "", "bool", lambda _: is_motion_task),
+        ("TaskRunRob", "", "bool", lambda _: is_motion_task),
     )
     for name, signature, returns, implementation in functions:
         library.function(name, signature, returns)(implementation)
