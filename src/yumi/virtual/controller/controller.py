@@ -588,8 +588,9 @@ def robot_library(
     add_corrections(library, unit, events)
     if not is_motion_task:
         forbid_motion(library)
-    elif unit.arm.kinematics.is_of_yumi:
+    else:
         add_egm(library, unit, configuration, events)
+    if is_motion_task and unit.arm.kinematics.is_of_yumi:
         add_gripper(library, unit.gripper, events)
     add_system(library, unit, units, configuration, sync_points, robots)
     return library

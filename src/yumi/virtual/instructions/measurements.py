@@ -124,6 +124,8 @@ class MeasurementInstructions:
         if signal not in reads:
             known = ", ".join(map(str, reads))
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the virtual arm has the test signals {known}.")
+        if signal in (_SIGNALS["torque_ref"], _TORQUE):
+            self._torque(call, index, unit)  # raises here, not in the cycle, where the robot has none
         task = call.task
         self._unit.observers[f"test signals of {task.name}"] = lambda: self._sample(task.now)
         self._channels[number] = Channel(reads[signal], call["SampleTime"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import acos, dist, exp, pi, sin
 from typing import cast
@@ -12,7 +12,7 @@ from typing import cast
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arms import Arm, yumi_arm
 from yumi.robot.dynamics import HAND, ArmDynamics
-from yumi.robot.joints import ZERO, Joints, Pose, Side, joint_names
+from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
@@ -397,7 +397,7 @@ class VirtualArm:
             raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
         if position is not None:
             egm.reference = position
-        egm.reference_velocity = ZERO if velocity is None else velocity
+        egm.reference_velocity = MotionState.standing(egm.reference).velocity if velocity is None else velocity
 
     def stop_egm(self, ramp_time: float = 0.0, *, returns_to_start: bool = False) -> None:
         """End EGM: come to a stop over ``ramp_time`` [s] and hold, or go back to where EGM started.
@@ -409,7 +409,7 @@ class VirtualArm:
         if egm is None:
             return
         # Without EGM's acceleration, which is that of single steps of speed.
-        state = MotionState(egm.state.position, egm.state.velocity)
+        state = replace(MotionState.standing(egm.state.position), velocity=egm.state.velocity)
         if returns_to_start:
             self._motion = travel(state, egm.start, self.model, ramp_time)
         else:

@@ -242,7 +242,7 @@ def test_signals_that_lead_out_of_an_axis_range_stop_egm() -> None:
     ("setup", "sentence"),
     [
         ('EGMSetupAI ROB_ID,egm,"ROB_R"\\Joint', "at least one signal has to be given"),
-        ('EGMSetupGI ROB_ID,egm,"ROB_R"\\Pose\\giR1x:=gi_one', "a seven-axis arm uses EGM with \\Joint"),
+        ('EGMSetupGI ROB_ID,egm,"ROB_R"\\Pose\\giR1x:=gi_one', "signals guide the joints here: use \\Joint"),
         ('EGMSetupAI ROB_R_7,egm,"ROB_R"\\Joint\\aiR1x:=ai_one', "ROB_R_7 is not a TCP robot"),
         ('EGMSetupGI ROB_ID,egm,"none"\\Joint\\giR1x:=gi_one', "there is no External Motion Interface Data 'none'"),
     ],
