@@ -256,7 +256,8 @@ JOINT = {
 }
 POSE = {
     "kind": "Pose",
-    "act": r"EGMActPose id\Tool:=tool0\WObj:=wobj0,[[0,0,0],[1,0,0,0]],EGM_FRAME_WOBJ,[[100,0,0],[1,0,0,0]],EGM_FRAME_WOBJ"
+    "act": r"EGMActPose id\Tool:=tool0\WObj:=wobj0,[[0,0,0],[1,0,0,0]],EGM_FRAME_WOBJ,"
+    r"[[100,0,0],[1,0,0,0]],EGM_FRAME_WOBJ"
     r"\x:=close\y:=close\z:=close\rx:=close\MaxSpeedDeviation:=200;",
     "run": r"EGMRunPose id,EGM_STOP_HOLD\x\y\z\rx\CondTime:=0.2\PosCorrGain:=1;",
 }
