@@ -28,6 +28,13 @@ from yumi.virtual.world import World
 
 FOLDER = Path(next(iter(yumi.controller_files.__path__)))
 MODULES = {path.stem: path.read_text(encoding="ascii") for path in sorted(FOLDER.glob("TRob*.*"))}
+TESTS = Path(__file__).parents[1]
+FOREIGN = {
+    path.stem: path.read_text(encoding="latin-1")
+    for folder in ("rapid_corpus", "unit/virtual/programs", "unit/virtual/motion_programs")
+    for path in sorted((TESTS / folder).glob("*.mod"))
+}
+"""Whole programs in the styles of others; each takes the place of our modules."""
 TOKEN = re.compile(r'"[^"\n]*"|\w+|\s+|:=|<>|.', re.DOTALL)
 WORDS = (
     *("0", "1", "-1", "1E38", "9E9", "1E400", "0.5", "0x7FFFFFFF", '""', '"x"', "TRUE", "[]", "[[1,2],[3]]", "{1}"),
@@ -67,6 +74,7 @@ mutations = st.lists(
     st.tuples(st.floats(0.0, 1.0, exclude_max=True), st.integers(0, 3), st.sampled_from(WORDS)), min_size=1, max_size=6
 )
 programs = st.tuples(st.sampled_from(sorted(MODULES)), mutations)
+foreign_programs = st.tuples(st.sampled_from(sorted(FOREIGN)), mutations)
 
 
 def mutated(text: str, changes: Sequence[Mutation]) -> str:
@@ -112,6 +120,46 @@ def check_program(program: tuple[str, Sequence[Mutation]]) -> None:
     assert all(
         task.execution is not Execution.UNINITIALIZED or not task.is_running for task in controller.tasks.values()
     )
+
+
+def check_foreign_program(program: tuple[str, Sequence[Mutation]]) -> None:
+    """Run one mutated program of others in T_ROB_R for half a second, and stop it."""
+    name, changes = program
+    world = World()
+    controller, task = world.controller, world.controller.tasks["T_ROB_R"]
+    task.lose_pp()
+    for module in task.modules:
+        task.unload(module.name)
+    try:
+        task.load(mutated(FOREIGN[name], changes), f"HOME:/{name}.mod")
+        task.faults()
+        task.move_pp_to_main()
+    except (RapidError, RobotNotReady):
+        return
+    controller.set_motors(True)
+    controller.start_rapid()
+    for _ in range(125):
+        world.cycle({})
+    assert [event.description for event in controller.events.entries() if "system error" in event.description] == []
+    controller.stop_rapid()
+    for _ in range(25):
+        world.cycle({})
+    assert not task.is_running
+    task.lose_pp()  # what it has opened is closed
+
+
+@settings(max_examples=12)
+@given(foreign_programs)
+def test_mutated_program_of_others_only_gives_typed_errors(program: tuple[str, Sequence[Mutation]]) -> None:
+    check_foreign_program(program)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+@settings(max_examples=FUZZ_PROGRAMS)
+@given(foreign_programs)
+def test_many_mutated_programs_of_others_only_give_typed_errors(program: tuple[str, Sequence[Mutation]]) -> None:
+    check_foreign_program(program)
 
 
 @settings(max_examples=12)

@@ -45,7 +45,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     type=click.Choice(["yumi", "irb14050", "irb120"]),
     default="yumi",
     show_default=True,
-    help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1; without EGM).",
+    help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1).",
 )
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")

@@ -30,8 +30,15 @@ def rapid() -> None:
 @rapid.command()
 @click.argument("files", nargs=-1, required=True, type=_FILE, metavar="FILE…")
 @click.option("--cfg", multiple=True, type=_FILE, help="System parameters the program needs, such as your EIO.cfg.")
+@click.option(
+    "--robot",
+    type=click.Choice(["yumi", "irb14050", "irb120"]),
+    default="yumi",
+    show_default=True,
+    help="Whose program it is: of a YuMi, or of a robot with ROB_1 and T_ROB1, as yumi controller --robot has them.",
+)
 @click.option("--json", "as_json", is_flag=True, help="A JSON list, for editors.")
-def check(files: tuple[Path, ...], cfg: tuple[Path, ...], as_json: bool) -> None:
+def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: bool) -> None:
     """List syntax errors, type errors and unknown names of modules, which are checked as one program.
 
     One line each: file, line, column, and what is expected. "unknown" is what nothing declares (an error where it is
@@ -44,7 +51,7 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], as_json: bool) -> None
     """
     from yumi.virtual.program_check import check_program  # noqa: PLC0415 - a quick --help
 
-    faults = check_program(files, cfg)
+    faults = check_program(files, cfg, robot)
     if as_json:
         click.echo(json.dumps([fault.as_dict() for fault in faults], indent=2))
     else:

@@ -48,6 +48,7 @@ from yumi.rapid.types import (
     SWITCH,
     AliasType,
     ArrayType,
+    LiveVariable,
     ObjectType,
     RecordType,
     Reference,
@@ -276,6 +277,10 @@ class Library:
         """Register a predefined constant."""
         type_ = self.type(type_name)
         self._data[name.lower()] = Variable(name, type_, type_.convert(value), Storage.CONST, is_local=False)
+
+    def live_data(self, name: str, type_name: str, read: Callable[[], Any]) -> None:
+        """Register a predefined datum whose value is computed when it is read."""
+        self._data[name.lower()] = LiveVariable(name, self.type(type_name), read)
 
     def error(self, name: str) -> float:
         """Register an error name such as ERR_UDPUC_COMM; returns its number."""

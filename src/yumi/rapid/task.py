@@ -145,6 +145,7 @@ class Task:
         timers: what the program has started and left to be done later.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
+        pp_moved_in_manual: whether the program pointer was moved in manual mode, until a program resets it.
         clock: what bounds the time one advance computes [s]; where it stands still, the number of steps alone does.
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
         planning: the same for moves, which must not wait for a long module.
@@ -182,6 +183,7 @@ class Task:
         self.program = Program(library, host, system_data)
         self._ended_at = -1.0
         self._pp_moved = self._stop_event = ""
+        self.pp_moved_in_manual = False
         self._machine = Machine(self)
         self._pauses: Callable[[Frame], EventKind | None] | None = None
         self._execution = Execution.UNINITIALIZED
@@ -329,7 +331,7 @@ class Task:
         """
         self.check()
         self._begin(self._main())
-        self._pp_moved = "main"
+        self._note_moved_pointer("main")
 
     def move_pp_to_routine(self, name: str, module: str = "") -> None:
         """Put the program pointer on a procedure without parameters, otherwise as `move_pp_to_main`.
@@ -350,7 +352,11 @@ class Task:
         ):
             raise RapidReferenceError(f"The task {self.name} has no procedure {name}() without parameters.")
         self._begin(found)
-        self._pp_moved = "routine"
+        self._note_moved_pointer("routine")
+
+    def _note_moved_pointer(self, where: str) -> None:
+        self._pp_moved = where
+        self.pp_moved_in_manual = self.pp_moved_in_manual or self.operating_mode() != OP_AUTO
 
     def check(self) -> None:
         """Link and compile the program; raises as `move_pp_to_main`, and changes nothing."""

@@ -327,6 +327,24 @@ class _WatchedVariable(Variable):
                 watcher()
 
 
+class LiveVariable(Variable):
+    """A constant whose value is computed whenever it is read."""
+
+    __slots__ = ("_read",)
+
+    def __init__(self, name: str, type_: Type, read: Callable[[], Any]) -> None:
+        super().__init__(name, type_, None, Storage.CONST, is_local=False)
+        self._read = read
+
+    @property
+    def value(self) -> Any:
+        return self.type.convert(self._read())
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        _VALUE.__set__(self, new)
+
+
 class Part:
     """A component or element of another datum; writing it replaces the whole value there."""
 

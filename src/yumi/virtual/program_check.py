@@ -11,11 +11,11 @@ from yumi.errors import RapidError, SettingsError
 from yumi.rapid.errors import NotProvided, RapidReferenceError, RapidSyntaxError, Unresolved
 from yumi.rapid.parser import parse_module
 from yumi.virtual.controller.files import decoded
-from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.controller.robots import ROBOTS, YUMI
+from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 _MOST_SYNTAX_ERRORS = 20  # of one file
-_TASK = "T_ROB_R"
 _BEGIN = re.compile(r"^\s*(?:LOCAL\s+)?(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 _HEAD = re.compile(r"^\s*(?:LOCAL\s+)?(?:TRAP\s+\w+|(?:PROC|FUNC)\b.*\))\s*(?:!.*)?$", re.IGNORECASE)
 _END = re.compile(r"^\s*END(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
@@ -42,14 +42,22 @@ class ProgramFault:
         return asdict(self)
 
 
-def check_program(files: Sequence[Path], cfg: Sequence[Path] = ()) -> list[ProgramFault]:
+def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = YUMI.name) -> list[ProgramFault]:
     """All that does not fit in modules that make one program, in the order of files and lines.
+
+    Args:
+        files: its modules.
+        cfg: system parameters that it needs.
+        robot: name of the robot it is written for, one of `ROBOTS`.
 
     Raises:
         SettingsError: a file cannot be read, or the system parameters are not what they should be.
     """
-    world = World(WorldSettings(system=with_programs(delivered_system(), {_TASK: ()}, cfg)))
-    task = world.controller.tasks[_TASK]
+    model = ROBOTS[robot]
+    system = delivered_system() if model.is_yumi else factory_system(model)
+    name = model.units[0].task
+    world = World(WorldSettings(system=with_programs(system, {name: ()}, cfg)))
+    task = world.controller.tasks[name]
     faults = []
     for path in files:
         try:

@@ -84,3 +84,18 @@ def test_modules_are_one_program_and_signals_come_from_a_cfg(tmp_path: Path) -> 
 def test_our_own_program_has_no_faults() -> None:
     folder = Path(next(iter(yumi.controller_files.__path__)))
     assert check_program(sorted([*folder.glob("*.mod"), *folder.glob("*.sys")])) == []
+
+
+@pytest.mark.parametrize(("robot", "count"), [("yumi", 3), ("irb120", 0), ("irb14050", 0)])
+def test_names_are_those_of_the_robot_a_program_is_for(tmp_path: Path, robot: str, count: int) -> None:
+    """A program of a robot with one arm names ROB_1 and its task; a YuMi has neither, nor the inputs of that robot."""
+    path = tmp_path / "one.mod"
+    path.write_text(
+        "MODULE One VAR egmident id; PROC main() VAR jointtarget j; j:=CJointT(\\TaskRef:=T_ROB1Id); EGMGetId id; "
+        'EGMSetupUC ROB_1,id,"default","UCdevice"\\Joint; j.robax.rax_1:=GetMotorTorque(\\MecUnit:=ROB_1,1); '
+        "WaitDI custom_DI_0,1; ENDPROC ENDMODULE"
+    )
+    faults = check_program([path], robot=robot)
+    assert [fault.kind for fault in faults] == ["unknown"] * count
+    result = CliRunner().invoke(main, ["rapid", "check", "--robot", robot, str(path)])
+    assert result.exit_code == (1 if count else 0)

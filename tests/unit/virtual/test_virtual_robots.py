@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from yumi.egm.codec import SensorCodec
+from yumi.egm.messages import SensorMessage
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.robots import ROBOTS
 from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
@@ -230,3 +232,103 @@ def test_robtarget_of_six_axes_is_served(tmp_path: Path) -> None:
     assert trans == pytest.approx(tuple(place(arm.position)))
     assert turns == (0.0, 0.0, 0.0, 0.0)
     assert extax[0] > 8.9e9
+
+
+EGM_OF_SIX_AXES = """
+    VAR egmident id;
+    CONST egm_minmax close:=[-0.5,0.5];
+    PROC main()
+        MoveAbsJ CJointT(),v100,fine,tool0;
+        EGMGetId id;
+        EGMSetupUC ROB_1,id,"default","UCdevice"\\{kind}\\CommTimeout:=1;
+        {act}
+        {run}
+        TPWrite "converged";
+    ERROR
+        TPWrite "error";
+        RAISE;
+    ENDPROC
+"""
+JOINT = {
+    "kind": "Joint",
+    "act": r"EGMActJoint id\Tool:=tool0\J1:=close\J6:=close\MaxSpeedDeviation:=200;",
+    "run": r"EGMRunJoint id,EGM_STOP_HOLD\J1\J6\CondTime:=0.2\RampInTime:=0.05;",
+}
+POSE = {
+    "kind": "Pose",
+    "act": r"EGMActPose id\Tool:=tool0\WObj:=wobj0,[[0,0,0],[1,0,0,0]],EGM_FRAME_WOBJ,"
+    r"[[100,0,0],[1,0,0,0]],EGM_FRAME_WOBJ"
+    r"\x:=close\y:=close\z:=close\rx:=close\MaxSpeedDeviation:=200;",
+    "run": r"EGMRunPose id,EGM_STOP_HOLD\x\y\z\rx\CondTime:=0.2\PosCorrGain:=1;",
+}
+
+
+def guided(tmp_path: Path, parts: dict[str, str], message: Callable[[World], SensorMessage]) -> World:
+    """Answer each datagram of an IRB 120 under EGM until its program has ended."""
+    world = world_of("irb120", tmp_path, EGM_OF_SIX_AXES.format(**parts))
+    world.controller.set_motors(on=True)
+    world.controller.start_rapid("once")
+    inbox: dict[Side, list[bytes]] = {}
+    codec, answer = SensorCodec(axes=6), None
+    while world.controller.is_running and world.controller.time < 10.0:
+        sent = world.cycle(inbox)
+        inbox = {}
+        if Side.RIGHT in sent:
+            assert len(codec.decode(sent[Side.RIGHT]).measured) == 6
+            answer = answer or codec.encode(message(world))
+            inbox = {Side.RIGHT: [answer]}
+    return world
+
+
+def test_egm_guides_six_joints(tmp_path: Path) -> None:
+    goal = tuple(radians(value) for value in (12.0, 5.0, -4.0, 3.0, 20.0, -8.0))
+    world = guided(tmp_path, JOINT, lambda _: SensorMessage(0, goal))
+    assert list(world.controller.screens["T_ROB1"]) == ["converged"]
+    assert world.arms[Side.RIGHT].planned == pytest.approx(goal, abs=radians(0.6))
+
+
+def test_egm_guides_the_pose_of_a_six_axis_robot(tmp_path: Path) -> None:
+    goals: list[tuple[float, float, float]] = []
+
+    def message(world: World) -> SensorMessage:
+        x, y, z = world.arms[Side.RIGHT].tool_pose(world.arms[Side.RIGHT].planned, None).position
+        goals.append((x - 0.02, y + 0.03, z - 0.04))
+        point = (goals[0][0] - 0.1, *goals[0][1:])  # seen from the sensor, which is 100 mm ahead
+        orientation = world.arms[Side.RIGHT].tool_pose(world.arms[Side.RIGHT].planned, None).orientation
+        return SensorMessage(0, None, tool_position=point, tool_orientation=orientation)
+
+    world = guided(tmp_path, POSE, message)
+    assert list(world.controller.screens["T_ROB1"]) == ["converged"]
+    tool = world.arms[Side.RIGHT].tool_pose(world.arms[Side.RIGHT].planned, None)
+    assert tool.position == pytest.approx(goals[0], abs=0.7e-3)
+
+
+def test_pose_out_of_reach_ends_egm_and_switches_motors_off(tmp_path: Path) -> None:
+    world = guided(tmp_path, POSE, lambda _: SensorMessage(0, None, tool_position=(3.0, 0.0, 0.0)))
+    assert not world.arms[Side.RIGHT].motors_on
+    assert any(
+        "no posture near has the tool at [3000, 0, 0] mm" in e.description for e in world.controller.events.entries()
+    )
+
+
+@pytest.mark.parametrize(("setup", "other"), [(JOINT, POSE), (POSE, JOINT)])
+def test_egm_refuses_instructions_of_the_other_kind(
+    tmp_path: Path, setup: dict[str, str], other: dict[str, str]
+) -> None:
+    world = guided(tmp_path, {**other, "kind": setup["kind"]}, lambda _: SensorMessage(0, (0.0,) * 6))
+    assert any("EGM mode mismatch" in event.title for event in world.controller.events.entries())
+
+
+def test_torques_that_are_not_known_are_an_error_of_the_program_not_of_the_controller(tmp_path: Path) -> None:
+    program = """
+    PROC main()
+        TestSignDefine 1,4002,ROB_1,1,0.004;
+        WaitTime 0.1;
+    ERROR
+        IF ERRNO=ERR_AXIS_PAR TPWrite "no torques";
+        TRYNEXT;
+    ENDPROC
+    """
+    world = world_of("irb120", tmp_path, program)
+    run(world)
+    assert list(world.controller.screens["T_ROB1"]) == ["no torques"]

@@ -63,6 +63,7 @@ for _name in NUMS:
     DATA.alias(_name, "num")
 for _name, _components in RECORDS.items():
     DATA.record(_name, _components)
+DATA.record("taskid", {"taskname": "string"})
 DATA.data("pi", "num", math.pi)
 DATA.data("stEmpty", "string", "")
 for _value, _name in enumerate(("low", "high", "edge")):

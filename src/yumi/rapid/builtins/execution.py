@@ -254,6 +254,17 @@ def was_pointer_moved(call: Call) -> bool:
     return where == "main" if call.present("PPToMain") else bool(where)
 
 
+@EXECUTION.function("PPMovedInManMode", "", "bool")
+def was_pointer_moved_by_hand(call: Call) -> bool:
+    """Whether the program pointer was moved in manual mode since ResetPPMoved."""
+    return call.task.pp_moved_in_manual
+
+
+@EXECUTION.instruction("ResetPPMoved")
+def forget_moved_pointer(call: Call) -> None:
+    call.task.pp_moved_in_manual = False
+
+
 MOST_RECORDED = 10_000  # instructions
 
 
@@ -386,10 +397,15 @@ def cancel_load(call: Call) -> None:
     session.work = None
 
 
-@EXECUTION.instruction("Save", r"\switch TaskRef | \string TaskName, string ModuleName, \string FilePath, \string File")
+@EXECUTION.instruction("Save", r"\taskid TaskRef | \string TaskName, string ModuleName, \string FilePath, \string File")
 def save(call: Call) -> None:
     """A module's text into a file, its persistents with the values they have now."""
-    task = call.task
+    task, name = call.task, call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", "")
+    if name and name.lower() != task.name.lower():
+        tasks = {each.lower(): found for each, found in task.host.devices.tasks().items()}
+        if name.lower() not in tasks:
+            raise RapidRuntimeError("ERR_TASKNAME", f"Save: there is no task '{name}'.")
+        task = tasks[name.lower()]
     module = task.program.modules.get(call["ModuleName"].lower())
     if module is None:
         raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")

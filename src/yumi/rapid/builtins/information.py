@@ -125,11 +125,11 @@ def module_time(call: Call) -> float:
         raise RapidRuntimeError("ERR_FILNOTFND", f"{call.name}: {error}") from error
 
 
-for _name in ("PFRestart", "PPMovedInManMode", "IsBrakeCheckActive"):
+for _name in ("PFRestart", "IsBrakeCheckActive"):
 
     @INFORMATION.function(_name, r"\switch Base | \switch Irpt" if _name == "PFRestart" else "", "bool")
     def is_never(call: Call) -> bool:
-        """What never happens here: a power failure, a program pointer moved in manual mode, a brake check."""
+        """What never happens here: a power failure, a brake check."""
         return False
 
 

@@ -16,11 +16,8 @@ OPTIONS.record("sensor", {"id": "num", "error": "num", "state": "sensorstate"})
 # The FlexPendant, diagnostics, brakes.
 for _name, _signature in (
     ("TPShow", "tpnum Window"),
-    ("ActEventBuffer", ""),
-    ("DeactEventBuffer", ""),
     ("BrakeCheck", ""),
     ("CyclicBrakeCheck", ""),
-    ("ResetPPMoved", ""),
     ("ResetTorqueMargin", ""),
     ("HollowWristReset", ""),
 ):

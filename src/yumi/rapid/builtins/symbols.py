@@ -33,7 +33,6 @@ class Block:
 
 
 SYMBOLS.object_type("datapos", Block)
-SYMBOLS.record("taskid", {"taskname": "string"})
 
 # Patterns: each part of one is a function from the places where it may begin to those where it may end ---------------
 

@@ -182,6 +182,11 @@ def is_real_robot(call: Call) -> bool:
 
 @SYSTEM.function("GetTaskName", r"\VAR num TaskNo | \VAR num MecTaskNo", "string")
 def task_name(call: Call) -> str:
+    """The task's name; its number counts from 1 in the order of the configuration."""
+    names = [name.lower() for name in call.task.host.devices.tasks()]
+    for argument in ("TaskNo", "MecTaskNo"):
+        if call.present(argument) and call.task.name.lower() in names:
+            call[argument] = names.index(call.task.name.lower()) + 1
     return call.task.name
 
 

@@ -22,6 +22,7 @@ from yumi.virtual.controller.system import System, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration
+from yumi.virtual.instructions.corrections import add_corrections
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.gripper import add_gripper
@@ -56,6 +57,11 @@ _EGM_FAILURES: Mapping[EgmOutcome, tuple[ControllerState | None, tuple[int, str]
     EgmOutcome.OUT_OF_BOUNDS: (ControllerState.MOTORS_OFF, (50027, "EGM input out of bounds")),
     EgmOutcome.OVERLOADED: (ControllerState.MOTORS_OFF, (50375, "Dynamic load too high")),
     EgmOutcome.SYSTEM_FAILURE: (ControllerState.SYSTEM_FAILURE, (10014, "System failure state")),
+}
+_RAPID_MODES = {  # what OpMode() gives: OP_AUTO, OP_MAN_PROG, OP_MAN_TEST
+    OperatingMode.AUTO: 1,
+    OperatingMode.MANUAL_REDUCED: 2,
+    OperatingMode.MANUAL_FULL: 3,
 }
 _MODE_EVENTS = {
     OperatingMode.AUTO: (10017, "Automatic mode confirmed"),
@@ -140,6 +146,7 @@ class Irc5:
         for unit in arms:
             unit.led = self.motion.lead_through
         self._stationary = self._outputs_of_standstill()
+        self._speed_limiters = self._inputs_of_speed_limits()
         self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -437,6 +444,7 @@ class Irc5:
         self.signals.configure(self.effective)
         self._report_rejected_signals()
         self._stationary = self._outputs_of_standstill()
+        self._speed_limiters = self._inputs_of_speed_limits()
         if self._discards_programs:
             for task in self.tasks.values():
                 task.lose_pp()
@@ -473,6 +481,11 @@ class Irc5:
             and output.get("Signal", "") in self.signals
         )
 
+    def _inputs_of_speed_limits(self) -> frozenset[str]:
+        """The signals, in lower case, that make speed limits of programs count (SYSSIG_IN)."""
+        inputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_IN")]
+        return frozenset(each.get("Signal", "").lower() for each in inputs if each.get("Action") == "LimitSpeed")
+
     def _show(self, name: str, value: float) -> None:
         """Drive a signal that the system parameters may leave out."""
         if name in self.signals:
@@ -483,6 +496,11 @@ class Irc5:
             unit = next((unit for unit in self._arms.values() if name.endswith(f"_{unit.side.name[0]}")), None)
             if unit is not None:
                 unit.gripper.write(name[:-2], int(new))
+        if name.lower() in self._speed_limiters:
+            is_limited = any(self.signals.get(each).value for each in self._speed_limiters if each in self.signals)
+            for unit in self._arms.values():
+                unit.limits_speed = is_limited
+                unit.limit_speed()
         self.execution.signal_changed(name, old, new)
 
     def _switch_motors_off(self, state: ControllerState, reason: str) -> None:
@@ -514,6 +532,8 @@ class Irc5:
             unit = named.get(each.robot.upper())
             if unit is None and each.is_motion_task and free:  # of a group this robot does not have
                 unit = free.pop(0)
+            if unit is not None and each.is_motion_task:
+                unit.task = each.name
             host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
             library = robot_library(
                 unit or next(iter(self._arms.values())),
@@ -524,8 +544,10 @@ class Irc5:
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
                 robots=tuple(self._arms.values()),
+                tasks=[each.name for each in settings],
             )
             task = Task(each.name, host, library, each.entry)
+            task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
             for path in modules_of(each, system, self.effective):
@@ -549,21 +571,26 @@ def robot_library(
     sync_points: SyncPoints,
     is_motion_task: bool = True,
     robots: Sequence[ArmUnit] = (),
+    tasks: Sequence[str] = (),
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
-    motion = add_motion(library, unit, speed_ratio, events)
+    for name in tasks:
+        library.data(f"{name}Id", "taskid", (name,))
+    motion = add_motion(library, unit, speed_ratio, events, robots)
     add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)
-    add_measurements(library, unit)
+    add_measurements(library, unit, robots)
     add_calibration(library, motion)
     add_recorder(library, motion)
+    add_corrections(library, unit, events)
     if not is_motion_task:
         forbid_motion(library)
-    elif unit.arm.kinematics.is_of_yumi:
+    else:
         add_egm(library, unit, configuration, events)
+    if is_motion_task and unit.arm.kinematics.is_of_yumi:
         add_gripper(library, unit.gripper, events)
-    add_system(library, unit, units, configuration, sync_points)
+    add_system(library, unit, units, configuration, sync_points, robots)
     return library

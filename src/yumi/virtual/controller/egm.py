@@ -7,19 +7,29 @@ of the sensor, hand its reference to the arm.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, auto
 from math import degrees, inf, isfinite
 from typing import cast
 
+import numpy as np
+
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, PartialJoints, RapidState, RobotMessage
 from yumi.errors import ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, ZERO, Joints, Pose, joint_names
-from yumi.robot.kinematics import compose, inverse
+from yumi.robot.arms import rotation_vectors
+from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Vector, joint_names
+from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmActivation, EgmRun, EgmSettings, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.motion import (
+    DEFAULT_BANDS,
+    EgmActivation,
+    EgmRun,
+    EgmSettings,
+    ExternalMotionData,
+    StopMode,
+)
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
@@ -188,7 +198,7 @@ class EgmClient:
         self._options = options or EgmOptions()
         self._cycles = 0
         self._failure: EgmFailure | None = None
-        self._codec = RobotCodec()
+        self._codec = RobotCodec(axes=arm.kinematics.joint_count)
         limits = arm.model.limits
         self._bounds = replace(
             limits,
@@ -197,9 +207,11 @@ class EgmClient:
         )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
+        self._signals: Callable[[], PartialJoints] | None = None
         self._data = ExternalMotionData()
-        self._activation = EgmActivation()
+        self._activation = EgmActivation(cond_min_max=DEFAULT_BANDS[: arm.kinematics.joint_count])
         self._run = EgmRun()
+        self._goal: Pose | None = None
 
     # What RAPID does
 
@@ -207,8 +219,18 @@ class EgmClient:
         """EGMGetId: reserve the identity; nothing happens when it is reserved."""
         self.state = max(self.state, EgmState.CONNECTED)
 
-    def setup(self, comm_timeout: float = 1.0, ext_config: ExternalMotionData | None = None) -> None:
-        """EGMSetupUC for joint motion: longest time without a datagram of the sensor [s], and the system parameters.
+    def setup(
+        self,
+        comm_timeout: float = 1.0,
+        ext_config: ExternalMotionData | None = None,
+        signals: Callable[[], PartialJoints] | None = None,
+    ) -> None:
+        """EGMSetupUC and its like for joint motion.
+
+        Args:
+            comm_timeout: longest time without a datagram of the sensor [s].
+            ext_config: the system parameters.
+            signals: reads the references [rad], (7,), from I/O signals (EGMSetupAI); without it they are datagrams.
 
         Raises:
             RobotNotReady: there is no identity yet, or EGM runs.
@@ -216,6 +238,7 @@ class EgmClient:
         self._check_state(EgmState.CONNECTED)
         self._comm_timeout = comm_timeout
         self._data = ext_config or ExternalMotionData()
+        self._signals = signals
 
     def activate(self, activation: EgmActivation) -> None:
         """EGMActJoint: the settings of the runs that follow.
@@ -240,6 +263,7 @@ class EgmClient:
         if not any(run.axes):
             self.outcome = EgmOutcome.CONVERGED
             return
+        self._goal = None
         self._arm.start_egm(EgmSettings.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
@@ -301,7 +325,7 @@ class EgmClient:
     def overload(self) -> None:
         """End the run as if the reference asked too much of a drive; nothing happens without a run."""
         if self._run_session() is not None:
-            name = joint_names(self._arm.side)[1]
+            name = self._joint_name(1)
             self._shut_down(EgmOutcome.OVERLOADED, f"The EGM reference needs more than the drive of {name} gives.")
 
     @property
@@ -338,6 +362,13 @@ class EgmClient:
         session.advance(self._options.cycle_time, inbox)
         self._supervise(session)
         if not session.is_due:
+            return None
+        if self._signals is not None:  # no network takes part
+            if session.is_over:
+                self._session = None
+            else:
+                session.note_sensor()
+                self._follow(session, self._signals(), None)
             return None
         datagram = self._datagram(session)
         if session.is_over:
@@ -398,7 +429,7 @@ class EgmClient:
                 self._failure = EgmFailure(EgmOutcome.COMM_TIMEOUT, sentence)
         elif self._arm.overload is not None:
             overload = self._arm.overload
-            name = joint_names(self._arm.side)[overload.joint]
+            name = self._joint_name(overload.joint)
             self._shut_down(
                 EgmOutcome.OVERLOADED,
                 f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives "
@@ -411,10 +442,8 @@ class EgmClient:
 
     def _check_convergence(self, session: EgmSession, reference: Joints) -> None:
         run, bands = self._run, self._activation.cond_min_max
-        axes = zip(reference, self._arm.position, bands, run.axes, strict=True)
-        is_in_band = all(
-            low <= measured - goal <= high for goal, measured, (low, high), is_selected in axes if is_selected
-        )
+        axes = zip(self._deviations(reference), bands, run.axes, strict=True)
+        is_in_band = all(low <= deviation <= high for deviation, (low, high), is_selected in axes if is_selected)
         # The time in the bands begins with the first datagram of the sensor.
         counts = is_in_band and session.has_sensor
         session.time_in_band = session.time_in_band + self._options.cycle_time if counts else 0.0
@@ -435,11 +464,52 @@ class EgmClient:
             self.ignored_datagrams += 1
             return
         session.note_sensor()
+        if self._activation.frame is None:
+            self._follow(session, message.position, message.velocity)
+        elif message.tool_position is not None:
+            self._follow_pose(session, message.tool_position, message.tool_orientation)
+
+    def _follow_pose(self, session: EgmSession, point: Vector, orientation: Quaternion | None) -> None:
+        """Let the arm follow a pose of the tool in the sensor's frame; without an orientation it keeps its own."""
+        egm, activation = self._arm.egm, self._activation
+        if egm is None or not session.is_run or activation.frame is None:
+            return
+        if not all(map(isfinite, (*point, *(orientation or ())))):
+            self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
+            return
+        own = compose(inverse(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))
+        self._goal = goal = Pose(point, orientation or own.orientation)
+        tool0 = compose(activation.frame, goal)
+        if activation.tool is not None:
+            tool0 = compose(tool0, inverse(activation.tool))
+        kinematics = self._arm.kinematics
+        angle = float(kinematics.angles(np.array([egm.reference]))[0])
+        at, turned = np.array([tool0.position]), matrix(tool0.orientation)[None]
+        reference = kinematics.reached(at, turned, angle, egm.reference)
+        if reference is None:
+            where = ", ".join(f"{value * 1e3:.0f}" for value in point)
+            sentence = f"External Motion Interface input out of bounds: no posture near has the tool at [{where}] mm."
+            self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)
+        else:
+            self._arm.set_reference(reference, None)
+
+    def _deviations(self, reference: Joints) -> tuple[float, ...]:
+        """What the convergence bands are for: of the joints [rad], or of the tool's pose [m], [rad]."""
+        if self._activation.frame is None or self._goal is None:
+            return tuple(measured - goal for goal, measured in zip(reference, self._arm.position, strict=True))
+        tool = self._arm.tool_pose(self._arm.position, self._activation.tool)
+        own = compose(inverse(self._activation.frame), tool)
+        way = (a - b for a, b in zip(own.position, self._goal.position, strict=True))
+        turn = matrix(self._goal.orientation).T @ matrix(own.orientation)
+        return (*way, *rotation_vectors(turn[None])[0].tolist())
+
+    def _follow(self, session: EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
+        """Let the arm follow references [rad], [rad/s], unless they are out of bounds."""
         egm = self._arm.egm
         if egm is None or not session.is_run:
             return
-        goal = None if message.position is None else _completed(message.position, egm.reference)
-        speed = None if message.velocity is None else _completed(message.velocity, ZERO)
+        goal = None if position is None else _completed(position, egm.reference)
+        speed = None if velocity is None else _completed(velocity, cast("Joints", (0.0,) * len(egm.reference)))
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
@@ -450,9 +520,13 @@ class EgmClient:
         else:
             self._arm.set_reference(goal, speed)
 
+    def _joint_name(self, index: int) -> str:
+        kinematics = self._arm.kinematics
+        return joint_names(self._arm.side)[index] if kinematics.is_of_yumi else f"axis {kinematics.axes[index]}"
+
     def _leave_bounds(self, position: Joints) -> None:
         index = self._bounds.outside(position) or 0
-        name, range_deg = joint_names(self._arm.side)[index], self._arm.model.limits.range_deg(index)
+        name, range_deg = self._joint_name(index), self._arm.model.limits.range_deg(index)
         at_deg = degrees(position[index])
         sentence = f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
         self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)

@@ -21,6 +21,9 @@ _OPTIONS = (
     "616-1 PC Interface",
     "608-1 World Zones",
     "611-1 Path Recovery",
+    "612-1 Path Offset",
+    "689-1 Externally Guided Motion (EGM)",
+    "UDPUC Driver",
 )
 
 
@@ -35,7 +38,7 @@ class Robot:
         units: its mechanical units, the first of each arm being the robot itself.
         options: of the controller.
         stock: directory of its system parameters.
-        is_yumi: whether it has grippers and EGM, and runs the state machine of this package.
+        is_yumi: whether it has grippers, and runs the state machine of this package.
     """
 
     name: str

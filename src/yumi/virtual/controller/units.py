@@ -7,17 +7,18 @@ gripper, as its RAPID task sees it.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
 from yumi.virtual.controller.egm import EgmClient
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.course import CircleMode
 from yumi.virtual.mechanics.gripper import VirtualGripper
-from yumi.virtual.mechanics.path import Acceleration, StoredPath
+from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath
 from yumi.virtual.mechanics.zones import WorldZone
 
 # The strings clients compare with are exact; without 604-1 they take the two arms for one group.
@@ -160,11 +161,17 @@ class MotionSettings:
         offsets: of the external axes (EOffsOn) [deg], the first being the seventh axis or arm angle.
         circles: how the tool turns on circles.
         wrist_may_turn: SingArea Wrist: near a singularity the orientation may differ.
+        locks_axis4: SingArea LockAxis4, which lets it differ, too.
         warns_of_corners: whether corners that become stop points are logged (CornerPathWarning).
         supervision: MotionSup and its tuning [%], None where it is off.
         load: what GripLoad has set.
         softness: of the axes (SoftAct) [%], by ABB's number.
-        accelerations: AccSet's two factors [%].
+        accelerations: AccSet's two factors, and that of stops [%].
+        acceleration_limit, deceleration_limit, world_limit: PathAccLim, WorldAccLim [m/s²], None where they are off.
+        path_resolution: PathResol [%], kept for programs that read it.
+        has_event_buffer: ActEventBuffer, likewise.
+        gains: TuneServo's of position control, 1 being the usual one, by index of the joint.
+        speed_limit: SpeedLimCheckPoint and SpeedLimAxis, for while the system input LimitSpeed is set.
     """
 
     checks_lines: bool = True
@@ -176,11 +183,19 @@ class MotionSettings:
     offsets: tuple[float, ...] = (0.0,) * 6
     circles: CircleMode = CircleMode.PATH
     wrist_may_turn: bool = False
+    locks_axis4: bool = False
     warns_of_corners: bool = True
     supervision: float | None = 100.0
     load: Any = None
     softness: dict[int, float] = field(default_factory=dict)
-    accelerations: tuple[float, float] = (100.0, 100.0)
+    accelerations: tuple[float, float, float] = (100.0, 100.0, 100.0)
+    acceleration_limit: float | None = None
+    deceleration_limit: float | None = None
+    world_limit: float | None = None
+    path_resolution: float = 100.0
+    has_event_buffer: bool = True
+    gains: dict[int, float] = field(default_factory=dict)
+    speed_limit: SpeedLimit = NO_LIMIT
 
 
 @dataclass(slots=True)
@@ -204,6 +219,8 @@ class ArmUnit:
         led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
         observers: called in each cycle, such as those of test signals, by what they are for.
         beginnings: called when the program begins at main, by what they are for.
+        limits_speed: whether the system input LimitSpeed is set.
+        task: name of the task that moves it.
     """
 
     arm: VirtualArm
@@ -223,6 +240,8 @@ class ArmUnit:
     led: set[str] = field(default_factory=set)
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
+    limits_speed: bool = False
+    task: str = ""
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.unit
@@ -238,6 +257,8 @@ class ArmUnit:
         path = self.arm.path
         path.holds.clear()
         path.acceleration = Acceleration()
+        self.arm.tune()
+        self.limit_speed()
         if self.arm.is_stationary:
             path.restart_at(self.arm.planned)
         else:
@@ -247,6 +268,15 @@ class ArmUnit:
     def path_level(self) -> int:
         """2 between StorePath and RestoPath, otherwise 1."""
         return 1 + len(self.stored_paths)
+
+    def has_unit(self, name: str) -> bool:
+        """Whether a mechanical unit is this arm's: the robot, or the unit of its seventh axis."""
+        return name.upper() in (self.arm.unit.upper(), f"{self.arm.unit}_7".upper())
+
+    @property
+    def dynamics(self) -> ArmDynamics:
+        """Of the arm with what its tool flange carries."""
+        return ArmDynamics(self.side, self.arm.model.payload)
 
     @property
     def mechanical_unit(self) -> str:
@@ -271,6 +301,10 @@ class ArmUnit:
         """Follow the controller's speed override [%]; 0 is very slow."""
         self.arm.path.set_override(max(ratio * self.settings.refreshed / 1e4, 0.01))
 
+    def limit_speed(self) -> None:
+        """Follow the program's speed limits and the system input that makes them count."""
+        self.arm.path.set_speed_limit(self.settings.speed_limit if self.limits_speed else NO_LIMIT)
+
     def forget_egm(self) -> None:
         """The controller restarts: all state of EGM is lost."""
         self.egm.power_down()
@@ -280,3 +314,8 @@ class ArmUnit:
     @property
     def side(self) -> Side:
         return self.arm.side
+
+
+def unit_of(name: str, own: ArmUnit, robots: Sequence[ArmUnit]) -> ArmUnit:
+    """The arm a mechanical unit belongs to, ``own`` where it is none of the robots'."""
+    return next((each for each in robots if each.has_unit(name)), own)

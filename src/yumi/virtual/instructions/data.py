@@ -20,7 +20,7 @@ from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import MechanicalUnit
 from yumi.virtual.mechanics.motion import StopMode
 
-_FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
+FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 
 
 # What a program has set for its motions, and what TriggStopProc stores at a stop.
@@ -82,7 +82,7 @@ def add_data(library: Library, own_unit: str, units: Sequence[MechanicalUnit]) -
         library.data(f"EGM_STATE_{state.name}", "egmstate", float(state))
     for mode in StopMode:
         library.data(f"EGM_STOP_{mode.name}", "egmstopmode", float(mode.value))
-    for number, name in enumerate(_FRAME_TYPES):
+    for number, name in enumerate(FRAME_TYPES):
         library.data(f"EGM_FRAME_{name}", "egmframetype", float(number))
     for unit in units:
         library.data(unit.name, "mecunit", unit)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import degrees, dist
 from typing import Any
@@ -11,9 +11,9 @@ from typing import Any
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library
 from yumi.robot.dynamics import ArmDynamics
-from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, abb_from_chain
 from yumi.robot.kinematics import compose
-from yumi.virtual.controller.units import ArmUnit
+from yumi.virtual.controller.units import ArmUnit, unit_of
 from yumi.virtual.instructions.data import pose_from_rapid
 
 MOST_CHANNELS = 12
@@ -47,9 +47,10 @@ class MeasurementInstructions:
     Gear ratios are not published: what ABB measures at a motor is that of its joint here.
     """
 
-    def __init__(self, unit: ArmUnit) -> None:
+    def __init__(self, unit: ArmUnit, robots: Sequence[ArmUnit] = ()) -> None:
         self._unit = unit
-        self._dynamics = ArmDynamics(unit.side, unit.arm.model.payload)
+        self._robots = robots
+        self._dynamics: dict[Side, ArmDynamics] = {}
         self._channels: dict[int, Channel] = {}
         self._moved: tuple[float, ...] = ()  # of each axis since it was reset [rad], (7,) in chain order
         self._moving_time: tuple[float, ...] = ()  # [s]
@@ -72,33 +73,41 @@ class MeasurementInstructions:
         robax, eax_a = abb_from_chain((0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
         return int((*robax, eax_a)[int(number) - 1])
 
-    def _torque(self, call: Call, index: int) -> float:
-        arm = self._unit.arm
+    def _named(self, call: Call, name: str = "MechUnit") -> ArmUnit:
+        """The arm whose mechanical unit the call names, the task's own without one."""
+        return unit_of(call[name].name, self._unit, self._robots) if call.present(name) else self._unit
+
+    def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
+        arm = unit.arm
         if not arm.kinematics.is_of_yumi:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
-        return self._dynamics.torque(arm.position, arm.velocity)[index]
+        if unit.side not in self._dynamics:
+            self._dynamics[unit.side] = unit.dynamics
+        return self._dynamics[unit.side].torque(arm.position, arm.velocity)[index]
 
     def joint_data(self, call: Call) -> None:
         """GetJointData: position [deg], speed [deg/s], torque [N m] and external torque of an axis, which is none."""
-        index, arm = self._axis(call, "Axis"), self._unit.arm
+        index, unit = self._axis(call, "Axis"), self._named(call)
+        arm = unit.arm
         if call.present("Position"):
             call["Position"] = degrees(arm.position[index])
         if call.present("Speed"):
             call["Speed"] = degrees(arm.velocity[index])
         if call.present("Torque"):
-            call["Torque"] = self._torque(call, index)
+            call["Torque"] = self._torque(call, index, unit)
         if call.present("ExtTorque"):
             call["ExtTorque"] = 0.0
 
     def motor_angle(self, call: Call) -> float:
         """ReadMotor [rad]."""
-        return self._unit.arm.position[self._axis(call, "Axis")]
+        return self._named(call, "MecUnit").arm.position[self._axis(call, "Axis")]
 
     # Test signals -------------------------------------------------------------------------------------------------
 
     def define_signal(self, call: Call) -> None:
         """TestSignDefine: a signal of an axis on a channel."""
-        number, signal, arm = int(call["Channel"]), int(call["SignalId"]), self._unit.arm
+        number, signal, unit = int(call["Channel"]), int(call["SignalId"]), self._named(call)
+        arm = unit.arm
         if not 1 <= number <= MOST_CHANNELS:
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: there are the channels 1 to {MOST_CHANNELS}.")
         index = self._axis(call, "Axis")
@@ -106,17 +115,19 @@ class MeasurementInstructions:
             _SIGNALS["resolver_angle"]: lambda: arm.position[index],
             _SIGNALS["speed_ref"]: lambda: arm.velocity[index],
             _SIGNALS["speed"]: lambda: arm.velocity[index],
-            _SIGNALS["torque_ref"]: lambda: self._torque(call, index),
+            _SIGNALS["torque_ref"]: lambda: self._torque(call, index, unit),
             _POSITION: lambda: degrees(arm.position[index]),
             _SPEED: lambda: degrees(arm.velocity[index]),
-            _TORQUE: lambda: self._torque(call, index),
+            _TORQUE: lambda: self._torque(call, index, unit),
             _EXTERNAL_TORQUE: lambda: 0.0,
         }
         if signal not in reads:
             known = ", ".join(map(str, reads))
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the virtual arm has the test signals {known}.")
+        if signal in (_SIGNALS["torque_ref"], _TORQUE):
+            self._torque(call, index, unit)  # raises here, not in the cycle, where the robot has none
         task = call.task
-        self._unit.observers["test signals"] = lambda: self._sample(task.now)
+        self._unit.observers[f"test signals of {task.name}"] = lambda: self._sample(task.now)
         self._channels[number] = Channel(reads[signal], call["SampleTime"])
 
     def _sample(self, now: float) -> None:
@@ -136,7 +147,7 @@ class MeasurementInstructions:
     def reset_signals(self, call: Call) -> None:
         """TestSignReset."""
         self._channels.clear()
-        self._unit.observers.pop("test signals", None)
+        self._unit.observers.pop(f"test signals of {call.task.name}", None)
 
     # Counters -----------------------------------------------------------------------------------------------------
 
@@ -159,7 +170,7 @@ class MeasurementInstructions:
             self._moved = self._moving_time = (0.0,) * self._unit.arm.kinematics.joint_count
             self._observed, self._observed_at = self._unit.arm.position, call.task.now
             task = call.task
-            self._unit.observers["counters of axes"] = lambda: self._count(task.now)
+            self._unit.observers[f"counters of axes of {task.name}"] = lambda: self._count(task.now)
         return index
 
     def axis_distance(self, call: Call) -> float:
@@ -186,13 +197,14 @@ class MeasurementInstructions:
 
     def start_way(self, call: Call) -> None:
         """PathLengthStart."""
-        if _PATH_LENGTH not in self._unit.observers:
+        name = f"{_PATH_LENGTH} of {call.task.name}"
+        if name not in self._unit.observers:
             self._tip = None
-            self._unit.observers[_PATH_LENGTH] = self._measure_way
+            self._unit.observers[name] = self._measure_way
 
     def stop_way(self, call: Call) -> None:
         """PathLengthStop."""
-        self._unit.observers.pop(_PATH_LENGTH, None)
+        self._unit.observers.pop(f"{_PATH_LENGTH} of {call.task.name}", None)
 
     def reset_way(self, call: Call) -> None:
         """PathLengthReset."""
@@ -212,9 +224,9 @@ class MeasurementInstructions:
             self._way += dist(before.position, tip.position)
 
 
-def add_measurements(library: Library, unit: ArmUnit) -> None:
-    """Register the measurements of one task."""
-    own = MeasurementInstructions(unit)
+def add_measurements(library: Library, unit: ArmUnit, robots: Sequence[ArmUnit] = ()) -> None:
+    """Register the measurements of one task; ``robots`` are those of all tasks."""
+    own = MeasurementInstructions(unit, robots)
     library.alias("testsignal", "num")
     for name, number in _SIGNALS.items():
         library.data(name, "testsignal", float(number))

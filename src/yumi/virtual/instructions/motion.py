@@ -6,7 +6,7 @@ while the arm moves; a move to a stop point is done when the arm stands there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
 from math import degrees, hypot, pi, radians, tau
 from typing import Any
@@ -86,8 +86,11 @@ class Target:
 class MotionInstructions:
     """The moves of one task."""
 
-    def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> None:
+    def __init__(
+        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, robots: Sequence[ArmUnit] = ()
+    ) -> None:
         self.unit = unit
+        self._robots = robots
         self.arm = unit.arm
         self.events = events
         self._speed_ratio = speed_ratio
@@ -273,7 +276,9 @@ class MotionInstructions:
         while path.is_abandoned or (path.is_empty and not arm.is_stationary):
             yield None
         unit.override_speed(self._speed_ratio())
-        if path.is_empty and (path.end is None or path.end.end != arm.planned):
+        is_corrected = bool(call.get("Corr", False))
+        stands = path.nominal if is_corrected and path.state.position == arm.planned else arm.planned
+        if path.is_empty and (path.end is None or path.end.end != stands):
             path.restart_at(arm.planned)
         before = path.end
         start = arm.planned if before is None else before.end
@@ -292,6 +297,7 @@ class MotionInstructions:
             sentence = f"{call.task.name}: the next move came too late; the corner has become a stop point."
             self.events.append(50024, "Corner path failure", sentence, EventType.WARNING)
         passage = path.append(leg, rounded if can_round else None)
+        passage.is_corrected = is_corrected
         unit.tool, unit.wobj, unit.has_moved = call.get("Tool", unit.tool), call.get("WObj"), True
         arm.follow_path()
         return passage
@@ -326,14 +332,14 @@ class MotionInstructions:
 
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
-        self._check_task(call)
-        robax, extax = jointtarget(self.arm.position)
-        return robax, self._without_offset(extax)
+        own = self._of_task(call)
+        robax, extax = jointtarget(own.arm.position)
+        return robax, own._without_offset(extax)
 
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
-        self._check_task(call)
-        return self.robtarget(self.arm.position, self.read_frames(call))
+        own = self._of_task(call)
+        return own.robtarget(own.arm.position, own.read_frames(call))
 
     def position(self, call: Call) -> Any:
         """CPos: where the tool's point is [mm]."""
@@ -341,11 +347,11 @@ class MotionInstructions:
 
     def tool(self, call: Call) -> Any:
         """CTool: the tool of the last motion."""
-        return self.unit.tool or _predefined(call, "tool0")
+        return self._of_task(call).unit.tool or _predefined(call, "tool0")
 
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
-        return self.unit.wobj or _predefined(call, "wobj0")
+        return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
 
     def robtarget(self, position: Joints, frames: Frames) -> tuple[Any, ...]:
         """RAPID's robtarget of the tool at joint positions [rad]."""
@@ -399,12 +405,17 @@ class MotionInstructions:
         first = extax[0]
         return (first - self.unit.settings.offsets[0] if first < NOT_PRESENT else first, *extax[1:])
 
-    def _check_task(self, call: Call) -> None:
-        """Positions are those of this task's robot."""
-        name = call.get("TaskName", call.task.name)
-        if name.upper() != call.task.name.upper():
-            sentence = f"{call.name}: a task reads the position of its own robot here, not that of {name}."
-            raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+    def _of_task(self, call: Call) -> MotionInstructions:
+        r"""What \TaskRef or \TaskName names, this task's own robot without them."""
+        name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", "")
+        if not name or name.upper() == self.unit.task.upper() or name.upper() == call.task.name.upper():
+            return self
+        unit = next((each for each in self._robots if each.task.upper() == name.upper()), None)
+        if unit is not None:
+            return MotionInstructions(unit, self._speed_ratio, self.events)
+        if name.upper() not in map(str.upper, call.task.host.devices.tasks()):
+            raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'.")
+        raise RapidRuntimeError("ERR_NOT_MOVETASK", f"{call.name}: the task {name} moves no robot.")
 
 
 def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
@@ -506,9 +517,11 @@ def _predefined(call: Call, name: str) -> Any:
     return datum.value
 
 
-def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> MotionInstructions:
-    """Register the moves of one task."""
-    motion = MotionInstructions(unit, speed_ratio, events)
+def add_motion(
+    library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, robots: Sequence[ArmUnit] = ()
+) -> MotionInstructions:
+    """Register the moves of one task; ``robots`` are those of all tasks, whose positions it may read."""
+    motion = MotionInstructions(unit, speed_ratio, events, robots)
     library.include(POSES)
     inposdata = {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"}
     library.record("inposdata", inposdata)
@@ -547,11 +560,11 @@ def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events:
         r"zonedata Zone, \stoppointdata Inpos",
     )(motion.move_ext_j)
     library.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")(motion.wait_rob)
-    library.function("CJointT", r"\switch TaskRef | \string TaskName", "jointtarget")(motion.joint_target)
-    library.function("CRobT", rf"\switch TaskRef | \string TaskName, {_READ_FRAMES}", "robtarget")(motion.robot_target)
+    library.function("CJointT", r"\taskid TaskRef | \string TaskName", "jointtarget")(motion.joint_target)
+    library.function("CRobT", rf"\taskid TaskRef | \string TaskName, {_READ_FRAMES}", "robtarget")(motion.robot_target)
     library.function("CPos", _READ_FRAMES, "pos")(motion.position)
-    library.function("CTool", r"\switch TaskRef | \string TaskName", "tooldata")(motion.tool)
-    library.function("CWObj", r"\switch TaskRef | \string TaskName", "wobjdata")(motion.wobj)
+    library.function("CTool", r"\taskid TaskRef | \string TaskName", "tooldata")(motion.tool)
+    library.function("CWObj", r"\taskid TaskRef | \string TaskName", "wobjdata")(motion.wobj)
     library.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")(
         motion.calculated_target
     )

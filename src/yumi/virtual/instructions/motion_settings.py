@@ -3,17 +3,18 @@ r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), an
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import inf
+from dataclasses import replace
+from math import inf, radians
 from typing import Any
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.robot.joints import Pose
+from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.controller.units import ArmUnit
-from yumi.virtual.instructions.data import NOT_PRESENT, frame, jointtarget
+from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions
 from yumi.virtual.instructions.poses import unit_quaternion
 from yumi.virtual.mechanics.arm import VirtualArm
@@ -56,12 +57,13 @@ class MotionSettingInstructions:
 
     def singular_area(self, call: Call) -> None:
         r"""SingArea: accepted; the orientation is kept with \Wrist, too, and the arm slows down instead."""
+        self._unit.settings.locks_axis4 = call.present("LockAxis4")
         self._unit.settings.wrist_may_turn = call.present("Wrist") or call.present("LockAxis4")
 
     def set_acceleration(self, call: Call) -> None:
         """AccSet: accelerations and how fast they build up, 20 to 100 %."""
         settings, ramp = self._unit.settings, max(call["Ramp"], 10.0)
-        settings.accelerations = (call["Acc"], ramp)
+        settings.accelerations = (call["Acc"], ramp, call.get("FinePointRamp", 100.0))
         self._accelerate(along=self._unit.arm.path.acceleration.along)
 
     def limit_acceleration(self, call: Call) -> None:
@@ -74,6 +76,9 @@ class MotionSettingInstructions:
         if any(limit < _SMALLEST_LIMIT for limit in limits):
             sentence = f"PathAccLim takes at least {_SMALLEST_LIMIT} m/s², not {min(limits):g}."
             raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
+        settings = self._unit.settings
+        settings.acceleration_limit = call.get("AccMax") if call["AccLim"] else None
+        settings.deceleration_limit = call.get("DecelMax") if call["DecelLim"] else None
         self._accelerate(along=min([*limits, self._unit.arm.kinematics.tool_acceleration]))
 
     def limit_world_acceleration(self, call: Call) -> None:
@@ -83,10 +88,11 @@ class MotionSettingInstructions:
         if limit < _SMALLEST_LIMIT:
             sentence = f"WorldAccLim takes at least {_SMALLEST_LIMIT} m/s², not {limit:g}."
             raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
+        self._unit.settings.world_limit = None if limit == inf else limit
         self._accelerate(along=min(limit, most))
 
     def _accelerate(self, along: float) -> None:
-        acceleration, ramp = self._unit.settings.accelerations
+        acceleration, ramp, _ = self._unit.settings.accelerations
         factor = max(acceleration / 100.0, _SMALLEST_FACTOR) * max(ramp / 100.0, _SMALLEST_FACTOR) ** 0.5
         self._unit.arm.path.acceleration = Acceleration(min(factor, 1.0), along)
 
@@ -101,6 +107,88 @@ class MotionSettingInstructions:
             raise RapidRuntimeError("ERR_SPEED_REFRESH_LIM", sentence)
         self._unit.settings.refreshed = call["Override"]
         self._motion.go_on()
+
+    def limit_tool_speed(self, call: Call) -> None:
+        """SpeedLimCheckPoint: of the tool's point [mm/s], while the system input LimitSpeed is set."""
+        self._limit(call, tool=self._limiting(call, "RobSpeed") * 1e-3)
+
+    def limit_axis_speed(self, call: Call) -> None:
+        """SpeedLimAxis: of one axis [deg/s], while the system input LimitSpeed is set."""
+        kinematics, limit = self._unit.arm.kinematics, self._unit.settings.speed_limit
+        axes = list(limit.axes or (inf,) * kinematics.joint_count)
+        axes[self._joint(call, "AxisNo")] = radians(self._limiting(call, "AxisSpeed"))
+        self._limit(call, axes=tuple(axes))
+
+    def _limiting(self, call: Call, name: str) -> float:
+        value: float = call[name]
+        if not 0.0 < value < inf:
+            raise RapidRuntimeError("ERR_SPEEDLIM_VALUE", f"{call.name}: a speed limit is above 0, not {value:g}.")
+        return value
+
+    def _limit(self, call: Call, **changes: Any) -> None:
+        self._unit.settings.speed_limit = replace(self._unit.settings.speed_limit, **changes)
+        self._unit.limit_speed()
+
+    def _joint(self, call: Call, name: str) -> int:
+        """Index in chain order of an axis of the robot, in ABB's numbering."""
+        axis, count = call[name], self._unit.arm.kinematics.joint_count
+        if axis != int(axis) or not 1 <= axis <= count:
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the robot has the axes 1 to {count}, not {axis:g}.")
+        order = chain_order(range(1, JOINT_COUNT + 1)) if count == JOINT_COUNT else range(1, count + 1)
+        return list(order).index(int(axis))
+
+    def set_resolution(self, call: Call) -> None:
+        """PathResol: kept in C_MOTSET; the samples of paths are as close as they have to be."""
+        if not 25.0 <= call["PathSampleTime"] <= 400.0:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"PathResol takes 25 to 400 %, not {call['PathSampleTime']:g}.")
+        self._unit.settings.path_resolution = call["PathSampleTime"]
+
+    def buffer_events(self, *, is_active: bool) -> None:
+        """ActEventBuffer, DeactEventBuffer: kept in C_MOTSET; the Event Preset Time is 0 here."""
+        self._unit.settings.has_event_buffer = is_active
+
+    def motion_settings(self) -> Any:
+        """C_MOTSET: what the program has set for its motions; -1 where it has set no limit."""
+        settings = self._unit.settings
+        limits = [
+            part
+            for limit in (settings.acceleration_limit, settings.deceleration_limit)
+            for part in (limit is not None, -1.0 if limit is None else limit)
+        ]
+        mode = list(CircleMode).index(settings.circles)
+        return (
+            (settings.speed_percent, settings.most_speed),
+            settings.accelerations,
+            (settings.wrist_may_turn and not settings.locks_axis4, settings.locks_axis4, not settings.wrist_may_turn),
+            (settings.checks_joints, settings.checks_lines, 30.0, 30.0, 30.0),
+            settings.path_resolution,
+            settings.supervision is not None,
+            100.0 if settings.supervision is None else settings.supervision,
+            *limits,
+            float(mode),
+            settings.world_limit is not None,
+            -1.0 if settings.world_limit is None else settings.world_limit,
+            settings.has_event_buffer,
+        )
+
+    def displacements(self) -> Any:
+        """C_PROGDISP: the program displacement and the offsets of external axes."""
+        none = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+        return self._unit.settings.displacement or none, self._unit.settings.offsets
+
+    def tune(self, call: Call) -> None:
+        r"""TuneServo: \Type:=TUNE_KP changes how closely an axis follows its plan, other types nothing."""
+        value, kind, index = call["TuneValue"], call.get("Type", 0.0), self._joint(call, "Axis")
+        if not 1.0 <= value <= 500.0:
+            raise RapidRuntimeError("ERR_ARGVALERR", f"TuneServo takes 1 to 500 %, not {value:g}.")
+        if _TUNING_TYPES[int(kind)] == "KP":
+            self._unit.settings.gains[index] = value / 100.0
+            self._unit.arm.tune(self._unit.settings.gains)
+
+    def reset_tuning(self, call: Call) -> None:
+        """TuneReset: all axes are tuned as usual."""
+        self._unit.settings.gains.clear()
+        self._unit.arm.tune()
 
     def displace(self, call: Call) -> None:
         r"""PDispOn: what moves the programmed point to where the tool is, or to \ExeP; with \Rot it turns, too."""
@@ -311,6 +399,8 @@ def add_motion_settings(
     modes = ("OPTIMAL_CYCLE_TIME_MODE", "LOW_SPEED_ACCURACY_MODE", "LOW_SPEED_STIFF_MODE", "ACCURACY_MODE")
     for number, name in enumerate((*modes, *(f"MPM_USER_MODE_{each}" for each in range(1, 5))), start=1):
         library.data(name, "motionprocessmode", float(number))
+    library.live_data("C_MOTSET", "motsetdata", own.motion_settings)
+    library.live_data("C_PROGDISP", "progdisp", own.displacements)
     all_tasks = r"\switch AllMotionTasks"
     instructions: tuple[tuple[str, str, Callable[[Call], Any]], ...] = (
         ("ConfL", r"\switch On | \switch Off", own.check_lines),
@@ -338,9 +428,13 @@ def add_motion_settings(
         ("MechUnitLoad", "mecunit MechUnit, num AxisNo, loaddata Load", own.accept),
         ("CirPathMode", " | ".join(rf"\switch {name}" for name in _MODE_SWITCHES), own.set_circle_mode),
         ("CornerPathWarning", "bool Active", own.warn_of_corners),
-        ("PathResol", "num Override", own.accept),
-        ("TuneServo", r"mecunit MecUnit, num Axis, num TuneValue, \tunetype Type", own.accept),
-        ("TuneReset", "", own.accept),
+        ("PathResol", "num PathSampleTime", own.set_resolution),
+        ("ActEventBuffer", "", lambda _: own.buffer_events(is_active=True)),
+        ("DeactEventBuffer", "", lambda _: own.buffer_events(is_active=False)),
+        ("SpeedLimCheckPoint", "num RobSpeed", own.limit_tool_speed),
+        ("SpeedLimAxis", "mecunit MechUnit, num AxisNo, num AxisSpeed", own.limit_axis_speed),
+        ("TuneServo", r"mecunit MecUnit, num Axis, num TuneValue, \tunetype Type", own.tune),
+        ("TuneReset", "", own.reset_tuning),
         ("MotionProcessModeSet", "motionprocessmode Mode", own.accept),
         ("ActUnit", "mecunit MechUnit", own.activate),
         ("DeactUnit", "mecunit MechUnit", own.deactivate),
@@ -370,8 +464,8 @@ def add_motion_settings(
         ("MaxExtReorientSpeed", "", "num", lambda _: ROTATING_AXIS_DEG_S),
         ("IsLeadThrough", "", "bool", lambda _: motion.unit.mechanical_unit in motion.unit.led),
         ("RobName", "", "string", lambda _: motion.unit.mechanical_unit),
-        ("TaskRunMec", "", "bool", lambda _: True),
-        ("TaskRunRob", "", "bool", lambda _: True),
+        ("TaskRunMec", "", "bool", lambda _: is_motion_task),
+        ("TaskRunRob", "", "bool", lambda _: is_motion_task),
     )
     for name, signature, returns, implementation in functions:
         library.function(name, signature, returns)(implementation)

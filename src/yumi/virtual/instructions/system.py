@@ -8,10 +8,9 @@ from typing import Any
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.types import BOOL, UNSET, is_numeric, resolved
-from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import JOINT_COUNT, abb_from_chain
 from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints
+from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints, unit_of
 
 _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
@@ -25,13 +24,14 @@ class SystemInstructions:
         units: Sequence[MechanicalUnit],
         configuration: Configuration,
         sync_points: SyncPoints,
+        robots: Sequence[ArmUnit] = (),
     ) -> None:
         self._unit = unit
+        self._robots = robots
         self._units = units
         self._configuration = configuration
         self._sync_points = sync_points
         self._active: dict[str, tuple[str, Any]] = {}
-        self._dynamics = ArmDynamics(unit.side, unit.arm.model.payload)
 
     def unit_name(self, call: Call) -> str:
         """GetMecUnitName."""
@@ -71,12 +71,13 @@ class SystemInstructions:
 
         RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
         """
-        if not self._unit.arm.kinematics.is_of_yumi:
+        unit = unit_of(call["MecUnit"].name, self._unit, self._robots) if call.present("MecUnit") else self._unit
+        if not unit.arm.kinematics.is_of_yumi:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         axis = int(call["AxisNo"])
         if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")
-        robax, eax_a = abb_from_chain(self._dynamics.torque(self._unit.arm.position))
+        robax, eax_a = abb_from_chain(unit.dynamics.torque(unit.arm.position))
         return (*robax, eax_a)[axis - 1]
 
     def get_system_data(self, call: Call) -> None:
@@ -240,9 +241,10 @@ def add_system(
     units: Sequence[MechanicalUnit],
     configuration: Configuration,
     sync_points: SyncPoints,
+    robots: Sequence[ArmUnit] = (),
 ) -> None:
     """Register the system instructions of one task."""
-    system = SystemInstructions(unit, units, configuration, sync_points)
+    system = SystemInstructions(unit, units, configuration, sync_points, robots)
     library.function("GetMecUnitName", "mecunit MechUnit", "string")(system.unit_name)
     library.function(
         "GetNextMechUnit",

@@ -19,6 +19,7 @@ from yumi.virtual.instructions.motion import FATAL, FRAMES, Build, MotionInstruc
 from yumi.virtual.mechanics.path import Passage, Trigger
 
 _MOST_TRIGGERS = 8
+_ZERO_CYCLES = 100  # 0.4 s after a stop process signals are set to zero
 _INSTANT = 1e-4  # [s] over which the tool's speed is measured
 _RELATIONS: dict[float, Callable[[float, float], bool]] = {
     1.0: lambda a, b: a < b,
@@ -54,6 +55,30 @@ class TriggData:
     """A triggdata: empty, or what happens where."""
 
     events: tuple[Event, ...] = ()
+
+
+@dataclass(slots=True)
+class StopSupervision:
+    """What TriggStopProc has seen.
+
+    Attributes:
+        before: values of the process signals while the program was running.
+        shadow_before: of the shadow signal.
+        shadow: its last value.
+        was_running, is_stopping: whether the program runs, whether it was stopped and the arm may still move.
+        stops_on_path: whether something was ahead of the arm when the program stopped.
+        cycles: since then.
+        flanks: changes of the shadow signal since then.
+    """
+
+    before: dict[str, float]
+    shadow_before: float
+    shadow: float = 0.0
+    was_running: bool = True
+    is_stopping: bool = False
+    stops_on_path: bool = False
+    cycles: int = 0
+    flanks: int = 0
 
 
 class TriggerInstructions:
@@ -100,6 +125,52 @@ class TriggerInstructions:
                 move.task.interrupts.occur(number)
 
         self._define(call, Event(act))
+
+    def supervise_stops(self, call: Call) -> None:
+        """TriggStopProc: at each stop of the program, store process signals in restart data and set them to zero.
+
+        Technical reference manual: values just before the stop, those when the arm stands, and how often the shadow
+        signal has changed between; -1 of a signal that is not given.
+        """
+        task, unit, restart = call.task, self._motion.unit, call.reference("RestartRef")
+        signals = {name: call[name].name for name in ("DO1", "GO1", "GO2", "GO3", "GO4") if call.present(name)}
+        shadow = call["ShadowDO"].name
+        values = {name: task.read_signal(signal) for name, signal in signals.items()}
+        state = StopSupervision(values, task.read_signal(shadow))
+
+        def observe() -> None:
+            now = task.read_signal(shadow)
+            if task.is_running and not state.is_stopping:
+                state.before = {name: task.read_signal(signal) for name, signal in signals.items()}
+                state.shadow_before, state.was_running, state.flanks = now, True, 0
+                return
+            if state.was_running:
+                state.was_running, state.is_stopping = False, True
+                state.stops_on_path, state.cycles, state.shadow = not unit.arm.path.is_empty, 0, state.shadow_before
+            if not state.is_stopping:
+                return
+            state.flanks += now != state.shadow
+            state.shadow, state.cycles = now, state.cycles + 1
+            if not unit.arm.is_stationary or state.cycles < _ZERO_CYCLES:
+                return
+            state.is_stopping = False
+            after = {name: task.read_signal(signal) for name, signal in signals.items()}
+            stored = {f"pre{name.lower()}val": value for name, value in state.before.items()}
+            stored |= {f"post{name.lower()}val": value for name, value in after.items()}
+            absent = {
+                f"{when}{name}val": -1.0 for name in ("do1", "go1", "go2", "go3", "go4") for when in ("pre", "post")
+            }
+            shadows = {"preshadowval": state.shadow_before, "shadowflanks": state.flanks, "postshadowval": now}
+            data = {**absent, **stored, **shadows, "restartstop": True, "stoponpath": state.stops_on_path}
+            restart.value = restart.type.convert(restart.value._replace(**data))
+            for signal in (*signals.values(), shadow):
+                task.write_signal(signal, 0.0)
+
+        def end() -> None:
+            unit.observers.pop("process signals at stops", None)
+
+        unit.observers["process signals at stops"] = observe
+        unit.beginnings["process signals at stops"] = end
 
     def define_speed(self, call: Call) -> None:
         """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""
@@ -357,6 +428,12 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
             "TriggRampAO",
             rf"{data}, \switch Start, num EquipLag, VAR signalao AOutput, num SetValue, num RampLength, \switch Time",
             own.define_ramp,
+        ),
+        (
+            "TriggStopProc",
+            r"PERS restartdata RestartRef, \VAR signaldo DO1, \VAR signalgo GO1, \VAR signalgo GO2, "
+            r"\VAR signalgo GO3, \VAR signalgo GO4, VAR signaldo ShadowDO",
+            own.supervise_stops,
         ),
         ("TriggDataCopy", "VAR triggdata SourceTriggData, VAR triggdata DestinationTriggData", own.copy),
         ("TriggDataReset", "VAR triggdata TriggData", own.reset),

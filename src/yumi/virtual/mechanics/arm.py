@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import acos, dist, exp, pi, sin
 from typing import cast
@@ -11,7 +12,7 @@ from typing import cast
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arms import Arm, yumi_arm
 from yumi.robot.dynamics import HAND, ArmDynamics
-from yumi.robot.joints import ZERO, Joints, Pose, Side, joint_names
+from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
@@ -123,8 +124,14 @@ class Servo:
         self._time = 0.0
         self._delay = model.delay
         self._past = deque([(0.0, position)])
+        self._lags: tuple[float, ...] = ()  # of the joints, where they are not all that of the model [s]
         self.target_delay = model.delay
         self.position = position
+
+    def tune(self, gains: Mapping[int, float]) -> None:
+        """Follow with other gains of position control, 1 being the usual one, by index of the joint."""
+        lag = self._model.lag
+        self._lags = tuple(lag / gains.get(index, 1.0) for index in range(len(self.position))) if gains else ()
 
     def advance(self, planned: Joints, dt: float) -> None:
         """Follow the plan in a straight line to ``planned`` [rad] for ``dt`` [s] > 0."""
@@ -132,7 +139,13 @@ class Servo:
         ramp = lag / dt
         # The lag's exact answer to a ramp from the last plan to this one, per joint:
         # u - a·τ + (y - u_before + a·τ)·e^(-dt/τ) with the slope a = (u - u_before)/dt. Of an arm that stands, u.
-        if not planned == self._planned == self._lagged:
+        if self._lags and not planned == self._planned == self._lagged:
+            tuned = []
+            for now, before, lagged, own in zip(planned, self._planned, self._lagged, self._lags, strict=True):
+                behind = (now - before) * own / dt
+                tuned.append(now - behind + (lagged - before + behind) * (exp(-dt / own) if own > 0.0 else 0.0))
+            self._lagged = cast("Joints", tuple(tuned))
+        elif not planned == self._planned == self._lagged:
             answer = [
                 now - (now - before) * ramp + (lagged - before + (now - before) * ramp) * left
                 for now, before, lagged in zip(planned, self._planned, self._lagged, strict=True)
@@ -276,6 +289,10 @@ class VirtualArm:
             raise CommandRefused("The motors are off, and the brakes hold the arm; switch the motors on first.")
         self._push, self._push_left = by, PUSH_TIME
 
+    def tune(self, gains: Mapping[int, float] | None = None) -> None:
+        """Gains of position control (TuneServo) by index of the joint; 1 is the usual one, and that of all others."""
+        self._servo.tune(gains or {})
+
     def switch_motors_on(self) -> None:
         self._motors_on = True
 
@@ -380,7 +397,7 @@ class VirtualArm:
             raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
         if position is not None:
             egm.reference = position
-        egm.reference_velocity = ZERO if velocity is None else velocity
+        egm.reference_velocity = MotionState.standing(egm.reference).velocity if velocity is None else velocity
 
     def stop_egm(self, ramp_time: float = 0.0, *, returns_to_start: bool = False) -> None:
         """End EGM: come to a stop over ``ramp_time`` [s] and hold, or go back to where EGM started.
@@ -392,7 +409,7 @@ class VirtualArm:
         if egm is None:
             return
         # Without EGM's acceleration, which is that of single steps of speed.
-        state = MotionState(egm.state.position, egm.state.velocity)
+        state = replace(MotionState.standing(egm.state.position), velocity=egm.state.velocity)
         if returns_to_start:
             self._motion = travel(state, egm.start, self.model, ramp_time)
         else:

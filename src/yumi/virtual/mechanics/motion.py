@@ -180,8 +180,8 @@ def _fixed(values: Sequence[float]) -> Joints:
 Band = tuple[float, float]
 """``egm_minmax``: lowest and highest difference from the reference that counts as converged [rad]."""
 
-Bands = tuple[Band, Band, Band, Band, Band, Band, Band]
-Axes = tuple[bool, bool, bool, bool, bool, bool, bool]
+Bands = tuple[Band, ...]
+Axes = tuple[bool, ...]
 ALL_AXES: Axes = (True, True, True, True, True, True, True)
 
 
@@ -192,10 +192,9 @@ class StopMode(Enum):
     RAMP_DOWN = 1
 
 
-def same_band(low: float, high: float) -> Bands:
-    """One convergence band [rad] for all seven joints."""
-    band = (low, high)
-    return (band, band, band, band, band, band, band)
+def same_band(low: float, high: float, count: int = 7) -> Bands:
+    """One convergence band [rad] for all joints."""
+    return ((low, high),) * count
 
 
 DEFAULT_BANDS = same_band(radians(-0.5), radians(0.5))
@@ -227,7 +226,9 @@ class EgmActivation:
     Attributes:
         tool: tool frame in tool0, for the poses the robot sends; None is tool0.
         wobj: work object in the world, in which those poses are given; None is the world.
-        cond_min_max: convergence band of each joint [rad], (7,) in chain order.
+        cond_min_max: convergence band of each joint [rad], in chain order; where poses guide, of the tool's x, y,
+            z [m] and its turns about them [rad].
+        frame: where poses of the sensor are given, in the base; None where joints guide.
         lp_filter: low-pass bandwidth [Hz]; 0 switches it off, None takes the configured one.
         sample_rate_ms: period of the datagrams in multiples of 4 ms, which stand for cycles of 4.032 ms.
         max_pos_deviation: how far any joint may go from where EGM started [rad].
@@ -236,6 +237,7 @@ class EgmActivation:
 
     tool: Pose | None = None
     wobj: Pose | None = None
+    frame: Pose | None = None
     cond_min_max: Bands = DEFAULT_BANDS
     lp_filter: float | None = None
     sample_rate_ms: int = 4
@@ -319,12 +321,12 @@ class EgmMotion:
         self._settings = settings
         self._start = position
         self._caps = tuple(min(settings.max_speed, most) for most in limits.velocity)
-        self._filtered: tuple[float, ...] = ZERO
+        self.state = MotionState.standing(position)
+        self._filtered: tuple[float, ...] = self.state.velocity
         self._time = 0.0
         self.reference = position
-        self.reference_velocity = ZERO
+        self.reference_velocity = self.state.velocity
         self.utilization = 0.0
-        self.state = MotionState(position)
 
     @property
     def start(self) -> Joints:

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from math import sqrt
-from typing import cast
+from math import inf, sqrt
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ class Passage:
         begin: distance where the arm is on it: the middle of the corner before it [m].
         end: distance of its end, or of the middle of the corner there [m].
         zone_begin: distance where the zone at its end begins [m].
+        is_corrected: whether path corrections count on it.
     """
 
     leg: Leg
@@ -52,6 +53,20 @@ class Passage:
     begin: float
     end: float
     zone_begin: float = 0.0
+    is_corrected: bool = False
+
+
+class Corrector(Protocol):
+    """Moves the arm beside its path."""
+
+    memory: Any
+    """What a path that is put aside has to be restored with."""
+
+    def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
+        """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
+
+    def restart(self) -> None:
+        """The path begins anew where the arm stands."""
 
 
 @dataclass(slots=True)
@@ -90,6 +105,22 @@ class Acceleration:
     along: float = 11.0
 
 
+@dataclass(frozen=True, slots=True)
+class SpeedLimit:
+    """What no motion exceeds while the system input LimitSpeed is set (SpeedLimCheckPoint, SpeedLimAxis).
+
+    Attributes:
+        tool: of the tool's point [m/s].
+        axes: of the joints, chain order [rad/s], (k,); () where none of them is limited.
+    """
+
+    tool: float = inf
+    axes: tuple[float, ...] = ()
+
+
+NO_LIMIT = SpeedLimit()
+
+
 @dataclass(eq=False)
 class Run:
     """A part of the path between two stops: samples over the distance.
@@ -126,13 +157,15 @@ class Run:
     def length(self) -> float:
         return self.places[-1]
 
-    def prepare(self, override: float) -> None:
+    def prepare(self, override: float, limit: SpeedLimit = NO_LIMIT) -> None:
         """The speeds that are possible, from the geometry."""
         distance, joints = self.distance, self.joints
         slopes = np.gradient(joints, distance, axis=0) if len(distance) > 2 else _chords(joints, distance)
         bends = np.gradient(slopes, distance, axis=0) if len(distance) > 2 else np.zeros_like(slopes)
         factor = _SHARE * self.acceleration.factor
         speed, most = np.array(self.limits.velocity), np.array(self.limits.acceleration) * factor
+        if limit.axes:
+            speed = np.minimum(speed, limit.axes)
         way_slopes = np.gradient(self.way, distance) if len(distance) > 2 else np.ones(len(distance))
         with np.errstate(divide="ignore"):
             along = np.min(most / np.maximum(np.abs(slopes), 1e-12), 1)
@@ -142,7 +175,7 @@ class Run:
             # Of each interval, and of a sample the slower of its two.
             steps = np.diff(distance)
             wanted = np.minimum(
-                self.tool_speed[1:] * steps / np.maximum(np.diff(self.way), 1e-12),
+                np.minimum(self.tool_speed[1:], limit.tool / override) * steps / np.maximum(np.diff(self.way), 1e-12),
                 self.turn_speed[1:] * steps / np.maximum(np.diff(self.turned), 1e-12),
             )
         wanted = np.minimum(np.concatenate([wanted[:1], wanted]), np.concatenate([wanted, wanted[-1:]])) * override
@@ -171,6 +204,7 @@ class StoredPath:
     shown: float
     position: Joints
     holds: frozenset[str]
+    memory: Any = None
 
 
 class PathMotion:
@@ -183,20 +217,26 @@ class PathMotion:
     Attributes:
         state: where the arm is planned to be.
         override: speed override, 0 to 1.
+        speed_limit: what no motion exceeds, whatever the override.
         acceleration: what holds for legs that are added from now on.
         holds: the reasons why it stands though there is something ahead, such as a stop of the program.
         is_abandoned: whether it slows down and forgets what is ahead.
         prefetch: how long before the arm comes to a zone `is_due` [s].
+        corrector: moves the arm beside its path; None where nothing does.
+        nominal: where it would be without a corrector [rad].
         corner_failed: called with the leg that was ended by a stop instead of a corner.
     """
 
     def __init__(self, position: Joints, limits: JointLimits) -> None:
         self.state = MotionState.standing(position)
         self.override = 1.0
+        self.speed_limit = NO_LIMIT
         self.acceleration = Acceleration()
         self.holds: set[str] = set()
         self.is_abandoned = False
         self.prefetch = PREFETCH
+        self.corrector: Corrector | None = None
+        self.nominal = position
         self._limits = limits
         self._runs: deque[Run] = deque()
         self._passages: deque[Passage] = deque()
@@ -225,6 +265,9 @@ class PathMotion:
         self._passages.clear()
         self.is_abandoned = False
         self.state = MotionState.standing(position)
+        self.nominal = position
+        if self.corrector is not None:
+            self.corrector.restart()
         self._rewind()
 
     def _rewind(self) -> None:
@@ -270,7 +313,7 @@ class PathMotion:
             self._extend(run, piece, speed)
         if run is self._runs[0]:
             self._forget_passed(run)
-        run.prepare(self.override)
+        run.prepare(self.override, self.speed_limit)
         in_zone = self._length(leg.piece.part(leg.out, len(leg.shares) - 1))
         passage = Passage(leg, run, begin, run.length, run.length - in_zone)
         self._passages.append(passage)
@@ -314,7 +357,8 @@ class PathMotion:
     def store(self) -> StoredPath:
         """Put what is ahead aside, with the reasons why the arm stands; the arm has to stand."""
         holds = frozenset(self.holds)
-        stored = StoredPath(tuple(self._runs), tuple(self._passages), self._shown, self.state.position, holds)
+        memory = None if self.corrector is None else self.corrector.memory
+        stored = StoredPath(tuple(self._runs), tuple(self._passages), self._shown, self.state.position, holds, memory)
         self.holds.clear()
         self.restart_at(self.state.position)
         return stored
@@ -322,6 +366,8 @@ class PathMotion:
     def restore(self, stored: StoredPath) -> None:
         """Put what was stored ahead again."""
         self.restart_at(stored.position)
+        if self.corrector is not None and stored.memory is not None:
+            self.corrector.memory = stored.memory
         self._runs, self._passages = deque(stored.runs), deque(stored.passages)
         self._shown = stored.shown
         self.holds |= stored.holds
@@ -355,7 +401,15 @@ class PathMotion:
             return
         self.override = override
         for run in self._runs:
-            run.prepare(override)
+            run.prepare(override, self.speed_limit)
+
+    def set_speed_limit(self, limit: SpeedLimit) -> None:
+        """Another limit, also for what is under way; the path stays."""
+        if limit == self.speed_limit:
+            return
+        self.speed_limit = limit
+        for run in self._runs:
+            run.prepare(self.override, limit)
 
     def abandon(self) -> None:
         """Slow down on the path, and forget what is ahead then."""
@@ -389,6 +443,10 @@ class PathMotion:
         past.append(ahead)
         shown = self._shown = ahead if past[0] == ahead else sum(past) / SMOOTHING
         old, position = self.state, self._position(run, shown)
+        self.nominal = position
+        if self.corrector is not None:
+            passage = self._passages[0]
+            position = self.corrector.corrected(position, passage.leg, dt, is_corrected=passage.is_corrected)
         velocity = tuple((a - b) / dt for a, b in zip(position, old.position, strict=True))
         change = tuple((a - b) / dt for a, b in zip(velocity, old.velocity, strict=True))
         self.state = MotionState(position, cast("Joints", velocity), cast("Joints", change))
@@ -400,7 +458,7 @@ class PathMotion:
         while len(self._passages) > 1 and self.has_ended(self._passages[0]):
             self._passages.popleft()
         if shown == run.length and past[0] == ahead:
-            self.state = MotionState.standing(cast("Joints", run.rows[-1]))
+            self.state = MotionState.standing(position)
             self._runs.popleft()
             self._rewind()
             self.is_abandoned = self.is_abandoned and bool(self._runs)

@@ -8,7 +8,10 @@ from instruction_bench import InstructionBench
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
 from yumi.robot.joints import Side, home
-from yumi.virtual.controller.egm import EgmState
+from yumi.rws.types import SignalType
+from yumi.virtual.controller.egm import EgmOutcome, EgmState
+from yumi.virtual.controller.signals import Signal
+from yumi.virtual.instructions.data import jointtarget
 from yumi.virtual.mechanics.motion import EgmActivation
 
 MOVE = "MoveAbsJ CJointT(),v100,fine,tool0; "
@@ -200,3 +203,53 @@ def test_convergence_bands_arrive_in_chain_order(bench: InstructionBench, monkey
     bench.run(f"{SETUP} EGMActJoint egm{bands};")
     highest = [high for _, high in activations[0].cond_min_max]
     assert highest == pytest.approx([radians(axis) for axis in (1, 2, 7, 3, 4, 5, 6)])
+
+
+def signal(name: str, kind: SignalType) -> Signal:
+    return Signal(name, kind, "", "All", 0.0, "")
+
+
+SIGNALS = (signal("ao_axis_1", SignalType.ANALOG_OUTPUT), signal("ao_axis_7", SignalType.ANALOG_OUTPUT))
+FROM_SIGNALS = (
+    'EGMGetId egm; EGMSetupAO ROB_ID,egm,"ROB_R"\\Joint\\aoR1x:=ao_axis_1\\aoE1:=ao_axis_7; '
+    "EGMActJoint egm\\J1:=[-0.1,0.1]\\J7:=[-0.1,0.1]\\MaxSpeedDeviation:=100; target:=CJointT(); "
+    "SetAO ao_axis_1,target.robax.rax_1+2; SetAO ao_axis_7,target.extax.eax_a-1; "
+    "EGMRunJoint egm,EGM_STOP_HOLD\\J1\\J2\\J7\\CondTime:=0.2; "
+)
+
+
+def test_analog_signals_guide_the_axes_without_any_datagram() -> None:
+    bench = InstructionBench(signals=SIGNALS)
+    before = jointtarget(bench.unit.arm.planned)
+    bench.run(MOVE + FROM_SIGNALS + "flag:=TRUE;")
+    assert (bench.failure, bench.read("flag"), bench.sent) == ("", "TRUE", [])
+    robax, extax = jointtarget(bench.unit.arm.planned)
+    assert robax[0] == pytest.approx(before[0][0] + 2, abs=0.15)
+    assert extax[0] == pytest.approx(before[1][0] - 1, abs=0.15)
+    assert robax[1:] == pytest.approx(before[0][1:], abs=1e-6)
+
+
+def test_signals_that_lead_out_of_an_axis_range_stop_egm() -> None:
+    bench = InstructionBench(signals=SIGNALS)
+    bench.start(MOVE + FROM_SIGNALS.replace("rax_1+2", "rax_1+400"))
+    while bench.unit.egm.outcome is not EgmOutcome.OUT_OF_BOUNDS and bench.task.now < 5.0:
+        bench.step()
+    assert bench.unit.egm.outcome is EgmOutcome.OUT_OF_BOUNDS
+    assert not bench.unit.arm.motors_on
+
+
+@pytest.mark.parametrize(
+    ("setup", "sentence"),
+    [
+        ('EGMSetupAI ROB_ID,egm,"ROB_R"\\Joint', "at least one signal has to be given"),
+        ('EGMSetupGI ROB_ID,egm,"ROB_R"\\Pose\\giR1x:=gi_one', "signals guide the joints here: use \\Joint"),
+        ('EGMSetupAI ROB_R_7,egm,"ROB_R"\\Joint\\aiR1x:=ai_one', "ROB_R_7 is not a TCP robot"),
+        ('EGMSetupGI ROB_ID,egm,"none"\\Joint\\giR1x:=gi_one', "there is no External Motion Interface Data 'none'"),
+    ],
+)
+def test_setup_from_signals_says_what_is_wrong(setup: str, sentence: str) -> None:
+    bench = InstructionBench(
+        signals=(signal("ai_one", SignalType.ANALOG_INPUT), signal("gi_one", SignalType.GROUP_INPUT))
+    )
+    bench.run(f"EGMGetId egm; {setup};")
+    assert sentence in bench.failure
