@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import PurePosixPath
 
+from yumi.errors import SettingsError
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.rapid.program import Program
+from yumi.rapid.program import Execution, Program
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
@@ -139,7 +142,6 @@ class Irc5:
         self._arms = {unit.side: unit for unit in arms}
         for unit in arms:
             unit.led = self.motion.lead_through
-        self._stationary = self._outputs_of_standstill()
         self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -158,6 +160,9 @@ class Irc5:
             tasks=lambda: self.tasks,
             restart=self.restart,
         )
+        movers = {each.unit.side: name for name, each in self.execution.installed.items() if each.unit is not None}
+        self.units = tuple(replace(unit, motion_task=movers.get(unit.side, "")) for unit in self.units)
+        self._outputs = self._system_outputs()
         for task in self.tasks.values():
             task.host.devices = self.devices
         if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
@@ -399,8 +404,8 @@ class Irc5:
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
-        for signal, unit in self._stationary:
-            self.signals.drive(signal, float(unit.arm.is_stationary))
+        for signal, holds in self._outputs:
+            self.signals.drive(signal, float(holds()))
         for unit in self._arms.values():
             unit.observe()
             if unit.zone_fault:
@@ -436,7 +441,7 @@ class Irc5:
         self.effective.become(self.configuration)
         self.signals.configure(self.effective)
         self._report_rejected_signals()
-        self._stationary = self._outputs_of_standstill()
+        self._outputs = self._system_outputs()
         if self._discards_programs:
             for task in self.tasks.values():
                 task.lose_pp()
@@ -461,17 +466,32 @@ class Irc5:
             except Refused as refused:
                 self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
 
-    def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
-        """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
+    def _system_outputs(self) -> tuple[tuple[str, Callable[[], bool]], ...]:
+        """The signals that show a state of the controller, each with that state (SYSSIG_OUT)."""
         units = {unit.mechanical_unit: unit for unit in self._arms.values()}
-        outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
-        return tuple(
-            (output["Signal"], units[output["Arg1"]])
-            for output in outputs
-            if output.get("Status") == "MechUnitNotMoving"
-            and output.get("Arg1") in units
-            and output.get("Signal", "") in self.signals
-        )
+        states: Mapping[str, Callable[[], bool]] = {
+            "CycleOn": lambda: self.is_running,
+            "AutoOn": lambda: self.mode is OperatingMode.AUTO,
+            "MotOnState": lambda: self.controller_state is ControllerState.MOTORS_ON,
+            "MotOffState": lambda: self.controller_state is not ControllerState.MOTORS_ON,
+            "EmStop": lambda: self.controller_state is ControllerState.EMERGENCY_STOP,
+        }
+        found = []
+        for output in (each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")):
+            signal, status = output.get("Signal", ""), output.get("Status", "")
+            named = {output.get("Arg1", ""), output.get("Arg2", "")}  # a task is in Arg2
+            tasks = [each for name, each in self.execution.installed.items() if name in named]
+            tasks = tasks or [each for each in self.execution.installed.values() if each.is_normal]
+            state = states.get(status)
+            if status == "MechUnitNotMoving" and output.get("Arg1") in units:
+                state = partial(_stands_still, units[output["Arg1"]])
+            elif status == "TaskExecuting":
+                state = partial(_any, tasks, lambda each: each.task.execution is Execution.STARTED)
+            elif status == "Error":
+                state = partial(_any, tasks, lambda each: each.has_failed)
+            if state is not None and signal in self.signals:
+                found.append((signal, state))
+        return tuple(found)
 
     def _show(self, name: str, value: float) -> None:
         """Drive a signal that the system parameters may leave out."""
@@ -507,9 +527,12 @@ class Irc5:
         settings = task_settings(self.effective)
         free = list(self._arms.values())
         named = {unit.mechanical_unit: unit for unit in free}
-        for each in settings:
-            if each.robot.upper() in named and each.is_motion_task:
-                free.remove(named[each.robot.upper()])
+        units_of_tasks: dict[str, ArmUnit] = {}
+        for each in (each for each in settings if each.is_motion_task and each.robot.upper() in named):
+            if named[each.robot.upper()] not in free:
+                sentence = f"{each.name} moves {each.robot}, which another task of CAB_TASKS moves already"
+                raise SettingsError(f"{sentence}: give it another UseMechanicalUnitGroup, or no MotionTask.")
+            free.remove(named[each.robot.upper()])
         for each in settings:
             unit = named.get(each.robot.upper())
             if unit is None and each.is_motion_task and free:  # of a group this robot does not have
@@ -524,8 +547,13 @@ class Irc5:
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
                 robots=tuple(self._arms.values()),
+                units_of_tasks=units_of_tasks,
             )
+            for name in (other.name for other in settings):
+                library.data(f"{name}Id", "taskid", (name,))
             task = Task(each.name, host, library, each.entry)
+            if unit is not None and each.is_motion_task:
+                units_of_tasks[each.name] = unit
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
             for path in modules_of(each, system, self.effective):
@@ -539,6 +567,14 @@ class Irc5:
         return tasks
 
 
+def _stands_still(unit: ArmUnit) -> bool:
+    return unit.arm.is_stationary
+
+
+def _any(tasks: Sequence[InstalledTask], holds: Callable[[InstalledTask], bool]) -> bool:
+    return any(holds(each) for each in tasks)
+
+
 def robot_library(
     unit: ArmUnit,
     *,
@@ -549,11 +585,12 @@ def robot_library(
     sync_points: SyncPoints,
     is_motion_task: bool = True,
     robots: Sequence[ArmUnit] = (),
+    units_of_tasks: Mapping[str, ArmUnit] | None = None,
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
-    motion = add_motion(library, unit, speed_ratio, events)
+    motion = add_motion(library, unit, speed_ratio, events, units_of_tasks)
     add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)

@@ -6,7 +6,7 @@ while the arm moves; a move to a stop point is done when the arm stands there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, pi, radians, tau
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
+from yumi.rapid.builtins.symbols import OF_TASK, task_meant
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.arms import Arm
@@ -86,13 +87,16 @@ class Target:
 class MotionInstructions:
     """The moves of one task."""
 
-    def __init__(self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> None:
+    def __init__(
+        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, units_of_tasks: Mapping[str, ArmUnit]
+    ) -> None:
         self.unit = unit
         self.arm = unit.arm
         self.events = events
         self._speed_ratio = speed_ratio
         self._moved_at = -1.0  # task time [s]
         self._concurrent = 0
+        self._units_of_tasks = units_of_tasks
 
     # What the arguments mean --------------------------------------------------------------------------------------
 
@@ -322,18 +326,19 @@ class MotionInstructions:
     # Where the robot is -------------------------------------------------------------------------------------------
 
     def read_frames(self, call: Call) -> Frames:
-        return self.frames(call.get("Tool", self.tool(call)), call.get("WObj", self.wobj(call)))
+        tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
+        return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
-        self._check_task(call)
-        robax, extax = jointtarget(self.arm.position)
-        return robax, self._without_offset(extax)
+        motion = self._of_task(call)
+        robax, extax = jointtarget(motion.arm.position)
+        return robax, motion._without_offset(extax)
 
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
-        self._check_task(call)
-        return self.robtarget(self.arm.position, self.read_frames(call))
+        motion = self._of_task(call)
+        return motion.robtarget(motion.arm.position, motion.read_frames(call))
 
     def position(self, call: Call) -> Any:
         """CPos: where the tool's point is [mm]."""
@@ -341,11 +346,11 @@ class MotionInstructions:
 
     def tool(self, call: Call) -> Any:
         """CTool: the tool of the last motion."""
-        return self.unit.tool or _predefined(call, "tool0")
+        return self._of_task(call).unit.tool or _predefined(call, "tool0")
 
     def wobj(self, call: Call) -> Any:
         """CWObj: the work object of the last motion."""
-        return self.unit.wobj or _predefined(call, "wobj0")
+        return self._of_task(call).unit.wobj or _predefined(call, "wobj0")
 
     def robtarget(self, position: Joints, frames: Frames) -> tuple[Any, ...]:
         """RAPID's robtarget of the tool at joint positions [rad]."""
@@ -399,12 +404,16 @@ class MotionInstructions:
         first = extax[0]
         return (first - self.unit.settings.offsets[0] if first < NOT_PRESENT else first, *extax[1:])
 
-    def _check_task(self, call: Call) -> None:
-        """Positions are those of this task's robot."""
-        name = call.get("TaskName", call.task.name)
-        if name.upper() != call.task.name.upper():
-            sentence = f"{call.name}: a task reads the position of its own robot here, not that of {name}."
+    def _of_task(self, call: Call) -> MotionInstructions:
+        r"""The moves of the task that \TaskRef or \TaskName names; raises ERR_TASKNAME, ERR_NOT_MOVETASK."""
+        task = task_meant(call)
+        if task is call.task:
+            return self
+        unit = self._units_of_tasks.get(task.name)
+        if unit is None:
+            sentence = f"{call.name}: the task {task.name} moves no robot (MotionTask in CAB_TASKS)."
             raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+        return MotionInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
 
 
 def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
@@ -506,9 +515,23 @@ def _predefined(call: Call, name: str) -> Any:
     return datum.value
 
 
-def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog) -> MotionInstructions:
-    """Register the moves of one task."""
-    motion = MotionInstructions(unit, speed_ratio, events)
+def add_motion(
+    library: Library,
+    unit: ArmUnit,
+    speed_ratio: SpeedRatio,
+    events: EventLog,
+    units_of_tasks: Mapping[str, ArmUnit] | None = None,
+) -> MotionInstructions:
+    """Register the moves of one task.
+
+    Args:
+        library: of the task.
+        unit: the arm it moves.
+        speed_ratio: the speed override of the controller [%].
+        events: the controller's event log.
+        units_of_tasks: the arms of all motion tasks by name, whose positions it reads too.
+    """
+    motion = MotionInstructions(unit, speed_ratio, events, units_of_tasks or {})
     library.include(POSES)
     inposdata = {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"}
     library.record("inposdata", inposdata)
@@ -547,11 +570,11 @@ def add_motion(library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events:
         r"zonedata Zone, \stoppointdata Inpos",
     )(motion.move_ext_j)
     library.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")(motion.wait_rob)
-    library.function("CJointT", r"\switch TaskRef | \string TaskName", "jointtarget")(motion.joint_target)
-    library.function("CRobT", rf"\switch TaskRef | \string TaskName, {_READ_FRAMES}", "robtarget")(motion.robot_target)
+    library.function("CJointT", OF_TASK, "jointtarget")(motion.joint_target)
+    library.function("CRobT", rf"{OF_TASK}, {_READ_FRAMES}", "robtarget")(motion.robot_target)
     library.function("CPos", _READ_FRAMES, "pos")(motion.position)
-    library.function("CTool", r"\switch TaskRef | \string TaskName", "tooldata")(motion.tool)
-    library.function("CWObj", r"\switch TaskRef | \string TaskName", "wobjdata")(motion.wobj)
+    library.function("CTool", OF_TASK, "tooldata")(motion.tool)
+    library.function("CWObj", OF_TASK, "wobjdata")(motion.wobj)
     library.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")(
         motion.calculated_target
     )
