@@ -349,6 +349,7 @@ class LoggedEvent:
         domain: the ten-thousands of its code, as the constants of errdomain.
         number: the rest of its code.
         severity: how serious it is.
+        arguments: what of it differs from event to event.
     """
 
     domain: int
@@ -356,6 +357,7 @@ class LoggedEvent:
     severity: Severity
     title: str
     text: str
+    arguments: tuple[str, ...] = ()
 
 
 # All together -----------------------------------------------------------------------------------------------------
@@ -405,7 +407,7 @@ class Devices:
         watchers: called for each event of the log.
         trapped: the last event that has interrupted each task (IError).
         searches: what SetDataSearch of each task has found: module and name.
-        log: puts a message into the event log: number, title, text, severity.
+        log: puts a message into the event log: number, title, text, severity, arguments.
     """
 
     disk: Disk
@@ -423,7 +425,7 @@ class Devices:
     watchers: list[Callable[[LoggedEvent], None]] = field(default_factory=list)
     trapped: dict[str, LoggedEvent] = field(default_factory=dict)
     searches: dict[str, Iterator[tuple[str, str]]] = field(default_factory=dict)
-    log: Callable[[int, str, str, Severity], None] = lambda number, title, text, severity: None
+    log: Callable[[int, str, str, Severity, tuple[str, ...]], None] = lambda *message: None
 
 
 class NoNetwork:

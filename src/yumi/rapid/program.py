@@ -87,8 +87,8 @@ class Host(Protocol):
     def write_text(self, task: str, text: str) -> None:
         """Show one line on the operator's display (TPWrite)."""
 
-    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
-        """Put a message into the event log (ErrWrite)."""
+    def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
+        """Put a message into the event log (ErrWrite); the arguments are what of it the program has given."""
 
     def read_signal(self, name: str) -> float:
         """The value of an I/O signal; raises KeyError when there is none of that name."""

@@ -18,13 +18,13 @@ class RecordingHost:
         self.log: list[tuple[str, str, Severity]] = []
         self.files: dict[str, str] = {}
         self.devices = Devices(RapidDisk(FileStore({})), ProgramNetwork())
-        self.devices.log = lambda number, title, text, severity: self.log.append((title, text, severity))
+        self.devices.log = lambda number, title, text, severity, arguments: self.log.append((title, text, severity))
         self.signals = {"di1": 0.0, "di2": 0.0, "do1": 0.0, "go1": 0.0, "ai1": 0.0, "ao1": 0.0, "gi1": 0.0}
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
 
-    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
+    def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
         self.log.append((title, text, severity))
 
     def read_signal(self, name: str) -> float:

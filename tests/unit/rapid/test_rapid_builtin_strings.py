@@ -17,6 +17,7 @@ from yumi.rapid.parser import parse_expression
         ("ValToStr(p)", '"[1,2,3]"'),
         ("ValToStr(TRUE)", '"TRUE"'),
         ('ValToStr("a")', '"a"'),
+        ('StrFormat("{2} of {1}, {3}"\\Arg1:="five"\\Arg2:="one{1}")', '"one{1} of five, {3}"'),
         ('StrPart("Robotics",1,5)', '"Robot"'),
         ('StrMap("Robotics","aeiou","AEIOU")', '"RObOtIcs"'),
         ("GetTaskName()", '"T_ROB_R"'),

@@ -10,6 +10,7 @@ from typing import Any
 from yumi.errors import RobotNotReady
 from yumi.rapid.ast import Module
 from yumi.rapid.builtins.constants import CONSTANTS
+from yumi.rapid.builtins.symbols import OF_TASK, task_meant
 from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, UnknownSymbol
 from yumi.rapid.interrupts import ChangeOrder, SignalOrder
 from yumi.rapid.library import Call, Library, Wait
@@ -397,15 +398,10 @@ def cancel_load(call: Call) -> None:
     session.work = None
 
 
-@EXECUTION.instruction("Save", r"\taskid TaskRef | \string TaskName, string ModuleName, \string FilePath, \string File")
+@EXECUTION.instruction("Save", rf"{OF_TASK}, string ModuleName, \string FilePath, \string File")
 def save(call: Call) -> None:
     """A module's text into a file, its persistents with the values they have now."""
-    task, name = call.task, call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", "")
-    if name and name.lower() != task.name.lower():
-        tasks = {each.lower(): found for each, found in task.host.devices.tasks().items()}
-        if name.lower() not in tasks:
-            raise RapidRuntimeError("ERR_TASKNAME", f"Save: there is no task '{name}'.")
-        task = tasks[name.lower()]
+    task = task_meant(call)
     module = task.program.modules.get(call["ModuleName"].lower())
     if module is None:
         raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")

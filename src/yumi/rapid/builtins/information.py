@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from yumi.rapid.ast import Storage
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.rawbytes import whole
+from yumi.rapid.builtins.symbols import task_named
 from yumi.rapid.devices import LoggedEvent
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.interrupts import ChangeOrder
@@ -95,20 +95,11 @@ def is_without_motion(call: Call) -> bool:
 # Tasks ------------------------------------------------------------------------------------------------------------
 
 
-def _task(call: Call, name: str) -> Any:
-    tasks = call.task.host.devices.tasks()
-    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
-    if found is None:
-        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
-        raise RapidRuntimeError("ERR_TASKNAME", sentence)
-    return found
-
-
 for _name in ("TaskIsActive", "TaskIsExecuting"):
 
     @INFORMATION.function(_name, "string TaskName", "bool")
     def is_task_running(call: Call) -> bool:
-        task = _task(call, call["TaskName"])
+        task = task_named(call, call["TaskName"])
         return call.name == "TaskIsActive" or task.execution is Execution.STARTED
 
 
@@ -222,8 +213,8 @@ def _arguments(call: Call) -> tuple[str, ...]:
 
 def _log(call: Call, number: int, title: str, lines: tuple[str, ...], severity: Severity = Severity.ERROR) -> None:
     severity = Severity.WARNING if call.get("W") else Severity.INFORMATION if call.get("I") else severity
-    text = ": ".join(line for line in lines if line and line != "ERRSTR_UNUSED")
-    call.task.host.devices.log(80_000 + number, title, text, severity)
+    given = tuple(line for line in lines if line and line != "ERRSTR_UNUSED")
+    call.task.host.devices.log(80_000 + number, title, ": ".join(given), severity, given)
 
 
 for _name, _text in (
@@ -284,7 +275,7 @@ def event_data(call: Call) -> None:
         raise RapidRuntimeError("ERR_ARGVALERR", "ReadErrData: GetTrapData has found no event.")
     call["ErrorDomain"], call["ErrorId"] = float(event.domain), float(event.number)
     call["ErrorType"] = _TYPE_NUMBERS[event.severity]
-    texts = (event.title, *event.text.split(": "))
+    texts = (event.title, *event.arguments)
     for name, text in zip(("Title", "Str1", "Str2", "Str3", "Str4", "Str5"), (*texts, *[""] * 5), strict=False):
         if call.present(name):
             call[name] = text[:LONGEST_STRING]

@@ -126,7 +126,7 @@ def unpack_raw_bytes(call: Call) -> None:
     type_ = call.reference("Value").type
     start = whole(call, "StartIndex", 1, MOST_BYTES) - 1
     if call.present("ASCII"):
-        count = whole(call, "ASCII", 1, LONGEST_TEXT)
+        count = whole(call, "ASCII", 0, LONGEST_TEXT)
         content = raw.get(start, count)
         if resolved(type_) == STRING:
             call["Value"] = content.decode(ENCODING)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.errors import RapidRuntimeError, RapidValueError
@@ -11,6 +12,7 @@ from yumi.rapid.parser import format_value, parse_value
 from yumi.rapid.types import LONGEST_STRING, STRING, resolved, value_count
 
 STRINGS = Library(CONSTANTS)
+_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
 
 
 @STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
@@ -57,6 +59,12 @@ def part(call: Call) -> str:
     if call["Len"] < 0 or start + call["Len"] > len(text):
         raise RapidRuntimeError("ERR_ARGVALERR", f"'{text}' has no {call['Len']:g} characters from {start + 1}.")
     return text[start : start + int(call["Len"])]
+
+
+@STRINGS.function("StrFormat", "string Str, " + ", ".join(rf"\string Arg{number}" for number in range(1, 6)), "string")
+def formatted(call: Call) -> str:
+    """A text with its places {1} to {5} filled; a place whose argument is left out stays as it is written."""
+    return _PLACE.sub(lambda place: call.get(f"Arg{place[1]}", place[0]), call["Str"])
 
 
 @STRINGS.function("StrFind", r"string Str, num ChPos, string Set, \switch NotInSet", "num")

@@ -162,19 +162,29 @@ def _data(call: Call, type_name: str) -> Iterator[tuple[LoadedModule, Variable]]
 
 # Reading and writing ----------------------------------------------------------------------------------------------
 
-_OBJECT = r"string Object, \VAR datapos Block | \taskid TaskRef | \string TaskName"
+OF_TASK = r"\taskid TaskRef | \string TaskName"
+_OBJECT = rf"string Object, \VAR datapos Block | {OF_TASK}"
+
+
+def task_named(call: Call, name: str) -> Any:
+    """A task of the controller by its name; raises ERR_TASKNAME."""
+    tasks = call.task.host.devices.tasks()
+    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
+    if found is None:
+        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
+        raise RapidRuntimeError("ERR_TASKNAME", sentence)
+    return found
+
+
+def task_meant(call: Call) -> Any:
+    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
+    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
+    return call.task if name.lower() == call.task.name.lower() else task_named(call, name)
 
 
 def _datum(call: Call) -> Reference:
     """The datum that Object names, which may be an element or component; raises ERR_SYM_ACCESS."""
-    task, name = call.task, call["Object"]
-    other = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", task.name)
-    if other.lower() != task.name.lower():
-        tasks = task.host.devices.tasks()
-        named = next((each for key, each in tasks.items() if key.lower() == other.lower()), None)
-        if named is None:
-            raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{other}'.")
-        task = named
+    task, name = task_meant(call), call["Object"]
     program = task.program
     owner = program.modules.get(call["Block"].module.lower()) if call.present("Block") else None
     if owner is None and task is call.task:
@@ -184,7 +194,9 @@ def _datum(call: Call) -> Reference:
     if not isinstance(found, Variable) or found.value is UNSET:
         raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: there is no datum '{name}'.")
     if task is not call.task and found.storage is Storage.VAR:
-        raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: '{name}' of {other} is a variable, which is its own.")
+        raise RapidRuntimeError(
+            "ERR_SYM_ACCESS", f"{call.name}: '{name}' of {task.name} is a variable, which is its own."
+        )
     if root == name:
         return found
     owner = owner or next(iter(program.modules.values()))

@@ -97,10 +97,11 @@ def write_display(call: Call) -> None:
 def write_event(call: Call) -> None:
     r"""On the display and in the event log: an error, with \W a warning, with \I information."""
     title, host, name = call["Header"], call.task.host, call.task.name
-    text = ": ".join(line for line in (call["Reason"], *(call.get(each) for each in ("RL2", "RL3", "RL4"))) if line)
+    lines = (call["Reason"], *(call.get(each, "") for each in ("RL2", "RL3", "RL4")))
+    text = ": ".join(line for line in lines if line)
     host.write_text(name, ": ".join(line for line in (title, text) if line))
     severity = Severity.WARNING if call.present("W") else Severity.INFORMATION if call.present("I") else Severity.ERROR
-    host.write_event(name, title, text, severity)
+    host.write_event(name, title, text, severity, (title, *lines))
 
 
 # Clocks -----------------------------------------------------------------------------------------------------------

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import PurePosixPath
 
+from yumi.errors import SettingsError
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.rapid.program import Program
+from yumi.rapid.program import Execution, Program
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
@@ -18,7 +21,7 @@ from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
-from yumi.virtual.controller.system import System, modules_of, task_settings
+from yumi.virtual.controller.system import System, TaskSettings, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration
@@ -145,7 +148,6 @@ class Irc5:
         self._arms = {unit.side: unit for unit in arms}
         for unit in arms:
             unit.led = self.motion.lead_through
-        self._stationary = self._outputs_of_standstill()
         self._speed_limiters = self._inputs_of_speed_limits()
         self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
@@ -165,6 +167,9 @@ class Irc5:
             tasks=lambda: self.tasks,
             restart=self.restart,
         )
+        movers = {each.unit.side: name for name, each in self.execution.installed.items() if each.unit is not None}
+        self.units = tuple(replace(unit, motion_task=movers.get(unit.side, "")) for unit in self.units)
+        self._outputs = self._system_outputs()
         for task in self.tasks.values():
             task.host.devices = self.devices
         if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
@@ -406,8 +411,8 @@ class Irc5:
 
     def supervise(self) -> None:
         """Follow what happened to the arms: their signals, and failures of EGM that stop everything."""
-        for signal, unit in self._stationary:
-            self.signals.drive(signal, float(unit.arm.is_stationary))
+        for signal, holds in self._outputs:
+            self.signals.drive(signal, float(holds()))
         for unit in self._arms.values():
             unit.observe()
             if unit.zone_fault:
@@ -443,8 +448,8 @@ class Irc5:
         self.effective.become(self.configuration)
         self.signals.configure(self.effective)
         self._report_rejected_signals()
-        self._stationary = self._outputs_of_standstill()
         self._speed_limiters = self._inputs_of_speed_limits()
+        self._outputs = self._system_outputs()
         if self._discards_programs:
             for task in self.tasks.values():
                 task.lose_pp()
@@ -469,17 +474,32 @@ class Irc5:
             except Refused as refused:
                 self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
 
-    def _outputs_of_standstill(self) -> tuple[tuple[str, ArmUnit], ...]:
-        """The signals that are 1 while an arm stands still, as the configuration says (SYSSIG_OUT)."""
+    def _system_outputs(self) -> tuple[tuple[str, Callable[[], bool]], ...]:
+        """The signals that show a state of the controller, each with that state (SYSSIG_OUT)."""
         units = {unit.mechanical_unit: unit for unit in self._arms.values()}
-        outputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")]
-        return tuple(
-            (output["Signal"], units[output["Arg1"]])
-            for output in outputs
-            if output.get("Status") == "MechUnitNotMoving"
-            and output.get("Arg1") in units
-            and output.get("Signal", "") in self.signals
-        )
+        states: Mapping[str, Callable[[], bool]] = {
+            "CycleOn": lambda: self.is_running,
+            "AutoOn": lambda: self.mode is OperatingMode.AUTO,
+            "MotOnState": lambda: self.controller_state is ControllerState.MOTORS_ON,
+            "MotOffState": lambda: self.controller_state is not ControllerState.MOTORS_ON,
+            "EmStop": lambda: self.controller_state is ControllerState.EMERGENCY_STOP,
+        }
+        found = []
+        for output in (each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")):
+            signal, status = output.get("Signal", ""), output.get("Status", "")
+            named = {output.get("Arg1", ""), output.get("Arg2", "")}  # a task is in Arg2
+            tasks = [each for name, each in self.execution.installed.items() if name in named]
+            tasks = tasks or [each for each in self.execution.installed.values() if each.is_normal]
+            state = states.get(status)
+            if status == "MechUnitNotMoving" and output.get("Arg1") in units:
+                state = partial(_stands_still, units[output["Arg1"]])
+            elif status == "TaskExecuting":
+                state = partial(_any, tasks, lambda each: each.task.execution is Execution.STARTED)
+            elif status == "Error":
+                state = partial(_any, tasks, lambda each: each.has_failed)
+            if state is not None and signal in self.signals:
+                found.append((signal, state))
+        return tuple(found)
 
     def _inputs_of_speed_limits(self) -> frozenset[str]:
         """The signals, in lower case, that make speed limits of programs count (SYSSIG_IN)."""
@@ -523,17 +543,12 @@ class Irc5:
         """The tasks of CAB_TASKS with their modules, each with the arm of its mechanical unit group."""
         tasks = []
         settings = task_settings(self.effective)
-        free = list(self._arms.values())
-        named = {unit.mechanical_unit: unit for unit in free}
+        units = self._units_of(settings)
+        units_of_tasks = {each.name: unit for each in settings if each.is_motion_task and (unit := units[each.name])}
+        for name, moved in units_of_tasks.items():
+            moved.task = name
         for each in settings:
-            if each.robot.upper() in named and each.is_motion_task:
-                free.remove(named[each.robot.upper()])
-        for each in settings:
-            unit = named.get(each.robot.upper())
-            if unit is None and each.is_motion_task and free:  # of a group this robot does not have
-                unit = free.pop(0)
-            if unit is not None and each.is_motion_task:
-                unit.task = each.name
+            unit = units[each.name]
             host = TaskHost(self.signals, self.files, self.events, is_virtual=self.identity.is_virtual)
             library = robot_library(
                 unit or next(iter(self._arms.values())),
@@ -544,8 +559,10 @@ class Irc5:
                 sync_points=self._sync_points,
                 is_motion_task=each.is_motion_task and unit is not None,
                 robots=tuple(self._arms.values()),
-                tasks=[each.name for each in settings],
+                units_of_tasks=units_of_tasks,
             )
+            for name in (other.name for other in settings):
+                library.data(f"{name}Id", "taskid", (name,))
             task = Task(each.name, host, library, each.entry)
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
@@ -560,6 +577,32 @@ class Irc5:
             tasks.append(InstalledTask(task, each, host, unit))
         return tasks
 
+    def _units_of(self, settings: Sequence[TaskSettings]) -> Mapping[str, ArmUnit | None]:
+        """The arm of each task's mechanical unit group, by the task's name.
+
+        A motion task of a group that this robot does not have moves an arm that no other one moves.
+        """
+        free = list(self._arms.values())
+        named = {unit.mechanical_unit: unit for unit in free}
+        for each in (each for each in settings if each.is_motion_task and each.robot.upper() in named):
+            if named[each.robot.upper()] not in free:
+                sentence = f"{each.name} moves {each.robot}, which another task of CAB_TASKS moves already"
+                raise SettingsError(f"{sentence}: give it another UseMechanicalUnitGroup, or no MotionTask.")
+            free.remove(named[each.robot.upper()])
+        units: dict[str, ArmUnit | None] = {}
+        for each in settings:
+            unit = named.get(each.robot.upper())
+            units[each.name] = free.pop(0) if unit is None and each.is_motion_task and free else unit
+        return units
+
+
+def _stands_still(unit: ArmUnit) -> bool:
+    return unit.arm.is_stationary
+
+
+def _any(tasks: Sequence[InstalledTask], holds: Callable[[InstalledTask], bool]) -> bool:
+    return any(holds(each) for each in tasks)
+
 
 def robot_library(
     unit: ArmUnit,
@@ -571,14 +614,12 @@ def robot_library(
     sync_points: SyncPoints,
     is_motion_task: bool = True,
     robots: Sequence[ArmUnit] = (),
-    tasks: Sequence[str] = (),
+    units_of_tasks: Mapping[str, ArmUnit] | None = None,
 ) -> Library:
     """RAPID's own instructions with those of one arm on top; a task without motion may read where it is."""
     library = InstructionSet()
     add_data(library, unit.mechanical_unit, units)
-    for name in tasks:
-        library.data(f"{name}Id", "taskid", (name,))
-    motion = add_motion(library, unit, speed_ratio, events, robots)
+    motion = add_motion(library, unit, speed_ratio, events, units_of_tasks)
     add_motion_settings(library, motion, robots or (unit,), is_motion_task=is_motion_task)
     add_triggers(library, motion)
     add_world_zones(library, unit)

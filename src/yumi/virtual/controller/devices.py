@@ -118,8 +118,8 @@ def rapid_devices(
 ) -> Devices:
     """What all tasks of a controller share; it has no network until one is given to it."""
 
-    def log(number: int, title: str, text: str, severity: Severity) -> None:
-        events.append(number, title, text, _TYPES[severity])
+    def log(number: int, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
+        events.append(number, title, text, _TYPES[severity], arguments=arguments)
 
     devices = Devices(
         RapidDisk(files),
@@ -145,7 +145,8 @@ def rapid_devices(
 
     def show(event: Event) -> None:
         severity = next(severity for severity, type_ in _TYPES.items() if type_ is event.type)
-        logged = LoggedEvent(event.domain, event.code % 10_000, severity, event.title, event.description)
+        number = event.code % 10_000
+        logged = LoggedEvent(event.domain, number, severity, event.title, event.description, event.arguments)
         for watcher in tuple(devices.watchers):
             watcher(logged)
 

@@ -203,7 +203,7 @@ class TrustLevel(Enum):
     SYS_FAIL = "SysFail"
     SYS_HALT = "SysHalt"
     SYS_STOP = "SysStop"
-    NO_SAFETY = "NoSafety"
+    NO_SAFETY = "NoSafety"  # "None" in the cfg files of controllers
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
         given = {name.lower(): value for name, value in instance.attributes.items()}
         is_motion_task = given.get("motiontask", "").lower() in ("true", "yes", "1")
         group = configuration.find("SYS", "MECHANICAL_UNIT_GROUP", given.get("usemechanicalunitgroup", ""))
-        trust = given.get("trustlevel", "").lower()
+        trust = given.get("trustlevel", "").lower().replace("none", TrustLevel.NO_SAFETY.value.lower())
         tasks.append(
             TaskSettings(
                 instance.name,

@@ -60,9 +60,9 @@ class TaskHost:
         self.lines.append(text)
         log.debug("%s: %s", task, text)
 
-    def write_event(self, task: str, title: str, text: str, severity: Severity) -> None:
+    def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
         code, type = _NUMBERS[severity]
-        self._log.append(code, title, text, type)
+        self._log.append(code, title, text, type, arguments=arguments)
 
     def read_signal(self, name: str) -> float:
         try:
@@ -105,6 +105,7 @@ class InstalledTask:
         host: its screen, signals and files.
         unit: the arm its instructions move, None for a task without.
         is_active: whether the task panel has it selected; tasks that are not are neither started nor stopped.
+        has_failed: whether an error has stopped it, until it is started or its program pointer is moved to main.
     """
 
     task: Task
@@ -112,6 +113,7 @@ class InstalledTask:
     host: TaskHost
     unit: ArmUnit | None = None
     is_active: bool = True
+    has_failed: bool = False
 
     @property
     def is_normal(self) -> bool:
@@ -212,6 +214,7 @@ class RapidExecution:
         for each in selected:
             if each.task.execution is not Execution.STARTED:
                 each.task.repeats = self.cycle == "forever"
+                each.has_failed = False
                 each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
             if each.unit is not None:
                 with suppress(RobotNotReady):
@@ -276,6 +279,7 @@ class RapidExecution:
             except RapidReferenceError as error:
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{task.name} has no program to run: {error}") from error
         for each in self._selected:
+            each.has_failed = False
             each.task.move_pp_to_main()
             if each.unit is not None:
                 each.unit.begin_program()
@@ -357,8 +361,11 @@ class RapidExecution:
     def _react(self, stopped: InstalledTask, event: TaskEvent) -> None:
         task = stopped.task.name
         if event.kind is EventKind.ERROR:
+            stopped.has_failed = True
             place = f"{task}/{event.module}/{event.routine}, line {event.line}"
-            self._events.append(40228, "Execution error", f"{place}: {event.sentence}", EventType.ERROR)
+            arguments = task, event.error, f"/{event.module}/{event.routine}/{event.line}"
+            text = f"{place}: {event.sentence}"
+            self._events.append(40228, "Execution error", text, EventType.ERROR, arguments=arguments)
             log.warning("%s", event.sentence)
         self._show_in_egm()
         reason = f"{task} has stopped: {event.sentence}"

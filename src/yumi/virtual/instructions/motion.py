@@ -6,7 +6,7 @@ while the arm moves; a move to a stop point is done when the arm stands there.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from math import degrees, hypot, pi, radians, tau
 from typing import Any
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
+from yumi.rapid.builtins.symbols import OF_TASK, task_meant
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.robot.arms import Arm
@@ -87,15 +88,15 @@ class MotionInstructions:
     """The moves of one task."""
 
     def __init__(
-        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, robots: Sequence[ArmUnit] = ()
+        self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, units_of_tasks: Mapping[str, ArmUnit]
     ) -> None:
         self.unit = unit
-        self._robots = robots
         self.arm = unit.arm
         self.events = events
         self._speed_ratio = speed_ratio
         self._moved_at = -1.0  # task time [s]
         self._concurrent = 0
+        self._units_of_tasks = units_of_tasks
 
     # What the arguments mean --------------------------------------------------------------------------------------
 
@@ -328,18 +329,19 @@ class MotionInstructions:
     # Where the robot is -------------------------------------------------------------------------------------------
 
     def read_frames(self, call: Call) -> Frames:
-        return self.frames(call.get("Tool", self.tool(call)), call.get("WObj", self.wobj(call)))
+        tool, wobj = self.unit.tool or _predefined(call, "tool0"), self.unit.wobj or _predefined(call, "wobj0")
+        return self.frames(call.get("Tool", tool), call.get("WObj", wobj))
 
     def joint_target(self, call: Call) -> Any:
         """CJointT: where the joints are."""
-        own = self._of_task(call)
-        robax, extax = jointtarget(own.arm.position)
-        return robax, own._without_offset(extax)
+        motion = self._of_task(call)
+        robax, extax = jointtarget(motion.arm.position)
+        return robax, motion._without_offset(extax)
 
     def robot_target(self, call: Call) -> Any:
         """CRobT: where the tool is."""
-        own = self._of_task(call)
-        return own.robtarget(own.arm.position, own.read_frames(call))
+        motion = self._of_task(call)
+        return motion.robtarget(motion.arm.position, motion.read_frames(call))
 
     def position(self, call: Call) -> Any:
         """CPos: where the tool's point is [mm]."""
@@ -406,16 +408,15 @@ class MotionInstructions:
         return (first - self.unit.settings.offsets[0] if first < NOT_PRESENT else first, *extax[1:])
 
     def _of_task(self, call: Call) -> MotionInstructions:
-        r"""What \TaskRef or \TaskName names, this task's own robot without them."""
-        name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", "")
-        if not name or name.upper() == self.unit.task.upper() or name.upper() == call.task.name.upper():
+        r"""The moves of the task that \TaskRef or \TaskName names; raises ERR_TASKNAME, ERR_NOT_MOVETASK."""
+        task = task_meant(call)
+        if task is call.task:
             return self
-        unit = next((each for each in self._robots if each.task.upper() == name.upper()), None)
-        if unit is not None:
-            return MotionInstructions(unit, self._speed_ratio, self.events)
-        if name.upper() not in map(str.upper, call.task.host.devices.tasks()):
-            raise RapidRuntimeError("ERR_TASKNAME", f"{call.name}: there is no task '{name}'.")
-        raise RapidRuntimeError("ERR_NOT_MOVETASK", f"{call.name}: the task {name} moves no robot.")
+        unit = self._units_of_tasks.get(task.name)
+        if unit is None:
+            sentence = f"{call.name}: the task {task.name} moves no robot (MotionTask in CAB_TASKS)."
+            raise RapidRuntimeError("ERR_NOT_MOVETASK", sentence)
+        return MotionInstructions(unit, self._speed_ratio, self.events, self._units_of_tasks)
 
 
 def _planned(arm: Arm, build: Build, start: Joints, before: Leg | None) -> tuple[Leg, Piece | None]:
@@ -518,10 +519,22 @@ def _predefined(call: Call, name: str) -> Any:
 
 
 def add_motion(
-    library: Library, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, robots: Sequence[ArmUnit] = ()
+    library: Library,
+    unit: ArmUnit,
+    speed_ratio: SpeedRatio,
+    events: EventLog,
+    units_of_tasks: Mapping[str, ArmUnit] | None = None,
 ) -> MotionInstructions:
-    """Register the moves of one task; ``robots`` are those of all tasks, whose positions it may read."""
-    motion = MotionInstructions(unit, speed_ratio, events, robots)
+    """Register the moves of one task.
+
+    Args:
+        library: of the task.
+        unit: the arm it moves.
+        speed_ratio: the speed override of the controller [%].
+        events: the controller's event log.
+        units_of_tasks: the arms of all motion tasks by name, whose positions it reads too.
+    """
+    motion = MotionInstructions(unit, speed_ratio, events, units_of_tasks or {})
     library.include(POSES)
     inposdata = {"position": "num", "speed": "num", "mintime": "num", "maxtime": "num"}
     library.record("inposdata", inposdata)
@@ -560,11 +573,11 @@ def add_motion(
         r"zonedata Zone, \stoppointdata Inpos",
     )(motion.move_ext_j)
     library.instruction("WaitRob", r"\switch InPos | \switch ZeroSpeed")(motion.wait_rob)
-    library.function("CJointT", r"\taskid TaskRef | \string TaskName", "jointtarget")(motion.joint_target)
-    library.function("CRobT", rf"\taskid TaskRef | \string TaskName, {_READ_FRAMES}", "robtarget")(motion.robot_target)
+    library.function("CJointT", OF_TASK, "jointtarget")(motion.joint_target)
+    library.function("CRobT", rf"{OF_TASK}, {_READ_FRAMES}", "robtarget")(motion.robot_target)
     library.function("CPos", _READ_FRAMES, "pos")(motion.position)
-    library.function("CTool", r"\taskid TaskRef | \string TaskName", "tooldata")(motion.tool)
-    library.function("CWObj", r"\taskid TaskRef | \string TaskName", "wobjdata")(motion.wobj)
+    library.function("CTool", OF_TASK, "tooldata")(motion.tool)
+    library.function("CWObj", OF_TASK, "wobjdata")(motion.wobj)
     library.function("CalcRobT", r"jointtarget Joint_target, tooldata Tool, \wobjdata WObj", "robtarget")(
         motion.calculated_target
     )

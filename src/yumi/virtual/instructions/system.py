@@ -270,7 +270,9 @@ def add_system(
     library.instruction("SyncMoveResume")(system.resume_sync)
     library.function("IsSyncMoveOn", "", "bool")(system.is_synchronized)
     library.function("TasksInSync", "INOUT tasks TaskList{*}", "num")(system.tasks_in_sync)
-    for name in ("MoveAbsJ", "MoveJ", "MoveL", "MoveC", "MoveExtJ"):
+    moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
+    triggers = ("TriggAbsJ", "TriggJ", "TriggL", "TriggC", "TriggJIOs", "TriggLIOs", "SearchL", "SearchC")
+    for name in ("MoveAbsJ", "MoveExtJ", *moves, *triggers):
         move = library.routine(name)
         if move is not None and move.may_wait:
             library.replace_implementations((name,), system.synchronized(move.implementation))

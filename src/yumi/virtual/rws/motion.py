@@ -398,8 +398,11 @@ def get_physical_joints(controller: Irc5, call: Call) -> Page:
 
 
 def _datum(controller: Irc5, unit: MechanicalUnit, name: str, kind: str) -> Any:
-    """The value of a tool or work object of the unit's task, predefined ones too."""
-    program = controller.tasks[unit.task].program
+    """The value of a tool or work object of the unit's task, predefined ones too.
+
+    A unit that no task moves has those of the first task.
+    """
+    program = (controller.tasks.get(unit.task) or next(iter(controller.tasks.values()))).program
     found = program.find(name, None)
     for module in program.modules.values() if found is None else ():
         found = found or module.symbols.get(name.lower())

@@ -11,7 +11,7 @@ from yumi.rapid.task import StepKind
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.system import delivered_system, read_backup, with_programs
+from yumi.virtual.controller.system import System, delivered_system, read_backup, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::
@@ -335,3 +335,89 @@ def test_shared_persistents_of_different_types_are_refused(tmp_path: Path) -> No
     world = shared(tmp_path, "PERS num a := 3; PROC main() ENDPROC", 'PERS string a := ""; PROC main() ENDPROC')
     with pytest.raises(Refused, match="'a' is a num, in another task a string: make one a TASK PERS"):
         world.controller.move_pp_to_main()
+
+
+_TWO_TASKS = SYS.replace('-UseMechanicalUnitGroup "rob1"', '-UseMechanicalUnitGroup "rob_r"').replace("SysStop", "None")
+_TWO_TASKS = _TWO_TASKS.replace('-Name "rob1" -Robot "ROB_1"', '-Name "rob_r" -Robot "ROB_R"')
+_OUTPUTS = """EIO:CFG_1.0:6:1::
+#
+SYSSIG_OUT:
+
+      -Status "TaskExecuting" -Signal "runs" -Arg2 "T_ROB1"
+
+      -Status "Error" -Signal "failed" -Arg2 "T_ROB1"
+
+      -Status "MotOnState" -Signal "powered"
+#
+EIO_SIGNAL:
+
+      -Name "runs" -SignalType "DO"
+
+      -Name "failed" -SignalType "DO"
+
+      -Name "powered" -SignalType "DO"
+"""
+_FAILS = "MODULE Fails VAR num zero := 0; PROC main() WaitTime 0.1; zero := 1 / zero; ENDPROC ENDMODULE"
+_ASKS = """MODULE Asks
+    PERS string answers := "";
+    PROC log()
+        VAR jointtarget place;
+        VAR rawbytes bytes;
+        VAR string text := "not empty";
+        place := CJointT(\\TaskRef:=T_ROB1Id);
+        PackRawBytes 1, bytes, 1 \\Float4;
+        UnpackRawBytes bytes, 1, text \\ASCII:=0;
+        Save \\TaskName:="T_ROB1", "Fails" \\FilePath:="HOME:/saved.mod";
+        answers := ValToStr(place.robax.rax_2) + "<" + text + ">";
+        place := CJointT(\\TaskName:="T_ROB9");
+    ENDPROC
+ENDMODULE"""
+
+
+def _two_tasks() -> World:
+    """A YuMi with a task for the right arm and one in the background."""
+    files = {"HOME:/fails.mod": _FAILS.encode(), "HOME:/asks.mod": _ASKS.encode()}
+    modules = {"T_ROB1": ("HOME:/fails.mod",), "LOGGER": ("HOME:/asks.mod",)}
+    return World(WorldSettings(system=System((_OUTPUTS,), files, (_TWO_TASKS,), modules, is_factory=True)))
+
+
+def test_two_tasks_of_one_arm_are_refused() -> None:
+    twice = _TWO_TASKS.replace("LOGGER", "T_ROB2").replace(
+        "SEMISTATIC", 'NORMAL" -MotionTask -UseMechanicalUnitGroup "rob_r'
+    )
+    with pytest.raises(SettingsError, match="T_ROB2 moves ROB_R, which another task of CAB_TASKS moves already"):
+        World(WorldSettings(system=System((), {}, (twice,), is_factory=True)))
+
+
+def test_system_outputs_show_what_a_task_does() -> None:
+    world = _two_tasks()
+    controller = world.controller
+
+    def outputs() -> list[float]:
+        return [controller.signals.get(name).value for name in ("runs", "failed", "powered")]
+
+    assert outputs() == [0, 0, 0]
+    controller.set_motors(True)
+    controller.start_rapid("once")
+    world.cycle({})
+    assert outputs() == [1, 0, 1]
+    while controller.is_running:
+        world.cycle({})
+    assert outputs() == [0, 1, 1]
+    controller.move_pp_to_main()
+    world.cycle({})
+    assert outputs() == [0, 0, 1]
+
+
+def test_a_background_task_reads_and_saves_of_another_task() -> None:
+    world = _two_tasks()
+    controller = world.controller
+    controller.set_motors(True)
+    for _ in range(10):
+        world.cycle({})
+    assert controller.tasks["LOGGER"].read("Asks", "answers") == '"-130<>"'
+    assert "PROC main()" in controller.files["HOME:/saved.mod"]
+    error = controller.events.entries()[0]
+    assert (error.arguments, error.code) == (("LOGGER", "ERR_TASKNAME", "/Asks/log/12"), 40228)
+    # TrustLevel None: the error of the task stops nothing else.
+    assert controller.controller_state is ControllerState.MOTORS_ON
