@@ -48,6 +48,8 @@ class Session:
     """A client that is logged in to a virtual controller, without sockets."""
 
     version: type[RwsService] = RwsService
+    form_type = FORM_TYPE
+    request_of_mastership = "/rw/mastership?action=request"
 
     def __init__(self) -> None:
         self.world = World()

@@ -35,6 +35,8 @@ class Session2(Session):
     """A client of a virtual controller with RobotWare 7."""
 
     version = RwsService2
+    form_type = FORM
+    request_of_mastership = "/rw/mastership/request"
 
     def _log_in(self) -> tuple[str, str]:
         reply = self._handled(HttpRequest("GET", "/rw", (("Authorization", BASIC), ("Accept", XHTML))))
