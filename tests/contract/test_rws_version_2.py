@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import ssl
 import sys
 import threading
@@ -141,6 +142,23 @@ def test_fault_is_sent_to_a_server_with_tls_too(site: Site) -> None:
         inject_fault(site.server.address, "program-stop", {})
     with pytest.raises(NoConnection):
         inject_fault("127.0.0.1:9", "program-stop", {})
+
+
+def test_connections_break_as_those_of_a_machine_that_goes_down(site: Site) -> None:
+    host, _, port = site.server.address.partition(":")
+    trusted = ssl.create_default_context(cadata=ssl.get_server_certificate((host, int(port))))
+    with (
+        socket.create_connection((host, int(port)), 10.0) as plain,
+        trusted.wrap_socket(plain, server_hostname=host, suppress_ragged_eofs=False) as secure,
+    ):
+        secure.sendall(b"GET /rw HTTP/1.1\r\nHost: memory\r\n\r\n")
+        reply = b""
+        while b"</html>" not in reply:
+            reply += secure.recv(5000)
+        assert reply.startswith(b"HTTP/1.1 401")
+        site.server.hang_up()
+        with pytest.raises((ConnectionResetError, ssl.SSLEOFError)):  # and no end of TLS in order
+            secure.recv(1000)
 
 
 def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
