@@ -47,10 +47,14 @@ COM_TRP:
 class Session:
     """A client that is logged in to a virtual controller, without sockets."""
 
+    version: type[RwsService] = RwsService
+    form_type = FORM_TYPE
+    request_of_mastership = "/rw/mastership?action=request"
+
     def __init__(self) -> None:
         self.world = World()
         self.controller = self.world.controller
-        self.service = RwsService(self.controller, user=USER, password=PASSWORD)
+        self.service = self.version(self.controller, user=USER, password=PASSWORD)
         self.now = 0.0
         self.cookie = self._log_in()
 
@@ -68,6 +72,15 @@ class Session:
         """Send a request."""
         headers = (self.cookie, ("Host", "memory"), ("Content-Type", FORM_TYPE))
         return self._handled(HttpRequest(method, target, headers, form.encode(), "client"))
+
+    def show(self, method: str, target: str, body: str, form: str) -> HttpReply:
+        """Send a request for a representation: ``json``, or "" for XHTML."""
+        mark = "&" if "?" in target else "?"
+        return self.ask(method, f"{target}{mark}json=1" if form == "json" else target, body)
+
+    def prepare(self, name: str) -> None:
+        """Do what an example needs before."""
+        SETUPS[name](self)
 
     def reset(self) -> None:
         """As at the start: nothing running, held, subscribed or asked for."""
@@ -282,15 +295,14 @@ class Example:
         """Send it after its setups; ``form`` is ``json`` for JSON."""
         session.reset()
         for name in self.before:
-            SETUPS[name](session)
+            session.prepare(name)
         target, body = self.target, self.form
         for name, value in _made(session).items():
             target, body = target.replace(f"{{{name}}}", value), body.replace(f"{{{name}}}", value)
-        mark = "&" if "?" in target else "?"
-        return session.ask(self.method, f"{target}{mark}json=1" if form == "json" else target, body)
+        return session.show(self.method, target, body, form)
 
 
-def _example(line: str) -> Example:
+def example(line: str) -> Example:
     """``METHOD target form | setup, setup``."""
     request, _, before = line.partition(" | ")
     method, target, *form = request.split(" ", 2)
@@ -300,7 +312,7 @@ def _example(line: str) -> Example:
 
 EXAMPLES = tuple(
     map(
-        _example,
+        example,
         f"""
 GET /
 GET /rw

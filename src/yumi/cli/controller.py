@@ -31,7 +31,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     type=click.IntRange(0, MAX_PORT),
     default=8080,
     show_default=True,
-    help="HTTP port of Robot Web Services; 0 takes a free one.",
+    help="Port of Robot Web Services; 0 takes a free one.",
 )
 @click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option(
@@ -46,6 +46,13 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     default="yumi",
     show_default=True,
     help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1).",
+)
+@click.option(
+    "--robotware",
+    type=click.Choice(["6", "7"]),
+    default="6",
+    show_default=True,
+    help="Whose Robot Web Services it has: 1.0 over HTTP, or 2.0 over HTTPS with a certificate of its own.",
 )
 @click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
@@ -90,6 +97,7 @@ def controller(
     listen: str,
     rapid_sockets: str | None,
     robot: str,
+    robotware: str,
     robot_name: str,
     egm_host: str,
     left_egm_port: int,
@@ -152,9 +160,11 @@ def controller(
         speed=speed,
         is_started=start,
         rapid_sockets=rapid_sockets,
+        is_robotware_7=robotware == "7",
     )
+    scheme = "https" if robotware == "7" else "http"
     is_over = end_flag(until_stdin_closes)
-    virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}http://{listen}:{port}"))
+    virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}{scheme}://{listen}:{port}"))
 
 
 def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:

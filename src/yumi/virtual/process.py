@@ -115,7 +115,10 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
         CommandRefused: the fault is unknown or refused, or it is not a virtual controller.
     """
     try:
-        reply = httpx.post(f"http://{address}{_FAULTS}/{name}", data=form, timeout=_FAULT_TIMEOUT, trust_env=False)
+        try:
+            reply = _posted(f"http://{address}{_FAULTS}/{name}", form)
+        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
+            reply = _posted(f"https://{address}{_FAULTS}/{name}", form)
     except httpx.HTTPError as error:
         raise NoConnection(
             f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
@@ -124,3 +127,7 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
         is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
         sentence = reply.text if is_virtual else ""
         raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
+
+
+def _posted(url: str, form: Mapping[str, str]) -> httpx.Response:
+    return httpx.post(url, data=form, timeout=_FAULT_TIMEOUT, trust_env=False, verify=False)

@@ -29,18 +29,19 @@ from yumi.rapid.parser import parse_expression, parse_module
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
-from yumi.rws.documents import decode_form, first_value
 from yumi.rws.types import EventType
 from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.path import PREFETCH
+from yumi.virtual.rws.certificate import self_signed_context
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.symbols import quoted
+from yumi.virtual.rws.version_2 import ROBOTWARE, RwsService2
 from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
 
@@ -122,7 +123,7 @@ _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have th
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each full one; 10 by default
 _LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
-_LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "action=loadmod", "action=set", "action=resetpp"
+_LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "loadmod", "set", "resetpp"
 
 
 class Background:
@@ -164,7 +165,7 @@ def _done(work: Callable[[], T], result: Future[T]) -> None:
 
 
 class VirtualController:
-    """A virtual IRC5 on the network: RWS over HTTP, EGM over UDP, advancing in real time.
+    """A virtual IRC5 on the network: RWS over HTTP or HTTPS, EGM over UDP, advancing in real time.
 
     Args:
         settings: what the virtual robot is like.
@@ -176,6 +177,7 @@ class VirtualController:
         is_started: whether the motors are on and RAPID runs from the beginning.
         link: makes the sockets of the arms, to an address and port.
         rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`ProgramNetwork`).
+        is_robotware_7: whether Robot Web Services are those of RobotWare 7: 2.0, over HTTPS.
     """
 
     def __init__(
@@ -190,17 +192,24 @@ class VirtualController:
         is_started: bool = False,
         link: Callable[[str, int], UdpClient] = UdpClient,
         rapid_sockets: str | None = None,
+        is_robotware_7: bool = False,
     ) -> None:
         self._speed = speed
         self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
-        self.world = World(settings)
+        self.world = World(replace(settings, robotware=ROBOTWARE) if is_robotware_7 else settings)
         self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
         self._server = HttpServer(
-            self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
+            self._handle,
+            host=host,
+            port=rws_port,
+            body_limit=self._body_limit,
+            prepare=self._prepare,
+            tls=self_signed_context(host) if is_robotware_7 else None,
         )
-        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
+        service = RwsService2 if is_robotware_7 else RwsService
+        self._service = service(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
         self._faults = FaultInjection(self.world, self._service)
         self._background, self._planning = Background(), Background("planning")
         self._last_fault = ""
@@ -330,23 +339,23 @@ class VirtualController:
 
         The answer then finds it done, and raises its errors again.
         """
-        query = request.target.partition("?")[2].split("&")
-        if request.method != "POST" or not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
+        call = self._service.first_call(request) if request.method == "POST" else None
+        action = call.option("action") if call is not None else None
+        if call is None or action not in (_LOAD_MODULE, _SET_SYMBOL, _RESET_PP):
             return None
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):
                 return None
-        form = decode_form(request.body.decode("utf-8", "replace"))
-        if _LOAD_MODULE in query:
-            path = first_value(form, "modulepath") or ""
+        if action == _LOAD_MODULE:
+            path = call.parameter("modulepath", "")
             text = self.world.controller.files.get(path)
-            task = self.world.controller.tasks.get(request.target.partition("?")[0].rpartition("/")[2].upper())
+            task = self.world.controller.tasks.get(call.path[-1].upper())
             if text is None or task is None:
                 return None
             return self._background.submit(partial(self._link, task, text, path))
-        if _SET_SYMBOL in query and len(request.body) > _LONG_VALUE:
-            return self._background.submit(partial(_parse_value, first_value(form, "value") or ""))
-        return self._background.submit(self._compile) if _RESET_PP in query else None
+        if action == _SET_SYMBOL and len(request.body) > _LONG_VALUE:
+            return self._background.submit(partial(_parse_value, call.parameter("value", "")))
+        return self._background.submit(self._compile) if action == _RESET_PP else None
 
     def _link(self, task: Task, text: str, path: str) -> None:
         """Parse and link a module that is about to be loaded; loading raises the same errors."""

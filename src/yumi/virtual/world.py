@@ -16,7 +16,7 @@ from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
 from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import System, delivered_system
-from yumi.virtual.controller.units import ArmUnit, Identity
+from yumi.virtual.controller.units import ROBOTWARE, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.sockets import is_loopback
@@ -38,6 +38,7 @@ class WorldSettings:
 
     Attributes:
         robot_name: name of controller and system.
+        robotware: version that the controller names.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
         gripper_modules: modules of each gripper; servo alone for an arm that is left out.
         cup_objects: what lies under the cups of each gripper's vacuum modules; an arm that is left out finds nothing.
@@ -52,6 +53,7 @@ class WorldSettings:
     """
 
     robot_name: str = "YuMi"
+    robotware: str = ROBOTWARE
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
     gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
     cup_objects: Mapping[Side, CupObject] = field(default_factory=dict)
@@ -103,7 +105,12 @@ class World:
             tuple(self._units.values()),
             system,
             _with_addresses(system.configuration(), settings, robot),
-            Identity(system_name=settings.robot_name, controller_name=settings.robot_name, options=options),
+            Identity(
+                system_name=settings.robot_name,
+                controller_name=settings.robot_name,
+                robotware=settings.robotware,
+                options=options,
+            ),
             settings.start_time,
         )
 

@@ -46,31 +46,55 @@ def write_status(status: Status, form: Form, *, base: str, title: str = "rw") ->
     return f"{_XML}\n{_html(title, base, content)}".encode("utf-8", "replace")
 
 
-def write_group(root: str, group: int, events: Sequence[Sequence[State]]) -> bytes:
+def write_hal(page: Page) -> bytes:
+    """The page as HAL of RobotWare 7: what has an address of its own is embedded, the rest is the page's state.
+
+    Names are those of the XHTML, and all values are texts.
+    """
+    document: dict[str, object] = {"_links": {"base": {"href": page.base}} | _hal_links(page.links)}
+    own = [_hal_state(state) for state in page.states if not state.links]
+    embedded = [_hal_state(state) for state in page.states if state.links]
+    if not embedded:
+        document["status"] = {"code": _HAL_SUCCESS}
+    if own or not embedded:
+        document["state"] = own
+    if embedded:
+        document["_embedded"] = {"resources": embedded}
+    return _dump(document)
+
+
+def write_hal_status(status: Status, base: str) -> bytes:
+    """The status as an error document of RobotWare 7."""
+    return _dump({"_links": {"base": {"href": base}}, "status": {"code": status.code, "msg": status.message}})
+
+
+def write_group(root: str, group: int, events: Sequence[Sequence[State]], *, is_secure: bool = False) -> bytes:
     """The answer to a subscription, with the values of this moment; ``root`` is ``host:port`` of the controller."""
     links = (
         f'<a href="subscription/{group}" rel="group"></a>'
-        f'<a href="ws://{_escaped(root)}/poll/{group}" rel="self"></a>'
-        f'<a href="subscription/{group}?action=show" rel="action"></a>'
+        f'<a href="{"wss" if is_secure else "ws"}://{_escaped(root)}/poll/{group}" rel="self"></a>'
     )
-    return _event(root, links, (state for event in events for state in event))
+    if not is_secure:
+        links += f'<a href="subscription/{group}?action=show" rel="action"></a>'
+    return _event(root, links, (state for event in events for state in event), is_secure)
 
 
-def write_event(root: str, group: int, event: Sequence[State]) -> str:
+def write_event(root: str, group: int, event: Sequence[State], *, is_secure: bool = False) -> str:
     """The message with one event; common clients look for one only in each.
 
     What is too long for their buffers is sent without its value, which a client can read where the link leads.
     """
     link = f'<a href="subscription/{group}" rel="group"></a>'
-    text = _event(root, link, event)
+    text = _event(root, link, event, is_secure)
     if len(text) > MAX_EVENT:
-        text = _event(root, link, [replace(event[0], fields={})])
+        text = _event(root, link, [replace(event[0], fields={})], is_secure)
     return text.decode("ascii")
 
 
-def _event(root: str, links: str, states: Iterable[State]) -> bytes:
+def _event(root: str, links: str, states: Iterable[State], is_secure: bool) -> bytes:
     content = f'<div class="state">{links}<ul>{"".join(map(_item, states))}</ul></div>'
-    return f"{_XML}{_html('Event', f'http://{root}/', content)}".encode("ascii", "xmlcharrefreplace")
+    base = f"{'https' if is_secure else 'http'}://{root}/"
+    return f"{_XML}{_html('Event', base, content)}".encode("ascii", "xmlcharrefreplace")
 
 
 # XHTML
@@ -121,6 +145,8 @@ _TYPES = {"elog-message-li": "elog-message"}
 _LISTS = {
     "sys-option-li": "options",
     "cfg-ia-t-li": "attrib",
+    "sys-option": "options",
+    "cfg-ia-t": "attrib",
     "sys-energy-mec-li": "mec",
     "sys-energy-axis-li": "axis",
     "dev-id-li": "devices",
@@ -151,3 +177,24 @@ def _json_state(state: State) -> dict[str, object]:
 
 def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
     return {link.rel: {"href": f"{link.href}{'&' if '?' in link.href else '?'}json=1"} for link in links}
+
+
+# HAL
+
+
+_HAL_SUCCESS = 294912
+_HAL_TYPES = {"sys-option": "sys-options"}  # where it differs from the XHTML
+
+
+def _hal_state(state: State) -> dict[str, object]:
+    result: dict[str, object] = {"_links": _hal_links(state.links)} if state.links else {}
+    result |= {"_type": _HAL_TYPES.get(state.type, state.type), "_title": state.title, **state.fields}
+    if state.arguments:
+        result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
+    if state.children:
+        result[_LISTS.get(state.children[0].type, "state")] = [_hal_state(child) for child in state.children]
+    return result
+
+
+def _hal_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:
+    return {link.rel: {"href": link.href} for link in links}

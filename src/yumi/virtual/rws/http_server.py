@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import ssl
 import struct
 import threading
 from collections import deque
@@ -129,6 +130,7 @@ class HttpServer:
         host: address to listen on.
         body_limit: asked before a body is read; a longer one is answered with 413.
         prepare: called before the handler.
+        tls: of HTTPS; None for HTTP.
     """
 
     def __init__(
@@ -139,12 +141,14 @@ class HttpServer:
         *,
         body_limit: BodyLimit = lambda request: _MAX_BODY,
         prepare: Preparation = lambda request: None,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
         self.port = port
         self._handler = handler
         self._body_limit = body_limit
         self._prepare = prepare
         self._host = host
+        self._tls = tls
         self._listening: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._serve()), name="http-server", daemon=True)
 
@@ -201,7 +205,8 @@ class HttpServer:
         self._runner = runner
         try:
             await runner.setup()
-            await web.TCPSite(runner, self._host, self.port, reuse_address=True).start()
+            site = web.TCPSite(runner, self._host, self.port, ssl_context=self._tls, reuse_address=True)
+            await site.start()
             self.port = runner.addresses[0][1]
             self._listening.set_result((asyncio.get_running_loop(), ending))
             await ending.wait()

@@ -15,7 +15,7 @@ from math import inf
 from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError, SettingsError
-from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, decode_form
+from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
@@ -37,8 +37,8 @@ from yumi.virtual.rws.http import (
 )
 from yumi.virtual.rws.messages import MessageService
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, invalid, refusal, resource
-from yumi.virtual.rws.subscriptions import Subscriptions, Upgrade
-from yumi.virtual.rws.users import Mastership, Users
+from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
+from yumi.virtual.rws.users import OWN_DOMAINS, Mastership, Users
 
 OPERATIONS = (
     *system.OPERATIONS,
@@ -64,7 +64,18 @@ class RwsService:
     """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
 
     ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every connection to the server.
+
+    Attributes:
+        scheme, default_port: of its addresses.
+        domains: of mastership.
+        rules: of subscriptions.
+        operations: the table.
     """
+
+    scheme = "http"
+    default_port = 80
+    domains = OWN_DOMAINS
+    rules = Rules()
 
     def __init__(
         self,
@@ -82,10 +93,10 @@ class RwsService:
         self._nonce_secret = make_secret()[:16]
         self._nonces = 0
         self._users = Users()
-        self._mastership = Mastership(self._users)
+        self._mastership = Mastership(self._users, self.domains)
         self._messages = MessageService(controller)
-        self._subscriptions = Subscriptions(self._mastership, self._users, self._messages)
-        self.operations = (
+        self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
+        self.operations: tuple[Operation, ...] = (
             *OPERATIONS,
             *self._users.operations,
             *self._mastership.operations,
@@ -93,11 +104,14 @@ class RwsService:
             *self._subscriptions.operations,
             Operation("GET", "/logout", lambda *_: None, status=204),
         )
-        self._router = Router(self.operations)
+        self._router = self._build_router()
         self._hang_up = hang_up
         self._was_restarting = False
         self._now = -inf
         self._busy_until = -inf
+
+    def _build_router(self) -> Router:
+        return Router(self.operations)
 
     def handle(self, request: HttpRequest, now: float) -> HttpReply | Upgrade | None:
         """The answer to ``request``, which arrived at ``now`` [s]; None while the controller restarts."""
@@ -175,9 +189,7 @@ class RwsService:
         """The session of a request with genuine credentials, or the challenge for one without."""
         age = self._proven_age(request, now)
         if age is None or age > NONCE_LIFE:
-            self._nonces += 1
-            nonce = make_nonce(self._nonce_secret, now, self._nonces)
-            header = ("WWW-Authenticate", Challenge(nonce, is_stale=age is not None).header())
+            header = ("WWW-Authenticate", self._challenge(now, is_stale=age is not None))
             reply = _plain(401, "Access denied: log in with user and password.")
             return replace(reply, headers=(header, *reply.headers))
         known = self._sessions.find_by_connection(_cookies(request))
@@ -185,6 +197,11 @@ class RwsService:
             return known or self._sessions.open(now)
         except TooManySessions as error:
             return _plain(503, str(error))
+
+    def _challenge(self, now: float, *, is_stale: bool) -> str:
+        """What a client without a session is asked for."""
+        self._nonces += 1
+        return Challenge(make_nonce(self._nonce_secret, now, self._nonces), is_stale=is_stale).header()
 
     def _proven_age(self, request: HttpRequest, now: float) -> float | None:
         """Age of the nonce in genuine credentials [s]; None without such."""
@@ -200,24 +217,26 @@ class RwsService:
 
     # Answering
 
+    def first_call(self, request: HttpRequest) -> Call | None:
+        """A request as the table of 1.0 has it, with its form; None for one that is not understood.
+
+        It is neither authorized nor checked.
+        """
+        return replace(_call(request), form=decode_form(request.body.decode("utf-8", "replace")))
+
     def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
-        path, _, query = request.target.partition("?")
-        # A sub-property behind ``;`` shows in the page of its resource anyway.
-        segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
         host = request.header("Host") or ""
-        full_host = host if re.search(r":\d+$", host) else f"{host}:80"
-        call = Call(
-            request.method,
-            segments,
-            decode_form(query),
+        call = replace(
+            _call(request),
             session=session.id,
-            host=full_host,
+            host=host if re.search(r":\d+$", host) else f"{host}:{self.default_port}",
             privilege=self._users.privilege(session.id),
         )
-        form = Form.JSON if call.option("json") == "1" else Form.XHTML
+        form = Form.XHTML
         try:
-            if segments[:1] == ("poll",) and _is_upgrade(request):
+            if call.path[:1] == ("poll",) and _is_upgrade(request):
                 return self._subscriptions.upgrade(call, request.header("Sec-WebSocket-Protocol") or "")
+            form = self._form(call, request)
             return self._operate(call, request, form, session)
         except Failure as error:
             failure = error
@@ -228,28 +247,21 @@ class RwsService:
         except SettingsError as error:
             failure = invalid(str(error))
         except Exception:  # whatever a client sends, the controller goes on
-            log.exception("%s %s met a fault of the virtual controller", call.method, path)
+            log.exception("%s %s met a fault of the virtual controller", call.method, request.target.partition("?")[0])
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
-        status = failure.document(segments[1] if len(segments) > 1 else "rw")
-        body = write_status(status, form, base=f"http://{host}/")
-        return HttpReply(failure.status, (("Content-Type", form.value),), body)
+        status = failure.document(call.path[1] if len(call.path) > 1 else "rw")
+        content_type = (("Content-Type", self._content_type(form)),)
+        return HttpReply(failure.status, content_type, self._status(status, form, host))
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         """Check a call against the table, carry it out, and show its result in the client's format."""
-        pairs: Pairs = ()
-        if call.method != "PUT" or call.path[:1] != ("fileservice",):  # which is a file
-            kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
-            if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
-                raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
-            pairs = decode_form(request.body.decode("utf-8", "replace"))
-        call = replace(call, content=request.body, form=pairs)
+        call = replace(call, content=request.body, form=self._pairs(call, request))
         answer: Answer
-        is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
-        if call.method == "GET" and call.option("action") == "show" and not is_group:
+        if self._wants_forms(call):
             operation, answer = None, self._forms(call)
         else:
             operation, call = self._router.find(call)
-            self._mastership.check(operation, call.session)
+            self._check_mastership(operation, call)
             operation.check_values(call)
             answer = operation.handler(self._controller, call)
             if operation.path == "/logout":
@@ -258,10 +270,44 @@ class RwsService:
         if isinstance(answer, HttpReply):
             return answer
         status = 200 if operation is None else operation.success
+        content_type = (("Content-Type", self._content_type(form)),)
         if answer is None:
-            return HttpReply(status, () if status == NO_CONTENT else (("Content-Type", form.value),))
-        page = replace(answer, base=f"http://{request.header('Host') or ''}{answer.base}")
-        return HttpReply(status, (("Content-Type", form.value),), write_page(page, form))
+            return HttpReply(status, () if status == NO_CONTENT else content_type)
+        return HttpReply(status, content_type, self._page(answer, form, request.header("Host") or ""))
+
+    def _form(self, call: Call, request: HttpRequest) -> Form:
+        """The representation a client asks for."""
+        return Form.JSON if call.option("json") == "1" else Form.XHTML
+
+    def _pairs(self, call: Call, request: HttpRequest) -> Pairs:
+        """The form in the body.
+
+        Raises:
+            Failure: 415, the body is of another type.
+        """
+        if call.method == "PUT" and call.path[:1] == ("fileservice",):  # which is a file
+            return ()
+        kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+        if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
+            raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
+        return decode_form(request.body.decode("utf-8", "replace"))
+
+    def _wants_forms(self, call: Call) -> bool:
+        """Whether a client asks what it can do with a resource."""
+        is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
+        return call.method == "GET" and call.option("action") == "show" and not is_group
+
+    def _check_mastership(self, operation: Operation, call: Call) -> None:
+        self._mastership.check(operation, call.session)
+
+    def _content_type(self, form: Form) -> str:
+        return form.value
+
+    def _page(self, page: Page, form: Form, host: str) -> bytes:
+        return write_page(replace(page, base=f"{self.scheme}://{host}{page.base}"), form)
+
+    def _status(self, status: Status, form: Form, host: str) -> bytes:
+        return write_status(status, form, base=f"{self.scheme}://{host}/")
 
     def _forms(self, call: Call) -> Page:
         """What can be done with a resource, as a form for each of its actions."""
@@ -273,6 +319,13 @@ class RwsService:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
         return resource(call.path[0], "/", "/".join(call.path), *states)
+
+
+def _call(request: HttpRequest) -> Call:
+    """The head of a request; a sub-property behind ``;`` shows in the page of its resource anyway."""
+    path, _, query = request.target.partition("?")
+    segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
+    return Call(request.method, segments, decode_form(query))
 
 
 def _cookies(request: HttpRequest) -> dict[str, str]:

@@ -29,7 +29,7 @@ from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.messages import MessageService
 from yumi.virtual.rws.operations import Call, Failure, Operation, invalid
 from yumi.virtual.rws.rapid import execution_state, pointer_fields
-from yumi.virtual.rws.users import DOMAINS, Mastership, Users
+from yumi.virtual.rws.users import Mastership, Users
 
 Event = tuple[State, ...]
 """One event: a state, or two that belong together."""
@@ -97,13 +97,16 @@ class Source:
     show: Callable[[str | None, str], Sequence[Event]]
 
 
-def find_source(controller: Irc5, resource: Resource, own: Mapping[str, Source] | None = None) -> Source:
+def find_source(
+    controller: Irc5, resource: Resource, own: Mapping[str, Source] | None = None, first: str | None = None
+) -> Source:
     """The source behind a resource.
 
     Args:
         controller: the virtual one.
-        resource: what is asked for.
+        resource: what is asked for; its events have its path.
         own: sources by path of what belongs to the sessions of a server.
+        first: its path in Robot Web Services 1.0, where it has another.
 
     Raises:
         Failure: there is none, or not with this priority.
@@ -114,7 +117,7 @@ def find_source(controller: Irc5, resource: Resource, own: Mapping[str, Source] 
             raise Failure(400, Code.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
         return found_own
     for pattern, find, highest in _KINDS:
-        found = re.fullmatch(pattern, resource.path, re.IGNORECASE)
+        found = re.fullmatch(pattern, resource.path if first is None else first, re.IGNORECASE)
         if found is None:
             continue
         if resource.priority > highest:
@@ -456,6 +459,27 @@ POLL_PERIOD = 0.012
 """Time after which all resources of a group are read again [s]."""
 
 
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """What differs between the versions of Robot Web Services.
+
+    Attributes:
+        protocol: sub-protocol of the WebSocket.
+        is_secure: whether addresses are those of TLS.
+        max_groups: groups a session may have.
+        first_resource: the path of a resource in 1.0; "" for one that there is not.
+        is_adding: whether a change of a group adds to its resources; else it replaces them.
+        outlives_connection: whether a group whose WebSocket breaks waits for the next one.
+    """
+
+    protocol: str = PROTOCOL
+    is_secure: bool = False
+    max_groups: int = MAX_GROUPS
+    first_resource: Callable[[str], str] = str
+    is_adding: bool = False
+    outlives_connection: bool = True
+
+
 @dataclass(slots=True)
 class Watch:
     """One resource of a group.
@@ -495,6 +519,7 @@ class Group:
         number: as in its address.
         session: of the client.
         root: host and port as the client calls them.
+        is_secure: whether the client comes by TLS.
         watches: by the path of the resource.
         channel: where its events go; None before the client has connected.
     """
@@ -502,6 +527,7 @@ class Group:
     number: int
     session: str
     root: str
+    is_secure: bool = False
     watches: dict[str, Watch] = field(default_factory=dict)
     channel: Channel | None = None
     _polled_at: float = -inf
@@ -513,7 +539,7 @@ class Group:
         self._polled_at = now
         for watch in self.watches.values():
             for event in watch.due_events(now):
-                self.channel.send(write_event(self.root, self.number, event))
+                self.channel.send(write_event(self.root, self.number, event, is_secure=self.is_secure))
 
     def disconnect(self, *, in_order: bool) -> None:
         """End the connection to the client."""
@@ -529,9 +555,11 @@ class Subscriptions:
         mastership: of the server's sessions.
         users: of them.
         messages: their message queues.
+        rules: of the version that the server speaks.
     """
 
-    def __init__(self, mastership: Mastership, users: Users, messages: MessageService) -> None:
+    def __init__(self, mastership: Mastership, users: Users, messages: MessageService, rules: Rules) -> None:
+        self._rules = rules
         self._mastership = mastership
         self._users = users
         self._messages = messages
@@ -553,12 +581,17 @@ class Subscriptions:
     def keep(self, sessions: Sequence[str]) -> None:
         """Forget the groups of all other sessions, and those whose client has left."""
         for group in tuple(self._groups.values()):
-            if group.session not in sessions or (group.channel is not None and group.channel.has_left):
+            channel = group.channel
+            has_left = channel is not None and channel.has_left
+            is_lost = channel is not None and not channel.is_open and not self._rules.outlives_connection
+            if group.session not in sessions or has_left or is_lost:
                 self._close(group)
 
     def drop_channels(self) -> None:
-        """Break all connections; clients may connect again."""
-        for group in self._groups.values():
+        """Break all connections; clients may connect again where a group outlives its connection."""
+        for group in tuple(self._groups.values()):
+            if group.channel is not None and not self._rules.outlives_connection:
+                del self._groups[group.number]
             group.disconnect(in_order=False)
 
     def advance(self, now: float) -> None:
@@ -572,8 +605,9 @@ class Subscriptions:
         Raises:
             Failure: the group is another client's, or there is none, or the sub-protocol is another.
         """
-        if PROTOCOL not in (each.strip() for each in protocols.split(",")):
-            raise invalid(f"Unsupported Sec-WebSocket-Protocol {protocols!r}; it is {PROTOCOL}")
+        protocol = self._rules.protocol
+        if protocol not in (each.strip() for each in protocols.split(",")):
+            raise invalid(f"Unsupported Sec-WebSocket-Protocol {protocols!r}; it is {protocol}")
         if len(call.path) > 1:
             group = self._find(call, call.path[1])
         else:
@@ -588,19 +622,23 @@ class Subscriptions:
             if self._groups.get(group.number) is not group:
                 group.disconnect(in_order=True)  # the group was closed while the connection was made
 
-        return Upgrade(PROTOCOL, attach)
+        return Upgrade(protocol, attach)
 
     def create(self, controller: Irc5, call: Call) -> HttpReply:
-        if sum(group.session == call.session for group in self._groups.values()) >= MAX_GROUPS:
-            raise Failure(400, Code.MAX_LIMIT_REACHED, f"a client has {MAX_GROUPS} subscriptions at most")
+        most = self._rules.max_groups
+        if sum(group.session == call.session for group in self._groups.values()) >= most:
+            raise Failure(400, Code.MAX_LIMIT_REACHED, f"a client has {most} subscriptions at most")
         watches = self._watches(controller, call)
         self._opened += 1
-        group = self._groups[self._opened] = Group(self._opened, call.session, call.host, watches)
+        group = self._groups[self._opened] = Group(
+            self._opened, call.session, call.host, self._rules.is_secure, watches
+        )
         return _shown(group, 201)
 
     def replace(self, controller: Irc5, call: Call) -> HttpReply:
         group = self._find(call)
-        group.watches = self._watches(controller, call, group)
+        watches = self._watches(controller, call, group)
+        group.watches = {**group.watches, **watches} if self._rules.is_adding else watches
         return _shown(group, 200)
 
     def delete(self, controller: Irc5, call: Call) -> HttpReply:
@@ -626,16 +664,19 @@ class Subscriptions:
         present = [watch.resource for group in others for watch in group.watches.values()]
         if sum(each.priority is Priority.HIGH for each in (*present, *resources)) > MAX_HIGH:
             raise Failure(400, Code.MAX_LIMIT_REACHED, f"{MAX_HIGH} resources have high priority at most")
-        sources = {resource: find_source(controller, resource, self._own_sources(resource)) for resource in resources}
+        sources = {}
+        for resource in resources:
+            first = self._rules.first_resource(resource.path)
+            sources[resource] = find_source(controller, resource, self._own_sources(resource), first)
         return {resource.path: Watch(resource, source, source.read()) for resource, source in sources.items()}
 
     def _own_sources(self, resource: Resource) -> Mapping[str, Source]:
         """Sources of what belongs to sessions: masterships, the privilege of manual mode, message queues."""
         path = resource.path
         sources = {"/users/rmmp": _rmmp_source(self._users, path), "/users/remoteuser": _rmmp_source(self._users, path)}
-        for domain in DOMAINS:
+        for domain in self._mastership.names:
             sources[f"/rw/mastership/{domain}"] = _mastership_source(self._mastership, path, (domain,))
-        sources["/rw/mastership"] = _mastership_source(self._mastership, path, DOMAINS)
+        sources["/rw/mastership"] = _mastership_source(self._mastership, path, self._mastership.names)
         queue = re.fullmatch(r"/rw/dipc/([^/;]+)(;nomessage)?", path, re.IGNORECASE)
         if queue is not None and self._messages.find(queue[1]) is not None:
             sources[path.lower()] = _queue_source(self._messages, path, queue[1], with_message=queue[2] is None)
@@ -661,5 +702,6 @@ def _shown(group: Group, status: int) -> HttpReply:
     for watch in group.watches.values():
         if watch.known is not None:
             events += watch.source.show(None, watch.known)
-    headers = (("Location", f"ws://{group.root}/poll/{group.number}"), ("Content-Type", Form.XHTML.value))
-    return HttpReply(status, headers, write_group(group.root, group.number, events))
+    scheme = "wss" if group.is_secure else "ws"
+    headers = (("Location", f"{scheme}://{group.root}/poll/{group.number}"), ("Content-Type", Form.XHTML.value))
+    return HttpReply(status, headers, write_group(group.root, group.number, events, is_secure=group.is_secure))

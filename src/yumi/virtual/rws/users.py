@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
@@ -15,8 +15,11 @@ from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid
 _BASE = "/users/"
 _MASTERSHIP = "/rw/mastership/"
 
-DOMAINS = ("cfg", "motion", "rapid")
-"""What one client at a time may change."""
+Domains = Mapping[str, str]
+"""What one client at a time may change: the names a client knows, by those of the table of operations."""
+
+OWN_DOMAINS: Domains = {"cfg": "cfg", "motion": "motion", "rapid": "rapid"}
+"""Those of RobotWare 6."""
 
 _POLL_LIFE = 10.0
 """A request for the privilege ends when its client does not poll for this long [s]."""
@@ -244,20 +247,24 @@ def refuse_in_manual_mode(controller: Irc5, call: Call, what: str) -> None:
 
 
 class Mastership:
-    """Which session of ``users`` holds which domain; a session that ends releases what it holds."""
+    """Which session of ``users`` holds which domain; a session that ends releases what it holds.
 
-    def __init__(self, users: Users) -> None:
+    Attributes:
+        names: of the domains, as clients know them.
+    """
+
+    def __init__(self, users: Users, domains: Domains) -> None:
         self._users = users
+        self._domains = domains
+        self.names = tuple(dict.fromkeys(domains.values()))
         self._holders: dict[str, str] = {}
         path = "/rw/mastership/{domain}"
         self.operations = (
             Operation("GET", "/rw/mastership", self.get_domains),
-            Operation(
-                "POST", "/rw/mastership", lambda controller, call: self.take(controller, call, DOMAINS), "request"
-            ),
+            Operation("POST", "/rw/mastership", self.request_all, "request"),
             Operation("POST", "/rw/mastership", self.release_all, "release"),
             Operation("GET", path, self.get_domain),
-            Operation("POST", path, lambda controller, call: self.take(controller, call, (_domain(call),)), "request"),
+            Operation("POST", path, self.request, "request"),
             Operation("POST", path, self.release, "release"),
         )
 
@@ -265,16 +272,21 @@ class Mastership:
         """Release what all other sessions hold."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder in sessions}
 
-    def check(self, operation: Operation, session: str) -> None:
+    def check(self, operation: Operation, session: str, *, is_implicit: bool = False) -> None:
         """Refuse an operation that another client's mastership forbids, or that needs one.
+
+        Args:
+            operation: to be carried out.
+            session: of the client.
+            is_implicit: whether the client takes the mastership for this operation alone.
 
         Raises:
             Failure: 403.
         """
-        domain = operation.needs_mastership or operation.respects_mastership
+        domain = self._domains.get(operation.needs_mastership or operation.respects_mastership, "")
         if domain:
             self._exclude_others(domain, session)
-        if operation.needs_mastership and domain not in self._holders:
+        if operation.needs_mastership and domain not in self._holders and not is_implicit:
             raise Failure(403, Code.MASTER_REJECT, f"the mastership of {domain} is needed; request it first")
 
     def _exclude_others(self, domain: str, session: str) -> None:
@@ -282,10 +294,10 @@ class Mastership:
             raise Failure(403, Code.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
 
     def get_domains(self, controller: Irc5, call: Call) -> Page:
-        return resource("MasterShip", _MASTERSHIP, "", *(entry("msh-resource-li", domain) for domain in DOMAINS))
+        return resource("MasterShip", _MASTERSHIP, "", *(entry("msh-resource-li", domain) for domain in self.names))
 
     def get_domain(self, controller: Irc5, call: Call) -> Page:
-        domain = _domain(call)
+        domain = self._domain(call)
         is_own = self._holders.get(domain) == call.session
         fields = {**self.fields(domain), "mastershipheldbyme": "TRUE" if is_own else "FALSE"}
         return resource("MasterShip", _MASTERSHIP, domain, State("msh-resource", domain, fields))
@@ -302,7 +314,13 @@ class Mastership:
             "mastership": "nomaster" if holder is None else user.locale,
         }
 
-    def take(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
+    def request_all(self, controller: Irc5, call: Call) -> None:
+        self._take(controller, call, self.names)
+
+    def request(self, controller: Irc5, call: Call) -> None:
+        self._take(controller, call, (self._domain(call),))
+
+    def _take(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
         refuse_in_manual_mode(controller, call, "the mastership")
         for domain in domains:
             self._exclude_others(domain, call.session)
@@ -312,14 +330,13 @@ class Mastership:
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder != call.session}
 
     def release(self, controller: Irc5, call: Call) -> None:
-        domain = _domain(call)
+        domain = self._domain(call)
         if self._holders.get(domain) != call.session:
             raise Failure(403, Code.RESOURCE_NOT_HELD, f"the mastership of {domain} is not held by this client")
         del self._holders[domain]
 
-
-def _domain(call: Call) -> str:
-    domain = call.names["domain"].lower()
-    if domain not in DOMAINS:
-        raise Failure(404, Code.FAIL, f"there is no mastership of {domain!r}")
-    return domain
+    def _domain(self, call: Call) -> str:
+        domain = call.names["domain"].lower()
+        if domain not in self.names:
+            raise Failure(404, Code.FAIL, f"there is no mastership of {domain!r}")
+        return domain

@@ -1,0 +1,299 @@
+"""Robot Web Services 2.0: every operation, in both representations, and what differs from 1.0."""
+
+from __future__ import annotations
+
+import json
+import re
+from base64 import b64encode
+from collections import Counter
+from collections.abc import Callable
+from urllib.parse import urljoin
+
+import pytest
+
+from rws_examples import Example
+from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
+from yumi.rws.documents import decode_form, read_page, read_status
+from yumi.virtual.memory import MemoryChannel
+from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.operations import Call, Operation
+from yumi.virtual.rws.subscriptions import Upgrade
+from yumi.virtual.rws.version_2 import FORM, HAL, XHTML
+
+PANEL = "/rw/panel/ctrl-state"
+_DRIFT = {"sys-options": "sys-option"}  # a type that has another name in HAL
+
+
+@pytest.fixture(scope="module")
+def session() -> Session2:
+    return Session2()
+
+
+@pytest.fixture
+def client(session: Session2) -> Session2:
+    """A client that has just logged in, of a controller where nothing runs."""
+    session.reset()
+    session.prepare("program")
+    return session
+
+
+def operation_of(session: Session2, example: Example) -> Operation:
+    path, _, query = re.sub("{[a-z]+}", "1", example.target).partition("?")
+    segments = tuple(part.partition(";")[0] for part in path.split("/") if part)
+    return session.service._router.find(Call(example.method, segments, decode_form(query)))[0]
+
+
+def content_type(reply: HttpReply) -> str:
+    return reply.header("Content-Type") or ""
+
+
+def in_hal(body: bytes) -> list[tuple[str, str, list[str]]]:
+    document = json.loads(body)
+    if "msg" in document.get("status", {}):
+        return [("status", str(document["status"]["code"]), [])]
+    states = [*document.get("state", ()), *document.get("_embedded", {}).get("resources", ())]
+    return sorted(
+        (
+            _DRIFT.get(state["_type"], state["_type"]),
+            re.sub(r"/\d+$", "", state["_title"]),
+            sorted(name for name, value in state.items() if isinstance(value, str) and name[0] != "_"),
+        )
+        for state in states
+    )
+
+
+def in_xhtml(reply: HttpReply) -> list[tuple[str, str, list[str]]]:
+    if reply.status >= 400:
+        return [("status", str(read_status(content_type(reply), reply.body).code), [])]
+    page = read_page(content_type(reply), reply.body)
+    return sorted((state.type, re.sub(r"/\d+$", "", state.title), sorted(state.fields)) for state in page.states)
+
+
+@pytest.mark.parametrize("example", EXAMPLES_2, ids=lambda each: f"{each.method} {each.target}")
+def test_operation_is_answered_in_both_representations(session: Session2, example: Example) -> None:
+    operation = operation_of(session, example)
+    xhtml, data = example.send(session), example.send(session, "json")
+    expected = (operation.success, operation.success)
+    assert (xhtml.status, data.status) == expected, (xhtml.body, data.body)
+    if content_type(data) == HAL and data.body:
+        assert content_type(xhtml) == XHTML
+        assert in_xhtml(xhtml) == in_hal(data.body)
+
+
+def test_every_operation_has_an_example(session: Session2) -> None:
+    found = Counter(id(operation_of(session, example)) for example in EXAMPLES_2)
+    missing = [each for each in session.service.operations if id(each) not in found]
+    assert [(each.method, each.path, each.action) for each in missing] == []
+
+
+def test_links_lead_to_what_is_there(client: Session2) -> None:
+    lost = set()
+    for example in EXAMPLES_2:
+        if example.method != "GET" or example.before or "{" in example.target:
+            continue
+        reply = client.ask("GET", example.target, accept=HAL)
+        if content_type(reply) != HAL or example.target == "/logout":
+            continue
+        document = json.loads(reply.body)
+        base = document["_links"]["base"]["href"]
+        linked = [document["_links"], *(each["_links"] for each in document.get("_embedded", {}).get("resources", ()))]
+        for href in (link["href"] for links in linked for rel, link in links.items() if rel in ("self", "next")):
+            assert "json=1" not in href
+            target = urljoin(base, href).removeprefix("https://memory")
+            found = client.ask("GET", target, accept=HAL)
+            if found.status == 405 or b"there is no resource" in found.body:
+                lost.add(target)
+    assert lost == set()
+
+
+@pytest.mark.parametrize("accept", ["", "*/*", "application/json", "application/hal+json", "application/xhtml+xml"])
+def test_other_representations_are_not_acceptable(client: Session2, accept: str) -> None:
+    reply = client.ask("GET", PANEL, accept=accept)
+    assert (reply.status, content_type(reply)) == (406, XHTML)
+    assert "accept header" in read_status(XHTML, reply.body).message
+
+
+def test_parameter_json_of_version_1_has_no_effect(client: Session2) -> None:
+    assert content_type(client.ask("GET", f"{PANEL}?json=1")) == XHTML
+
+
+@pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "application/json", "text/plain;v=2.0"])
+def test_other_types_of_a_form_are_refused(client: Session2, kind: str) -> None:
+    assert client.ask("POST", PANEL, "ctrl-state=motoron", kind=kind).status == 415
+    assert client.controller.controller_state.value == "motoroff"
+
+
+@pytest.mark.parametrize("kind", ["text/plain", "application/json", FORM])
+def test_other_types_of_a_file_are_refused(client: Session2, kind: str) -> None:
+    assert client.ask("PUT", "/fileservice/HOME/other.txt", "text", kind=kind).status == 415
+    assert "HOME:/other.txt" not in client.controller.files
+
+
+def test_file_is_read_whatever_a_client_accepts(client: Session2) -> None:
+    client.controller.files["HOME:/x.txt"] = "text"
+    reply = client.ask("GET", "/fileservice/HOME/x.txt", accept="*/*")
+    assert (reply.status, reply.body) == (200, b"text")
+
+
+@pytest.mark.parametrize(
+    "credentials",
+    [
+        "",
+        "Basic",
+        "Basic !!",
+        'Digest username="Default User"',
+        f"Basic {b64encode(b'Default User:wrong').decode()}",
+        f"Basic {b64encode(b'Admin:robotics').decode()}",
+        f"Bearer {BASIC.partition(' ')[2]}",
+    ],
+)
+def test_wrong_credentials_are_asked_for_again(client: Session2, credentials: str) -> None:
+    headers = (("Authorization", credentials), ("Accept", HAL)) if credentials else (("Accept", HAL),)
+    reply = client._handled(HttpRequest("GET", PANEL, headers))
+    assert (reply.status, reply.header("WWW-Authenticate")) == (401, 'Basic realm="validusers@robapi.abb"')
+
+
+def test_names_and_actions_of_version_1_are_not_there(client: Session2) -> None:
+    assert client.ask("GET", "/rw/panel/ctrlstate").status == 404
+    assert client.ask("GET", "/rw/rapid/modules?task=T_ROB_L").status == 404
+    assert client.ask("GET", "/rw/mastership/rapid").status == 404
+    assert client.ask("POST", "/rw/rapid/execution?action=stop").status == 405
+
+
+def test_actions_are_shown_by_options(client: Session2) -> None:
+    document = json.loads(client.ask("OPTIONS", PANEL, accept=HAL).body)
+    assert document["state"][0]["ctrl-state"] == "motoron|motoroff"
+
+
+def test_data_are_written_with_mastership_of_edit_alone(client: Session2) -> None:
+    assert client.ask("POST", f"{SYMBOL}/data", "value=3").status == 403
+    assert client.ask("POST", "/rw/mastership/edit/request").status == 204
+    assert client.ask("POST", f"{SYMBOL}/data", "value=3").status == 204
+    assert json.loads(client.ask("GET", f"{SYMBOL}/data", accept=HAL).body)["state"][0]["value"] == "3"
+    assert client.ask("POST", f"{SYMBOL}/data", "value=0").status == 204
+    assert client.ask("POST", "/rw/mastership/edit/release").status == 204
+
+
+def test_mastership_may_be_taken_for_one_request(client: Session2) -> None:
+    assert client.ask("POST", "/rw/rapid/execution/resetpp").status == 403
+    assert client.ask("POST", "/rw/rapid/execution/resetpp?mastership=implicit").status == 204
+    status = json.loads(client.ask("GET", "/rw/mastership/edit", accept=HAL).body)["state"][0]
+    assert status["mastership"] == "nomaster"
+
+
+def test_mastership_of_another_client_is_not_taken(client: Session2) -> None:
+    client.ask("POST", "/rw/mastership/edit/request")
+    client.cookie = client._log_in()
+    assert client.ask("POST", "/rw/rapid/execution/resetpp?mastership=implicit").status == 403
+
+
+def test_loaded_module_is_shown(client: Session2) -> None:
+    client.prepare("no small")
+    client.prepare("hold rapid")
+    reply = client.ask("POST", f"{TASK}/loadmod", "modulepath=HOME/small.mod&replace=true", accept=HAL)
+    assert (reply.status, json.loads(reply.body)["state"][0]["name"]) == (200, "Small")
+
+
+def test_body_without_the_task_that_it_is_about_is_refused(client: Session2) -> None:
+    client.prepare("hold rapid")
+    reply = client.ask("POST", "/rw/rapid/tasks/activate")
+    assert (reply.status, "task" in read_status(XHTML, reply.body).message) == (400, True)
+
+
+# Subscriptions
+
+
+class Listener:
+    """What a client hears."""
+
+    protocol = "rws_subscription"
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def on_text(self, text: str) -> None:
+        self.texts.append(text)
+
+    def on_lost(self, reason: str) -> None:
+        self.texts.append("lost")
+
+
+def subscribed(client: Session2, path: str) -> HttpReply:
+    return client.ask("POST", "/subscription", f"resources=1&1={path}&1-p=1")
+
+
+def connected(client: Session2, location: str, protocol: str = "rws_subscription") -> Listener | int:
+    target = location.removeprefix("wss://memory:443")
+    headers = (client.cookie, ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", protocol))
+    reply = client.service.handle(HttpRequest("GET", target, headers, peer="socket"), client.now)
+    if not isinstance(reply, Upgrade):
+        assert isinstance(reply, HttpReply)
+        return reply.status
+    listener = Listener()
+    reply.attach(MemoryChannel(listener))
+    return listener
+
+
+@pytest.mark.parametrize(
+    ("path", "change"),
+    [
+        ("/rw/panel/ctrl-state;ctrlstate", lambda client: client.controller.set_motors(True)),
+        (
+            f"{SIGNALS}/custom_DO_1;state",
+            lambda client: client.ask("POST", f"{SIGNALS}/custom_DO_1/set-value", "lvalue=1"),
+        ),
+        (
+            "/rw/rapid/symbol/RAPID/T_ROB_L/TRobEGM/egm_presync_tasks/data;value",
+            lambda client: client.ask(
+                "POST",
+                "/rw/rapid/symbol/RAPID/T_ROB_L/TRobEGM/egm_presync_tasks/data?mastership=implicit",
+                'value=[["T_ROB_L"],["T_ROB_R"]]',
+            ),
+        ),
+        ("/rw/mastership/edit", lambda client: client.ask("POST", "/rw/mastership/edit/request")),
+    ],
+)
+def test_change_is_sent_with_the_path_of_version_2(
+    client: Session2, path: str, change: Callable[[Session2], object]
+) -> None:
+    reply = subscribed(client, path)
+    location = reply.header("Location") or ""
+    assert (reply.status, location.startswith("wss://memory:443/poll/")) == (201, True)
+    listener = connected(client, location)
+    assert isinstance(listener, Listener)
+    change(client)
+    client.pass_time(1.0)
+    assert [f'href="{path}"' in text and "https://memory:443/" in text for text in listener.texts] == [True]
+
+
+@pytest.mark.parametrize(
+    "path", ["/rw/panel/ctrlstate;ctrlstate", "/rw/rapid/symbol/data/RAPID/T_ROB_L/TRobEGM/egm_presync_tasks;value"]
+)
+def test_resources_of_version_1_are_not_subscribed(client: Session2, path: str) -> None:
+    assert subscribed(client, path).status == 400
+
+
+def test_protocol_of_version_1_is_refused(client: Session2) -> None:
+    location = subscribed(client, "/rw/panel/opmode;opmode").header("Location") or ""
+    assert connected(client, location, "robapi2_subscription") == 400
+
+
+def test_group_ends_with_its_connection(client: Session2) -> None:
+    location = subscribed(client, "/rw/panel/opmode;opmode").header("Location") or ""
+    assert isinstance(connected(client, location), Listener)
+    client.service.drop_web_sockets()
+    assert connected(client, location) == 404
+
+
+def test_change_of_a_group_adds_to_it(client: Session2) -> None:
+    location = subscribed(client, "/rw/panel/opmode;opmode").header("Location") or ""
+    number = location.rpartition("/")[2]
+    client.ask("PUT", f"/subscription/{number}", "resources=1&1=/rw/panel/speedratio;speedratio&1-p=1")
+    body = client.ask("GET", f"/subscription/{number}").body
+    assert b"pnl-opmode-ev" in body
+    assert b"pnl-speedratio-ev" in body
+
+
+def test_client_has_ten_groups(client: Session2) -> None:
+    statuses = [subscribed(client, "/rw/panel/opmode;opmode").status for _ in range(11)]
+    assert statuses == [201] * 10 + [400]
