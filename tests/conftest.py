@@ -17,13 +17,15 @@ from yumi.robot.joints import Joints, joints
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """A ``real_time`` test asserts times, which other work on the machine can disturb: it is repeated, at most twice.
 
+    One that is marked with ``flaky(reruns=0)`` measures so that nothing disturbs it.
+
     Long tests run only where they are selected, see ``make soak``.
     """
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]
     for item in items:
-        if item.get_closest_marker("real_time"):
+        if item.get_closest_marker("real_time") and not item.get_closest_marker("flaky"):
             item.add_marker(pytest.mark.flaky(reruns=2))
 
 

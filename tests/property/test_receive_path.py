@@ -6,11 +6,12 @@ The real classes (session, arm, controllers, guard) behind a wire that may do an
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from math import cos, dist, inf, radians, sin
 from random import Random
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -25,7 +26,7 @@ from yumi.control.limiter import FOLLOWING, LATE_CYCLE, Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.messages import MotorState, RobotMessage
+from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, joints
 from yumi.virtual.mechanics.arm import ArmModel
@@ -59,6 +60,7 @@ class Attacked(EgmLoop):
     Attributes:
         extra: datagrams that arrive besides the next true one, before or after it.
         true: everything the robot has sent.
+        changed: what becomes of each of the robot's messages before it is sent; None for nothing.
         begun: when the robot began its sessions, by our clock [s].
         led: what each reply made of the robot's motion.
         deceived_at: when replies were lost, or a datagram forged that may not be known as false, last [s].
@@ -76,6 +78,7 @@ class Attacked(EgmLoop):
         self.after: list[bytes] = []
         self.is_silent = self.is_swapped = self.is_shuffled = False
         self.clock_offset = self.dither = 0.0
+        self.changed: Callable[[RobotMessage], RobotMessage] | None = None
         self.begun: list[float] = []
         self.home = self.robot.arm.position
         self.led: list[Led] = []
@@ -136,6 +139,8 @@ class Attacked(EgmLoop):
             self.begun.append(self.clock.now())
 
     def _arriving(self, datagram: bytes) -> list[bytes]:
+        if self.changed is not None:
+            datagram = self._codec.encode(self.changed(self._reader.decode(datagram)))
         if self.clock_offset or self.dither:
             message = self._reader.decode(datagram)
             time = message.measured_time + self.clock_offset + self.dither * (message.seqno % 2)
@@ -599,3 +604,145 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     assert dist(lost[0].position, OTHER_ARM) < 1e-5
     assert lost[0].is_other_arm
     assert "left and right EGM ports are exchanged?" in str(lost[0])
+
+
+def in_motion(changed: Callable[[RobotMessage], RobotMessage] | None = None) -> Attacked:
+    """A loop that follows a sine; its robot's messages are ``changed`` from the first one on."""
+    loop = Attacked()
+    loop.changed = changed
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    assert loop.snapshot.is_commanded
+    return loop
+
+
+def is_at_rest(loop: Attacked, cycles: int = 50) -> bool:
+    return len(set(loop.sent[-cycles:])) == 1
+
+
+def test_motion_goes_on_when_the_robots_numbers_wrap() -> None:
+    loop = in_motion(lambda message: replace(message, seqno=(message.seqno + 2**32 - 350) % 2**32))
+    assert loop.newest.seqno > 2**31
+    loop.move(100)
+    assert loop.newest.seqno < 2**31
+    assert_within_limits(loop)
+    assert (loop.snapshot.session, loop.snapshot.missed, loop.snapshot.is_commanded) == (1, 0, True)
+
+
+def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_in_motion() -> None:
+    loop = in_motion()
+    before, begun, first = len(loop.cycles), len(loop.events), loop.newest.seqno + 1
+    loop.changed = lambda message: replace(message, seqno=message.seqno - first)
+    loop.move(200)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert len(loop.cycles) - before >= 197  # three that agree with each other begin a session
+    assert (loop.snapshot.session, loop.snapshot.is_commanded) == (2, False)
+    assert "the robot began EGM session 2 in the middle of a motion" in str(loop.events[begun])
+    assert is_at_rest(loop)
+    loop.activate()
+    loop.move(100)
+    assert_within_limits(loop)
+    assert loop.snapshot.is_commanded
+
+
+@pytest.mark.parametrize("length", [5, 10, 40])
+def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_again_and_again(length: int) -> None:
+    loop = in_motion()
+    left_at, before = loop.sent[-1], len(loop.cycles)
+    loop.changed = lambda message: replace(message, seqno=message.seqno % length)
+    loop.move(400)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert len(loop.cycles) - before > 100  # the others are answered
+    assert not loop.snapshot.is_commanded
+    assert is_at_rest(loop)
+    assert loop.robot.arm.motors_on
+    assert dist(loop.sent[-1], left_at) < BRAKING
+
+
+STATES = {"motors": MotorState.OFF, "mci": MciState.STOPPED, "rapid": RapidState.STOPPED}
+
+
+@pytest.mark.parametrize("field", STATES)
+def test_arm_comes_to_rest_without_a_step_when_the_robot_says_falsely_that_it_stopped(field: str) -> None:
+    loop = in_motion()
+    left_at, before, first = loop.sent[-1], len(loop.cycles), loop.newest.seqno + 1
+    false: dict[str, Any] = {field: STATES[field]}
+    loop.changed = lambda message: message if (message.seqno - first) % 100 else replace(message, **false)
+    loop.move(400)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert len(loop.cycles) - before == 400
+    assert not loop.snapshot.is_commanded
+    assert is_at_rest(loop)
+    assert dist(loop.sent[-1], left_at) < BRAKING
+
+
+BRAKING = 0.7
+"""How far from where it was an arm that swings comes to rest, over all joints: its lead and its way to stop [rad]."""
+
+
+def displaced(by_deg: Callable[[int], float]) -> Callable[[RobotMessage], RobotMessage]:
+    """One joint is reported elsewhere, planned and measured, as far as ``by_deg`` says for a number."""
+
+    def change(message: RobotMessage) -> RobotMessage:
+        by = radians(by_deg(message.seqno))
+        there = [
+            joints([value + by * (index == 2) for index, value in enumerate(each)])
+            for each in (message.measured, message.planned)
+        ]
+        return replace(message, measured=there[0], planned=there[1])
+
+    return change
+
+
+JUMPS: dict[str, Callable[[int], float]] = {
+    "every 100": lambda seqno: 0.0 if seqno % 100 else 30.0,
+    "every other": lambda seqno: 30.0 * (seqno % 2),
+    "forth and back": lambda seqno: 30.0 if seqno % 2 else -30.0,
+    "farther each": lambda seqno: 30.0 * (seqno % 5),
+}
+
+
+@pytest.mark.parametrize("name", JUMPS)
+def test_robot_that_jumps_is_reported_as_such_and_leads_no_command_away(name: str) -> None:
+    loop = in_motion()
+    begun, before, left_at = len(loop.events), len(loop.cycles), loop.sent[-1]
+    loop.changed = displaced(JUMPS[name])
+    loop.move(500)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert len(loop.cycles) - before == 500
+    assert loop.snapshot.implausible >= 5
+    doubts = [event for event in loop.events[begun:] if isinstance(event, ImplausibleFeedback)]
+    assert doubts
+    for event in doubts:
+        assert not event.is_other_arm
+        assert re.search(r"the reported position of yumi_joint_7_l is \d\d\.\d° from where the arm can be", str(event))
+        assert "old, forged" in str(event)
+    if name == "forth and back":  # no datagram is true: the arm holds
+        assert [event.deactivated for event in doubts if event.is_lost] == [(CONTROLLER,)]
+        assert loop.snapshot.problem is Problem.IMPLAUSIBLE
+        assert is_at_rest(loop)
+        assert dist(loop.sent[-1], left_at) < BRAKING
+    else:
+        assert loop.snapshot.is_commanded
+        assert max(abs(value - middle) for value, middle in zip(loop.sent[-1], loop.home, strict=True)) < 0.5
+
+
+@pytest.mark.parametrize("by_deg", [-30.0, -10.0, -5.0, 2.0, 5.0, 10.0, 20.0, 30.0])
+def test_arm_that_holds_does_not_run_after_positions_that_stay_displaced(by_deg: float) -> None:
+    """Since the robot follows its commands, positions that are reported displaced would always be ahead of them."""
+    loop = in_motion()
+    loop.changed = displaced(lambda seqno: by_deg)
+    loop.move(60)
+    if loop.snapshot.is_commanded:
+        loop.deactivate()
+    left_at = loop.robot.arm.position
+    loop.run(3.0)
+    assert_within_limits(loop)
+    assert loop.robot.arm.motors_on
+    assert is_at_rest(loop)
+    assert dist(loop.robot.arm.position, left_at) < BRAKING

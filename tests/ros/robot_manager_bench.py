@@ -12,7 +12,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor
 from ros_bench import Client, rclpy
 
-from yumi.clock import SystemClock
+from yumi.clock import SystemClock, wait_until
 from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.errors import CommandRefused, RobotNotReady
@@ -47,6 +47,7 @@ class FakeManager:
         self.monitor = self.panel = self
         self.may_go_on = Event()
         self.may_go_on.set()
+        self.heard: list[str] | None = None
 
     def __getattr__(self, name: str) -> Callable[..., str]:
         return lambda *values: self._note(name, *values)
@@ -58,16 +59,23 @@ class FakeManager:
         return {"OUTPUT_STATIONARY_ROB_R": 1.0, "valve": 0.0}
 
     def go_to(self, mode: Mode, report: Report) -> str:
-        for step in ("motors on", "start EGM"):
+        for count, step in enumerate(("motors on", "start EGM"), start=1):
             report(step)
             assert self.may_go_on.wait(10.0)
+            self._wait_until_heard(count)
         return self._note("go_to", mode)
 
     def recover(self, report: Report, check: Callable[[], None], confirmed: str = "") -> str:
         report("read the event log")
+        self._wait_until_heard(1)
         while not self.may_go_on.wait(0.01):
             check()
         return self._note("recover", confirmed) if confirmed else self._note("recover")
+
+    def _wait_until_heard(self, steps: int) -> None:
+        """Else the result may overtake the feedback: rclpy's client drops feedback that it takes after the result."""
+        heard = self.heard
+        wait_until(SystemClock(), lambda: heard is None or len(heard) >= steps, 10.0, "the feedback", period=0.005)
 
     def _note(self, name: str, *values: Any) -> str:
         if name in self.refusals:
@@ -105,6 +113,7 @@ class RobotManagerRig:
         self.manager.refusals.clear()
         self.manager.robot = READY
         self.manager.may_go_on.set()
+        self.manager.heard = None
         self.inactive.clear()
         self.manager.calls.clear()
         self.client.sentences.clear()
@@ -148,6 +157,8 @@ class Goal:
 
     def __init__(self, rig: RobotManagerRig, kind: Any, name: str, /, **fields: Any) -> None:
         self.steps: list[str] = []
+        if rig.manager.heard is None:
+            rig.manager.heard = self.steps
         self._client = rig.client
         self._action = ActionClient(rig.client.node, kind, f"/yumi_robot_manager/{name}")
         self._client.until(self._action.server_is_ready)
@@ -156,8 +167,8 @@ class Goal:
         self.handle = sent.result()
         self._ended = self.handle.get_result_async()
 
-    def end(self, step_count: int = 0) -> tuple[int, Any]:
-        """Status and result; the result may come before the last feedback, which is another topic."""
-        self._client.until(lambda: self._ended.done() and len(self.steps) >= step_count)
+    def end(self) -> tuple[int, Any]:
+        """Status and result."""
+        self._client.until(self._ended.done)
         self._action.destroy()
         return self._ended.result().status, self._ended.result().result

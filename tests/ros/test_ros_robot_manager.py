@@ -196,7 +196,7 @@ def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotMana
 @pytest.mark.parametrize("mode", list(Mode))
 def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRig, mode: Mode) -> None:
     goal = Goal(rig, SetMode, "set_mode", mode=mode.value)
-    status, result = goal.end(step_count=2)
+    status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "go_to done")
     assert goal.steps == ["motors on", "start EGM"]
     assert rig.manager.calls == [("go_to", mode)]
@@ -205,7 +205,7 @@ def test_set_mode_reports_its_steps_and_the_state_it_reached(rig: RobotManagerRi
 
 def test_recover_says_what_it_did(rig: RobotManagerRig) -> None:
     goal = Goal(rig, Recover, "recover")
-    status, result = goal.end(step_count=1)
+    status, result = goal.end()
     assert (status, result.success, result.message) == (GoalStatus.STATUS_SUCCEEDED, True, "recover done")
     assert goal.steps == ["read the event log"]
 

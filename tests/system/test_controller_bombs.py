@@ -8,13 +8,14 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass
 from http.client import HTTPConnection
 from itertools import pairwise
 from pathlib import Path
 from select import select
 from threading import Event, Thread
+from typing import NamedTuple
 
 import pytest
 
@@ -24,13 +25,17 @@ from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.real_time, pytest.mark.flaky(reruns=0)]  # waiting for a processor does not count
 
 LATENCY = 0.02
-"""How late 98 of 100 datagrams and answers may be at most, whatever a program does [s]."""
+"""How late a datagram or an answer may be at most, whatever a program does [s].
 
-LONGEST_LATENCY = 0.15
-"""And each of them: much more than the controller takes, for what else the machine does; less than a bomb took [s]."""
+What the controller computed meanwhile counts, not what it waited for a processor: another program of the machine may
+take any time of that, and takes most from who computes most.
+"""
+
+FEWEST = 20.0
+"""Datagrams, and answers, in a second, however little of its processors the machine has left; EGM sends 496."""
 
 _TIMESTAMP = socket.SO_TIMESTAMPNS if hasattr(socket, "SO_TIMESTAMPNS") else 35
 
@@ -76,16 +81,33 @@ TARGETS = {
 LONG = "MODULE long\nVAR num x;\nPROC long()\n" + "x := x + 1.0;\n" * 20_000 + "ENDPROC\nENDMODULE\n"
 
 
+class Heard(NamedTuple):
+    """When the kernel got a datagram [s], and how much the controller had computed when we did [s]."""
+
+    time: float
+    computed: float
+
+    def since(self, before: Heard) -> float:
+        """How long the controller let us wait [s]; this process, too, may wait for a processor."""
+        return min(self.time - before.time, self.computed - before.computed)
+
+
 class Arms:
-    """Answers the datagrams of both arms where they are, and notes when the kernel got each."""
+    """Answers the datagrams of both arms where they are, and notes when the kernel got each.
+
+    Attributes:
+        pid: of the controller that sends them.
+        heard: the datagrams so far.
+    """
 
     def __init__(self) -> None:
+        self.pid = 0
         self._sockets = {side: socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for side in Side}
         for each in self._sockets.values():
             each.bind(("127.0.0.1", 0))
             each.setsockopt(socket.SOL_SOCKET, _TIMESTAMP, 1)
         self._is_over = Event()
-        self.heard: dict[Side, list[float]] = {side: [] for side in Side}
+        self.heard: dict[Side, list[Heard]] = {side: [] for side in Side}
         self._thread = Thread(target=self._serve, name="arms")
         self._thread.start()
 
@@ -93,16 +115,20 @@ class Arms:
         port: int = self._sockets[side].getsockname()[1]
         return port
 
+    def computed(self) -> float:
+        """How much processor time the controller has taken, all its threads together [s]."""
+        return time.clock_gettime(~self.pid << 3 | 2)  # clock_getcpuclockid(3)
+
     def close(self) -> None:
         self._is_over.set()
         self._thread.join()
         for each in self._sockets.values():
             each.close()
 
-    def gaps(self, begin: float, end: float) -> list[float]:
-        """Between two datagrams of an arm, or an arm and the ends of the interval [s]."""
-        times = [[begin, *(t for t in self.heard[side] if begin < t < end), end] for side in Side]
-        return [new - old for each in times for old, new in pairwise(each)]
+    def gaps(self, begin: Heard, end: Heard) -> list[float]:
+        """Between two datagrams of an arm, or one and the ends of the interval [s]."""
+        heard = [[begin, *(each for each in self.heard[side] if begin < each < end), end] for side in Side]
+        return [new.since(old) for each in heard for old, new in pairwise(each)]
 
     def _serve(self) -> None:
         codec = SensorCodec()
@@ -111,30 +137,28 @@ class Arms:
                 datagram, ancillary, _, peer = ready.recvmsg(2048, 64)
                 side = next(side for side, each in self._sockets.items() if each is ready)
                 seconds, nanoseconds = struct.unpack("qq", ancillary[0][2])
-                self.heard[side].append(seconds + nanoseconds * 1e-9)
+                self.heard[side].append(Heard(seconds + nanoseconds * 1e-9, self.computed()))
                 message = codec.decode(datagram)
                 ready.sendto(codec.encode(SensorMessage(message.seqno, message.measured)), peer)
 
 
 @dataclass
 class Latencies:
-    """Gaps between datagrams, times until answers [s]."""
+    """Gaps between datagrams, none where none are sent, and times until answers, in some seconds [s]."""
 
     egm: list[float]
     http: list[float]
+    seconds: float
 
     def check(self) -> None:
         """Whether all is prompt enough."""
         for name, values in (("EGM", self.egm), ("HTTP", self.http)):
-            usual, longest = _share(values, 0.98), max(values)
-            log.info("%s: 98 %% within %.1f ms, all within %.1f ms", name, usual * 1e3, longest * 1e3)
-            assert usual < LATENCY
-            assert longest < LONGEST_LATENCY
-
-
-def _share(values: list[float], share: float) -> float:
-    """What that share of the values does not exceed."""
-    return sorted(values)[int(share * (len(values) - 1))]
+            if not values:
+                continue
+            longest = max(values)
+            log.info("%s: %d times, all within %.1f ms", name, len(values), longest * 1e3)
+            assert longest < LATENCY, f"{name}: {longest * 1e3:.1f} ms"
+            assert len(values) > FEWEST * self.seconds, f"{name}: {len(values)} times in {self.seconds:.1f} s"
 
 
 class Robot:
@@ -167,7 +191,7 @@ class Robot:
 
     def until_heard(self) -> None:
         begin = time.time()
-        self.until(lambda: all(self.arms.heard[side][-1:] > [begin + 0.2] for side in Side))
+        self.until(lambda: all(self.arms.heard[side][-1:] > [Heard(begin + 0.2, 0.0)] for side in Side))
 
     def until(self, condition: Callable[[], bool]) -> None:
         end = time.time() + PATIENCE
@@ -176,21 +200,38 @@ class Robot:
 
     def watch(self, seconds: float) -> Latencies:
         """The gaps between datagrams, and how long many requests take, in the next ``seconds``."""
-        begin, answers = time.time(), []
+        begin, answers = self._now(), []
         with closing(HTTPConnection(self._address, timeout=PATIENCE)) as connection:
-            while time.time() - begin < seconds:
+            while time.time() - begin.time < seconds:
                 answers.append(self._asked(connection))
                 time.sleep(CYCLE)
-        return Latencies(self.arms.gaps(begin, time.time()), answers)
+        end = self._now()
+        return Latencies(self.arms.gaps(begin, end), answers, end.time - begin.time)
+
+    def _now(self) -> Heard:
+        return Heard(time.time(), self.arms.computed())
 
     def _asked(self, connection: HTTPConnection) -> float:
         """How long a request takes that needs the lock of the world, as all do [s]."""
-        begin = time.time()
+        begin, waited = self._now(), waited_for_a_processor(self.arms.pid)
         connection.request("GET", "/virtual/faults")
         reply = connection.getresponse()
         reply.read()
         assert reply.status == 200
-        return time.time() - begin
+        return max(0.0, self._now().since(begin) - (waited_for_a_processor(self.arms.pid) - waited))
+
+
+def waited_for_a_processor(*pids: int) -> float:
+    """How long this thread, and all of some processes, were ready and did not run, since they began [s].
+
+    0 where the system does not count that.
+    """
+    threads = [thread for pid in pids for thread in Path(f"/proc/{pid}/task").glob("*")]
+    waited = 0
+    for thread in (Path("/proc/thread-self"), *threads):
+        with suppress(OSError):
+            waited += int((thread / "schedstat").read_text().split()[1])
+    return waited * 1e-9
 
 
 @pytest.fixture(scope="module")
@@ -204,7 +245,9 @@ def address(tmp_path_factory: pytest.TempPathFactory, arms: Arms) -> Iterator[st
     ports = [f"--{side.word}-egm-port={arms.port(side)}" for side in Side]
     log = tmp_path_factory.mktemp("controller") / "log"
     with Command("controller", ["controller", "--rws-port", "0", *ports], Path(log)) as command:
-        yield command.wait_until_ready(PATIENCE).rpartition("/")[2]
+        address = command.wait_until_ready(PATIENCE).rpartition("/")[2]
+        arms.pid = command.pid
+        yield address
         assert command.exit_code is None
     assert "Traceback" not in log.read_text()
 
@@ -256,9 +299,10 @@ def test_http_goes_on_while_a_client_loads_a_long_module_and_compiles_it(robot: 
         compiling = others.submit(robot.client.move_pp_to_main)
         latencies = robot.watch(3.0)
         while not compiling.done():
-            latencies.http.extend(robot.watch(0.2).http)
+            more = robot.watch(0.2)
+            latencies = Latencies([], latencies.http + more.http, latencies.seconds + more.seconds)
         loading.result()
-    Latencies([0.0], latencies.http).check()
+    Latencies([], latencies.http, latencies.seconds).check()
     assert "long" in names(robot, Side.RIGHT)
     robot.client.unload_module("T_ROB_R", "long")
 
@@ -271,9 +315,10 @@ def test_http_goes_on_while_a_client_loads_many_targets(robot: Robot, text: str)
         loading = others.submit(robot.client.load_module, "T_ROB_R", "HOME:/targets.mod")
         latencies = robot.watch(3.0)
         while not loading.done():
-            latencies.http.extend(robot.watch(0.2).http)
+            more = robot.watch(0.2)
+            latencies = Latencies([], latencies.http + more.http, latencies.seconds + more.seconds)
         loading.result()
-    Latencies([0.0], latencies.http).check()
+    Latencies([], latencies.http, latencies.seconds).check()
     robot.client.unload_module("T_ROB_R", "targets")
 
 

@@ -24,6 +24,9 @@ robot does not jump there. An arm further out gets no reply."""
 LONGEST = 0.1
 """Longest motion that may explain a position while others are implausible [s]."""
 
+FOLLOWED = 2.0 * CYCLE
+"""The same of a robot that follows: it is on the way to what was sent [s]."""
+
 EXCHANGED = 0.5
 """An implausible position as near to the other arm's as this is the other arm's [rad, over all joints]."""
 
@@ -86,7 +89,8 @@ class FeedbackCheck:
             reach = _SLOWEST * state.dt + _MARGIN
             if dist(state.position, last.position) <= reach and dist(state.planned, last.planned) <= reach:
                 return True
-        return self._can_follow(state, sent, LONGEST if self.in_a_row else inf)
+        follows = state.is_running and last.is_running  # so nothing but what is sent has moved it
+        return self._can_follow(state, sent, inf if not self.in_a_row else FOLLOWED if follows else LONGEST)
 
     def accept(self, state: ArmState) -> ArmState:
         """``state`` is plausible; its velocity is corrected where it was that from or to a false position."""

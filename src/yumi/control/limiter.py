@@ -463,6 +463,7 @@ class Limiter:
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
+        self._stop_within: tuple[Joints, Joints] | None = None  # where it may come to rest otherwise
 
     @property
     def problem(self) -> Problem:
@@ -612,7 +613,7 @@ class Limiter:
         if not self._is_near(state):
             self.counters.slowed += 1
             return self._hold(state, dt)
-        self.is_at_rest = False
+        self.is_at_rest, self._stop_within = False, None
         goal = inside(desired.position, self._limits, self._positions.position)
         self.counters.position_limited += goal is not desired.position
         position = self._positions.next(goal, dt, state.dt)
@@ -675,14 +676,14 @@ class Limiter:
 
     def _go_on_after_doubts(self, state: ArmState) -> None:
         self._speeds.resume(state.planned, self._positions.position)
-        self._stop_at = None
+        self._stop_at = self._stop_within = None
 
     def _begin(self, state: ArmState) -> ArmCommand:
         """The first command: where the robot is, at most at the end of its range."""
         position = inside(state.position, self._limits, self._limits.lower)
         self._positions.rest_at(position)
         self._speeds.end()
-        self.is_at_rest = True
+        self.is_at_rest, self._stop_within = True, None
         self._is_new = self._is_settling = False
         command = ArmCommand(position)
         self._references.begin(state, command)
@@ -693,14 +694,17 @@ class Limiter:
 
         A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
         which takes longer than the robot needs to stop; what is left of the lead meanwhile, a speed against it cancels,
-        as quickly as the robot may brake. So it comes to rest on its way, not where the lead points.
+        as quickly as the robot may brake. So it comes to rest on its way, not where the lead points; and not beyond,
+        since a command would run after a plan that is reported elsewhere than the robot's for as long as that follows.
         """
         last, planned = self._positions.position, state.planned
         if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
             return ArmCommand(last, self._speeds.next(planned, last, ZERO, dt))
         # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is taken.
         kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
-        goal = joints([now + max(-kept, min(kept, ahead - now)) for ahead, now in zip(last, planned, strict=True)])
+        self._stop_within = self._stop_within or self._places_to_stop(state)
+        rows = zip(last, planned, *self._stop_within, strict=True)
+        goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
         position = self._go_to(goal, state, dt)
         leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
         is_led = max(map(abs, leads)) >= _NO_LEAD
@@ -708,6 +712,18 @@ class Limiter:
         velocity = self._speeds.next(planned, position, against, dt)
         self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)
+
+    def _places_to_stop(self, state: ArmState) -> tuple[Joints, Joints]:
+        """Between which positions a robot that is to stop comes to rest [rad], (7,).
+
+        It brakes from where it plans to be, or follows the last command until that has stopped.
+        """
+        speeds, limits = self._references.speeds(state, self._last), self._limits
+        rows = zip(state.planned, speeds, limits.velocity, limits.acceleration, limits.jerk, strict=True)
+        ends = [now + braking_path(max(-most, min(most, speed)), 0.0, a, j).end for now, speed, most, a, j in rows]
+        places = zip(state.planned, ends, self._positions.position, self._positions.place_to_stop(), strict=True)
+        ranges = [(min(row) - _NEAR, max(row) + _NEAR) for row in places]
+        return joints([low for low, _ in ranges]), joints([high for _, high in ranges])
 
     def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
         """Go to where an arm is that does not follow: were it to follow after all, it would not feel a step.
