@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -64,8 +64,12 @@ class Distances:
         self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
         self._balls = BallModel(self._model)
 
-    def nearest(self, positions: Mapping[Side, Joints]) -> NearestPair | None:
-        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`."""
+    def nearest(self, positions: Mapping[Side, Joints], only: Collection[tuple[str, str]] = ()) -> NearestPair | None:
+        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`.
+
+        ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
+        """
+        wanted = {frozenset(pair) for pair in only}
         balls, found = self._balls, []
         still = {
             side: arm.sweep(np.array([positions[side]]), np.array([0]), np.array([0]), np.zeros((1, 7)))
@@ -74,13 +78,19 @@ class Distances:
         for side, other in ((Side.RIGHT, Side.LEFT), (Side.RIGHT, None), (Side.LEFT, None)):
             arm = balls.arms[side]
             if other is None:
-                columns = np.array([index for index, name in enumerate(balls.boxes) if name != "body"], dtype=np.intp)
+                columns = np.array(
+                    [index for index, name in enumerate(balls.boxes) if wanted or name != "body"], dtype=np.intp
+                )
             else:
                 columns = np.arange(len(balls.arms[other].names))
             rows, columns = (each.ravel() for each in np.meshgrid(np.arange(len(arm.names)), columns, indexing="ij"))
             if other is not None:  # the shoulders are bolted to one body, next to each other
                 moves = (arm.part_frames[rows] > 0) | (balls.arms[other].part_frames[columns] > 0)
                 rows, columns = rows[moves], columns[moves]
+            if wanted:
+                others = balls.boxes if other is None else balls.arms[other].names
+                kept = [frozenset((arm.names[i], others[j])) in wanted for i, j in zip(rows, columns, strict=True)]
+                rows, columns = rows[kept], columns[kept]
             if not len(rows):
                 continue
             within = np.full(len(rows), WITHIN)
