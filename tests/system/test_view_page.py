@@ -248,8 +248,11 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     # By the arrow keys on the picture, to the left, until the limiter leads the arm along its own body.
     page.tab.focus("#scene")
     page.tab.keyboard.down("ArrowLeft")
-    sentence = page.wait("#limited", "motion limited by")
-    assert re.search(r"Right arm: motion limited by right .+ - .+, -?\d+ mm", sentence)
+    sentence = page.wait("#limited", "kept apart")
+    pair = re.search(r"The right arm is kept apart: (right .+ – .+), -?\d+ mm. Move it away", sentence)
+    assert pair
+    page.tab.wait_for_selector("#nearest.limited")
+    page.wait("#nearest", pair[1])  # the line with the distance is that of the same pair
     page.tab.keyboard.up("ArrowLeft")
     assert page.errors == []
 

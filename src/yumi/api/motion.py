@@ -26,7 +26,13 @@ from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, twist_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
+from yumi.control.controllers.joint_trajectory import (
+    CancelTrajectory,
+    FollowTrajectory,
+    Outcome,
+    Tolerances,
+    TrajectoryEnded,
+)
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
 from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
@@ -742,6 +748,9 @@ class MotionExecutor:
             if is_commanding and _number(last.buffer) == last.number:
                 last.write(snapshot.session, ZERO)
                 self._jogs[side] = last._replace(number=_number(last.buffer))
+                if last.controller == CARTESIAN_CONTROLLER:  # a stream slows down along its line, which takes longer
+                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
+                    self._control.call(Commands.send_commands, stop)
 
     def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""

@@ -3,12 +3,11 @@
 import { Scene } from "./scene.js";
 
 const DEGREES = 180 / Math.PI;
-const MAX_JOINT_SPEED = 1.0; // [rad/s] as the server allows
-const MAX_LINEAR = 0.2; // [m/s]
-const MAX_ANGULAR = 1.0; // [rad/s]
-const JOG_PERIOD = 33; // [ms] between two messages while a key is held; without them the arm stops after 0.1 s
+const MAX_JOINT_SPEED = 0.5; // [rad/s] as the server allows
+const MAX_LINEAR = 0.15; // [m/s]
+const MAX_ANGULAR = 0.5; // [rad/s]
+const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms after the last one the arm brakes
 const PULL = 4; // [1/s] a tool follows its handle so fast
-const LIMITED = 1.5; // [s] the driver says about once a second what limits an arm
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
@@ -23,8 +22,7 @@ const make = (tag, properties = {}, ...children) => {
 let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
-let nearest = null; // the parts nearest to each other: [part, other, distance, start, end]
-let limited = { until: 0, sentence: "" };
+let nearest = null; // the parts that limit an arm, else those nearest to each other: [part, other, distance, start, end]
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
 let state = null; // the newest, as the driver's DriverState
@@ -67,8 +65,6 @@ function take(message) {
     stateTime = message.time;
     nearest = message.nearest;
     addEvents(message.events);
-    const limit = message.events.findLast((event) => event.sentence.includes("motion limited by"));
-    if (limit) limited = { until: performance.now() + 1000 * LIMITED, sentence: limit.sentence };
     sample();
     show();
     setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
@@ -226,7 +222,11 @@ function showSurroundings() {
 
 /** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
 function showNearest() {
-  const isLimited = performance.now() < limited.until;
+  const limits = ARMS.filter((name) => state.arms[name].limited).map((name) => {
+    const { part, other, distance } = state.arms[name].limited;
+    return `The ${name} arm is kept apart: ${part} – ${other}, ${(distance * 1000).toFixed(0)} mm. Move it away from there.`;
+  });
+  const isLimited = limits.length > 0;
   const place = scene?.showNearest(nearest && !view.is_recording ? nearest.slice(3) : null);
   const label = at("nearest");
   label.hidden = !nearest || Boolean(view.is_recording);
@@ -242,7 +242,7 @@ function showNearest() {
     }
   }
   at("limited").hidden = !isLimited;
-  if (isLimited) text(at("limited"), limited.sentence);
+  if (isLimited) text(at("limited"), limits.join(" "));
 }
 
 /** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
@@ -511,7 +511,7 @@ function buildPad() {
       cells.push([`R${name.toLowerCase()}${sign < 0 ? "−" : "+"}`, `angular ${name.toLowerCase()} ${sign}`, { angular: unit(index, sign * MAX_ANGULAR) }]);
     }
   });
-  cells.push(["elbow −", "elbow -1", { elbow: -0.7 }], ["elbow +", "elbow 1", { elbow: 0.7 }]);
+  cells.push(["elbow −", "elbow -1", { elbow: -MAX_JOINT_SPEED }], ["elbow +", "elbow 1", { elbow: MAX_JOINT_SPEED }]);
   for (const [label, name, speeds] of cells) {
     const button = make("button", { textContent: label, className: "hold" });
     button.dataset.jog = name;
@@ -585,7 +585,7 @@ function followHandle() {
 const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1], PageUp: [2, 1], PageDown: [2, -1] };
 
 function jogByKey(event) {
-  const elbow = { Home: -0.7, End: 0.7 }[event.key];
+  const elbow = { Home: -MAX_JOINT_SPEED, End: MAX_JOINT_SPEED }[event.key];
   if (view.control !== "here" || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
   event.preventDefault();
   if (event.repeat) return;
