@@ -126,7 +126,7 @@ def link(index: int) -> tuple[Field, Field]:
         cuts.append(placed(beyond, JOINT_ORIGINS[index]))
     shell = union(*solids)
     depth = 0.018 if index else 0.03
-    ring = cylinder(plane - depth, plane + depth, radius - 0.008, 0.004)
+    ring = cylinder(plane - depth, plane + depth, radius - 0.010, 0.006)
     return (without(shell, *cuts) if cuts else shell), ring
 
 
@@ -232,7 +232,7 @@ def main() -> None:
             plane, _, radius = PLANES[index]
             edge = np.array([radius, radius, 0.032])
             middle = np.array([0.0, 0.0, plane])
-            write(f"ring_{index + 1}", ring, middle - edge, middle + edge, 0.011)
+            write(f"ring_{index + 1}", ring, middle - edge, middle + edge, 0.007)
     palm = union(
         box(np.array([-0.0416, -0.0345, 0.0]), np.array([0.0416, 0.0345, 0.058]), 0.010),
         box(np.array([-0.0416, -0.024, 0.03]), np.array([0.0416, 0.024, 0.0837]), 0.006),

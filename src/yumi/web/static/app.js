@@ -143,18 +143,24 @@ function toast(sentence, level = "error") {
 // ---- showing
 
 function remedies(reason) {
-  return model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason)).map(({ remedy }) => remedy);
+  const found = view.is_recording ? [] : model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason));
+  return found
+    .map(({ remedy, on_virtual: other }) => (view.is_virtual && other ? other : remedy))
+    .filter((remedy) => !(state.stop && remedy.startsWith("“Recover…”"))); // what confirms the stop does that, too
 }
 
 /** In a sentence whether the robot moves, else why not, and what to do. */
 function verdict() {
   if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
   if (!state) return ["wait", "Waiting for the robot", ""];
-  const todo = remedies(state.reason).join("; ");
+  let todo = remedies(state.reason).join("; ");
+  if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
   if (state.stop || state.cause) {
-    const cause = state.cause || state.reason;
-    const open = state.reason && state.cause ? `Now: ${sentence(state.reason, false)}.` : "";
-    return ["error", `Stopped: ${sentence(cause, false)}`, [open, todo && sentence(todo)].filter(Boolean).join(" ")];
+    // What the event log says to do is of use where nothing else is in the way now but a person who has to confirm.
+    const [cause, ...advice] = (state.cause || state.reason).split("; ");
+    const open = state.cause ? state.reason.split("; ").filter((each) => each && !(state.stop && each.includes(state.stop))) : [];
+    const next = open.length ? `Now: ${sentence(open.join("; "), false)}.` : advice.length ? sentence(advice.join("; ")) : "";
+    return ["error", `Stopped: ${sentence(cause, false)}`, [next, todo && sentence(todo)].filter(Boolean).join(" ")];
   }
   if (state.reason) return ["warn", `Cannot move: ${sentence(state.reason, false)}`, todo ? sentence(todo) : ""];
   for (const [name, arm] of Object.entries(state.arms)) {
@@ -222,9 +228,10 @@ function showSurroundings() {
 
 /** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
 function showNearest() {
+  const apart = (distance) => (distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "at the limit");
   const limits = ARMS.filter((name) => state.arms[name].limited).map((name) => {
     const { part, other, distance } = state.arms[name].limited;
-    return `The ${name} arm is kept apart: ${part} – ${other}, ${(distance * 1000).toFixed(0)} mm. Move it away from there.`;
+    return `The ${name} arm is kept apart: ${part} – ${other}, ${apart(distance)}. Move it away from there.`;
   });
   const isLimited = limits.length > 0;
   const place = scene?.showNearest(nearest && !view.is_recording ? nearest.slice(3) : null);
@@ -232,7 +239,7 @@ function showNearest() {
   label.hidden = !nearest || Boolean(view.is_recording);
   if (!label.hidden) {
     const [part, other, distance] = nearest;
-    text(label, `${part} – ${other}: ${distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "shapes touch"}`);
+    text(label, `${part} – ${other}: ${apart(distance)}`);
     label.classList.toggle("limited", isLimited);
     const { clientWidth, clientHeight } = at("scene");
     const within = (value, most) => Math.min(Math.max(value, 8), most);
@@ -357,7 +364,7 @@ function showArm() {
   const frame = frameOf(at("jog-frame").value);
   const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${(value * 1000).toFixed(1)}`).join(", ");
-  const source = arm.position ? "" : "; EGM is off, asked for over Robot Web Services";
+  const source = arm.position ? "" : ", as the controller reports while EGM is off";
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
   text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
@@ -376,7 +383,7 @@ function showArm() {
   const names = state.controllers[word].map((each) => each.name).filter((name) => !name.includes("broadcaster"));
   const choice = at("controller");
   if ([...choice.options].map((each) => each.value).join() !== names.join()) {
-    choice.replaceChildren(...names.map((name) => new Option(name.replaceAll("_", " "), name)));
+    choice.replaceChildren(...names.map((name) => new Option(name.replace(/_controller$/, "").replaceAll("_", " "), name)));
   }
 }
 
@@ -396,7 +403,7 @@ const strips = [
   { name: "tracking error", unit: "°", digits: 2, of: (arm) => (arm.position && arm.sent ? Math.max(...arm.sent.map((value, index) => Math.abs(value - arm.position[index]))) * DEGREES : null) },
   { name: "missed cycles", unit: "", digits: 0, of: (arm, before) => (arm.cycles && before?.cycles ? Math.max(0, arm.cycles.missed + arm.cycles.lost - before.cycles.missed - before.cycles.lost) : null), total: (arm) => (arm.cycles ? arm.cycles.missed + arm.cycles.lost : null) },
   { name: "jitter", unit: " ms", digits: 2, of: (arm) => (arm.cycles && arm.session ? arm.cycles.jitter * 1000 : null) },
-  { name: "period", unit: " ms", digits: 3, of: (arm) => (arm.cycles && arm.session ? arm.cycles.period * 1000 : null) },
+  { name: "period", unit: " ms", digits: 2, of: (arm) => (arm.cycles && arm.session ? arm.cycles.period * 1000 : null) },
 ];
 let before = null;
 let isStripDue = 0;
@@ -718,7 +725,7 @@ function inject(name, form, button) {
 }
 
 function confirmStop() {
-  text(at("confirm-cause"), sentence(state.cause || state.reason));
+  text(at("confirm-cause"), sentence((state.cause || state.reason).split("; ")[0]));
   const dialog = at("confirm");
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true });
