@@ -176,7 +176,9 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
 def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: str) -> None:
     pytest.importorskip("roboplan", reason="needs yumi-ros2[planning]")
     page = Page(chromium, url)
-    page.wait("#tool-pose", "as the controller reports while EGM is off")  # where the arms are is known without EGM, too
+    page.wait(
+        "#tool-pose", "as the controller reports while EGM is off"
+    )  # where the arms are is known without EGM, too
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")

@@ -746,11 +746,14 @@ class MotionExecutor:
             snapshot, known = self._control.snapshot(side), self._streaming.get(side)
             is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
             if is_commanding and _number(last.buffer) == last.number:
+                if last.controller == CARTESIAN_CONTROLLER:
+                    # By joints: a stream slows down along its line, which takes longer, and braking begins anew then.
+                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
+                    with suppress(YumiError):
+                        self._control.call(Commands.send_commands, stop)
+                        return
                 last.write(snapshot.session, ZERO)
                 self._jogs[side] = last._replace(number=_number(last.buffer))
-                if last.controller == CARTESIAN_CONTROLLER:  # a stream slows down along its line, which takes longer
-                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
-                    self._control.call(Commands.send_commands, stop)
 
     def _begin_stream(self, side: Side, controller: str, *, is_jog: bool = False) -> tuple[int, bool]:
         """The session of an arm that ``controller`` commands, taken over from standstill; whether it is newly so."""

@@ -156,9 +156,9 @@ class Follow(Request, frozen=True):
 class Jog(Request, frozen=True):
     """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s.
 
-    It is asked for again and again while the arm moves, such as 50 times a second. The first one only takes the arm over from standstill; the next one moves it. The driver stops the arm when its
-    client goes away, or asks no more, whatever timeouts its controllers have. An arm that one client jogs is not jogged
-    by another one.
+    It is asked for again and again while the arm moves, such as 50 times a second. The first one only takes the arm
+    over from standstill; the next one moves it. The driver stops the arm when its client goes away, or asks no more,
+    whatever timeouts its controllers have. An arm that one client jogs is not jogged by another one.
     """
 
     arm: Arm

@@ -46,13 +46,22 @@ if TYPE_CHECKING:
 RATE = 30.0
 """A page gets the state so often [1/s]."""
 
-STALE = 0.15
+STALE = 0.05
 """A jog that has waited here for longer is not carried out [s]."""
 
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
 log = logging.getLogger(__name__)
+
+_BUTTONS = (
+    ("call robot.recover()", "press “Start EGM”, or “Recover…” after a stop"),
+    ("robot.recover()", "“Recover…”"),
+    ("call recover", "press “Recover…”"),
+    ("Call start_egm", "Press “Start EGM”"),
+    ("call start_egm", "press “Start EGM”"),
+)
+"""What a refusal says to call, and the button of the page that does it."""
 
 _LOOKED_FOR = "The driver is being looked for."
 _DISTANCES = 3  # states for one calculation of distances
@@ -424,6 +433,10 @@ class Operator:
 def _failure(error: Exception) -> Failure:
     """What a page gets of an exception; what is no refusal is a fault of ours, which the log shows whole."""
     if isinstance(error, YumiError):
-        return failure_of(error)
+        failure = failure_of(error)
+        sentence = failure.message
+        for method, button in _BUTTONS:
+            sentence = sentence.replace(method, button)
+        return msgspec.structs.replace(failure, message=sentence)
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
     return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))

@@ -593,9 +593,13 @@ const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRigh
 
 function jogByKey(event) {
   const elbow = { Home: -MAX_JOINT_SPEED, End: MAX_JOINT_SPEED }[event.key];
-  if (view.control !== "here" || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
+  if (view.is_recording || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
   event.preventDefault();
   if (event.repeat) return;
+  if (view.control !== "here") {
+    toast(view.why_not_operated || "Take control first; then this key jogs the tool while it is held.", "info");
+    return;
+  }
   const [axis, sign] = KEYS[event.key] ?? [];
   const speeds = elbow ? { elbow } : event.shiftKey ? { angular: unit(axis, sign * MAX_ANGULAR) } : { linear: unit(axis, sign * MAX_LINEAR) };
   beginJog(at("scene"), () => toolJog(speeds));
@@ -624,7 +628,8 @@ function chosenGoals() {
   const names = at("both").checked && !at("both").disabled ? ARMS : [word];
   const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
   if (!Object.values(goals).includes(null)) return goals;
-  toast("Nothing was sent: the goal needs a number of degrees for each axis.");
+  const wrong = [...at("joint-goal").querySelectorAll("input")].find((input) => numberOf(input) === null);
+  toast(`Nothing was sent: ${wrong ? `axis ${wrong.dataset.axis} takes a number from ${wrong.title}` : "the goal needs a number for each axis"}.`);
   return null;
 }
 
@@ -752,8 +757,11 @@ function bind() {
   for (const name of ARMS) press(`tab-${name}`, () => choose(name));
   const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
   at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
-  model.arms.right.axes.forEach((axis) => {
-    const input = make("input", { type: "number", step: "any", ariaLabel: `Axis ${axis}, degrees` });
+  model.arms.right.axes.forEach((axis, index) => {
+    const [lower, upper] = [model.limits.lower[index], model.limits.upper[index]].map((each) => each * DEGREES);
+    const range = `${lower.toFixed(1)}° to ${upper.toFixed(1)}°`;
+    const input = make("input", { type: "number", step: "any", min: lower, max: upper, title: range, ariaLabel: `Axis ${axis}, degrees` });
+    input.dataset.axis = axis;
     input.addEventListener("input", show);
     at("joint-goal").append(make("label", {}, `${axis}`, input));
   });

@@ -424,7 +424,7 @@ export class Scene {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    this.camera.fov = width / height < 1.15 ? 40 : 30;
+    this.camera.fov = width / height < 0.9 ? 40 : 30;
     this.camera.updateProjectionMatrix();
     this.draw();
   }
