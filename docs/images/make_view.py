@@ -67,7 +67,7 @@ class Film:
 
 
 def demonstration(film: Film) -> None:
-    """Take control, start EGM, jog, plan and follow, jog to the limit, grip, and an emergency stop with its remedy."""
+    """Take control, start EGM, jog, go to a pose, grip, and an emergency stop with its remedy."""
     page = film.page
     film.wait("#verdict", "EGM is off")
     film.take(4)
@@ -85,9 +85,6 @@ def demonstration(film: Film) -> None:
     film.take(6)
     film.wait("#verdict", "Ready")
     page.click("#preview")
-    jog_to_limit(film)
-    film.take(3)
-    page.keyboard.up("ArrowLeft")
     page.click("#open")
     film.wait("#gripper-text", "50.0 mm")
     page.click("#put-part")
@@ -104,11 +101,7 @@ def jog_to_limit(film: Film) -> None:
     """Jog the right tool to the left until something keeps the arm apart; the key is still held."""
     film.page.focus("#scene")
     film.page.keyboard.down("ArrowLeft")
-    for _ in range(40):
-        film.take(1)
-        if film.page.is_visible("#limited"):
-            return
-    raise SystemExit("Nothing has kept the arm apart: has the robot been changed?")
+    film.wait("#limited", "kept apart")
 
 
 def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., Any]) -> None:
