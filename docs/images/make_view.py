@@ -27,7 +27,7 @@ CONFIG = """
 collision:
   enabled: true
   boxes:
-    post: {position: [0.44, -0.16, 0.0], size: [0.08, 0.08, 0.20]}
+    post: {position: [0.30, 0.30, 0.0], size: [0.08, 0.08, 0.20]}
 """
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SIZE = (1120, 700)
@@ -49,13 +49,15 @@ class Film:
             self.page.wait_for_timeout(40)
 
     def hold(self, jog: str, count: int) -> None:
+        """Press a button again and again, with a picture after each time: one takes too long to jog meanwhile."""
         button = self.page.locator(f'[data-jog="{jog}"]')
         button.scroll_into_view_if_needed()
         button.hover()
-        self.page.mouse.down()
-        self.take(count)
-        self.page.mouse.up()
-        self.take(1)
+        for _ in range(count):
+            self.page.mouse.down()
+            self.page.wait_for_timeout(350)
+            self.page.mouse.up()
+            self.take(1)
 
     def wait(self, selector: str, words: str) -> None:
         self.page.wait_for_function(
@@ -77,7 +79,7 @@ def demonstration(film: Film) -> None:
     film.wait("#verdict", "EGM holds both arms")
     film.take(3)
     film.hold("joint 0 1", 4)
-    film.hold("elbow 1", 4)
+    film.hold("linear z 1", 4)
     page.select_option("#pose", "ready")
     page.click("#preview")
     film.take(3)
