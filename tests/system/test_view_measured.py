@@ -24,7 +24,7 @@ from yumi.api.attach import RunningDriver
 from yumi.egm.udp import free_port
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_messages
-from yumi.web.messages import MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.web.messages import MAX_JOINT_SPEED
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]
 PHASE = 20.0  # [s] with the page closed, and with it open
@@ -146,7 +146,6 @@ async def _delays(url: str) -> list[float]:
 
 JOGS: dict[str, dict[str, Any]] = {
     "joint": {"type": "jog_joints", "speeds": [MAX_JOINT_SPEED, *[0.0] * 6]},
-    "tool": {"type": "jog_tool", "linear": [0.0, 0.0, MAX_LINEAR]},
 }
 """As fast as the page allows."""
 
