@@ -25,6 +25,7 @@ Field = Callable[[Array], Array]
 
 FOLDER = Path(__file__).parents[1] / "src/yumi/robot/meshes"
 BLEND = 0.040  # [m] within which two solids of a link flow into each other
+EDGE = 0.014  # [m] within which an edge that was cut is rounded
 GAP = 0.0035  # [m] on both sides of a joint's plane
 # Of each joint, in the frame of its link: the height of its plane [m], the side of its link, and the radius there [m].
 PLANES = ((-0.044, 1, 0.060), (0.0, -1, 0.058), (-0.004, 1, 0.053), (0.0, -1, 0.052), (-0.002, 1, 0.044))
@@ -83,7 +84,17 @@ def union(*fields: Field, blend: float = BLEND) -> Field:
 
 
 def without(solid: Field, *cuts: Field) -> Field:
-    return lambda points: np.maximum(solid(points), -np.minimum.reduce([cut(points) for cut in cuts]))
+    """What is left of a solid; its edges are rounded, since the triangles of a sharp one would be serrated."""
+
+    def field(points: Array) -> Array:
+        left = solid(points)
+        for cut in cuts:
+            other = -cut(points)
+            overlap = np.maximum(EDGE - np.abs(left - other), 0.0) / EDGE
+            left = np.maximum(left, other) + overlap * overlap * EDGE / 4.0
+        return left
+
+    return field
 
 
 def placed(field: Field, origin: Origin) -> Field:
@@ -115,7 +126,7 @@ def link(index: int) -> tuple[Field, Field]:
         cuts.append(placed(beyond, JOINT_ORIGINS[index]))
     shell = union(*solids)
     depth = 0.018 if index else 0.03
-    ring = cylinder(plane - depth, plane + depth, radius - 0.008, 0.004)
+    ring = cylinder(plane - depth, plane + depth, radius - 0.010, 0.006)
     return (without(shell, *cuts) if cuts else shell), ring
 
 
@@ -215,13 +226,13 @@ def main() -> None:
             shell,
             np.min(points, 0) - reach,
             np.max(points, 0) + reach,
-            0.009 if index < 6 else 0.006,
+            0.0075 if index < 6 else 0.006,
         )
         if index < 6:
             plane, _, radius = PLANES[index]
             edge = np.array([radius, radius, 0.032])
             middle = np.array([0.0, 0.0, plane])
-            write(f"ring_{index + 1}", ring, middle - edge, middle + edge, 0.011)
+            write(f"ring_{index + 1}", ring, middle - edge, middle + edge, 0.007)
     palm = union(
         box(np.array([-0.0416, -0.0345, 0.0]), np.array([0.0416, 0.0345, 0.058]), 0.010),
         box(np.array([-0.0416, -0.024, 0.03]), np.array([0.0416, 0.024, 0.0837]), 0.006),

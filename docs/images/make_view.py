@@ -5,6 +5,7 @@ shows what the page showed.
 
     python docs/images/make_view.py                    # docs/images/view.webp (moves), view-dark.webp, view-390.webp
     python docs/images/make_view.py --folder /tmp/x    # elsewhere
+    python docs/images/make_view.py --folder /tmp/x --review    # also a picture of each state of the page, to look at
 """
 
 from __future__ import annotations
@@ -22,6 +23,12 @@ from playwright.sync_api import sync_playwright
 
 from yumi.process.supervision import Command
 
+CONFIG = """
+collision:
+  enabled: true
+  boxes:
+    post: {position: [0.30, 0.30, 0.0], size: [0.08, 0.08, 0.20]}
+"""
 ARGUMENTS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 SIZE = (1120, 700)
 SHOWN = (840, 525)  # of the animation [pixels]
@@ -42,19 +49,22 @@ class Film:
             self.page.wait_for_timeout(40)
 
     def hold(self, jog: str, count: int) -> None:
+        """Press a button again and again, with a picture after each time: one takes too long to jog meanwhile."""
         button = self.page.locator(f'[data-jog="{jog}"]')
         button.scroll_into_view_if_needed()
         button.hover()
-        self.page.mouse.down()
-        self.take(count)
-        self.page.mouse.up()
-        self.take(1)
+        for _ in range(count):
+            self.page.mouse.down()
+            self.page.wait_for_timeout(350)
+            self.page.mouse.up()
+            self.take(1)
 
     def wait(self, selector: str, words: str) -> None:
         self.page.wait_for_function(
             "([selector, words]) => document.querySelector(selector).innerText.includes(words)",
             arg=[selector, words],
             polling=50,
+            timeout=120_000,
         )
 
 
@@ -68,16 +78,14 @@ def demonstration(film: Film) -> None:
     page.click("#start")
     film.wait("#verdict", "EGM holds both arms")
     film.take(3)
-    page.fill("#jog-speed", "10")  # a picture takes long where there is no graphics card
-    film.hold("joint 0 1", 5)
-    film.hold("linear z 1", 6)
-    film.hold("elbow 1", 5)
+    film.hold("joint 0 1", 4)
+    film.hold("linear z 1", 4)
     page.select_option("#pose", "ready")
     page.click("#preview")
     film.take(3)
     page.click("#move")
-    film.take(8)
-    film.wait("#toast", "stands at the goal")
+    film.take(6)
+    film.wait("#verdict", "Ready")
     page.click("#preview")
     page.click("#open")
     film.wait("#gripper-text", "50.0 mm")
@@ -91,14 +99,70 @@ def demonstration(film: Film) -> None:
     film.take(8)
 
 
+def jog_to_limit(film: Film) -> None:
+    """Jog the right tool to the left until something keeps the arm apart; the key is still held."""
+    film.page.focus("#scene")
+    film.page.keyboard.down("ArrowLeft")
+    film.wait("#limited", "kept apart")
+
+
+def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., Any]) -> None:
+    """A picture of each state that a page can be in, of a robot that stands after an emergency stop."""
+    film = Film(page)
+    save(page, "fault")
+    for name, other in (("fault-dark", opened(SIZE, "dark")), ("fault-390", opened((390, 844)))):
+        save(other, name)
+        other.close()
+    page.click("#release-stop")
+    film.wait("#remedy", "motors are off")
+    save(page, "released")
+    page.click("#recover")
+    save(page, "confirm")
+    page.click("#confirm-yes")
+    film.wait("#verdict", "Ready")
+    page.click("#start")
+    film.wait("#verdict", "EGM holds both arms")
+    for name, select in (("preview", "home"), ("handle", "the handle")):
+        page.select_option("#pose", select)
+        if select == "home":
+            page.click("#preview")
+        save(page, name)
+    page.select_option("#handle", "none")
+    page.select_option("#pose", "home")
+    jog_to_limit(film)
+    save(page, "limit")
+    page.keyboard.up("ArrowLeft")
+    film.wait("#verdict", "Ready")
+    page.select_option("#pose", "home")
+    page.click("#move")
+    film.wait("#verdict", "Ready")
+    page.select_option("#pose", "ready")
+    page.click("#plan")
+    film.wait("#plan-text", "A motion of")
+    save(page, "plan")
+    page.click("#discard")
+    page.click("#take")
+    film.wait("#take", "Take control")
+    for name, other in (("control-390", opened((390, 844))), ("control-390-dark", opened((390, 844), "dark"))):
+        other.click("#take")
+        Film(other).wait("#take", "Give control back")
+        save(other, name)
+        other.close()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent)
-    folder: Path = parser.parse_args().folder
+    parser.add_argument("--review", action="store_true", help="also a picture of each state of the page")
+    arguments = parser.parse_args()
+    folder: Path = arguments.folder
+    folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as logs, sync_playwright() as playwright:
         os.environ["XDG_RUNTIME_DIR"] = logs
-        arguments = ("view", "--virtual", "--port", "0", "--logs", logs)
-        with Command("yumi view", arguments, Path(logs) / "view.log") as command:
+        config = Path(logs) / "yumi.yaml"
+        config.write_text(CONFIG)
+        options = ("view", "--virtual", "--port", "0", "--logs", logs, "--config", str(config))
+        with Command("yumi view", options, Path(logs) / "view.log") as command:
             url = command.wait_until_ready(60.0)
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=ARGUMENTS)
 
@@ -109,16 +173,17 @@ def main() -> None:
                 page.wait_for_timeout(2500)
                 return page
 
-            def picture(page: Any, name: str, before: Callable[[], None] = lambda: None) -> None:
-                before()
-                Image.open(io.BytesIO(page.screenshot())).save(folder / name, quality=82)
-                page.close()
+            def picture(page: Any, name: str) -> None:
+                Image.open(io.BytesIO(page.screenshot())).save(folder / f"view-{name}.webp", quality=82)
 
-            picture(opened(SIZE, "dark"), "view-dark.webp")
-            picture(opened((390, 844)), "view-390.webp")
+            for name, page in (("dark", opened(SIZE, "dark")), ("390", opened((390, 844)))):
+                picture(page, name)
+                page.close()
             page = opened(SIZE)
             film = Film(page)
             demonstration(film)
+            if arguments.review:
+                review(page, picture, opened)
             page.close()
             first, *others = film.frames
             first.save(

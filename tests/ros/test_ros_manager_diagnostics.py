@@ -137,6 +137,14 @@ def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: P
     assert (values["problem"], values["implausible"]) == (problem.name.lower(), "7")
 
 
+def test_egm_of_an_arm_that_is_kept_apart_names_the_pair() -> None:
+    snapshot = Snapshot(limited_part="right gripper", limited_other="post", limited_distance=0.0114)
+    values = {pair.key: pair.value for pair in messages.egm_status(Side.RIGHT, snapshot).values}
+    assert values["limited_by"] == "right gripper - post, 11 mm"
+    values = {pair.key: pair.value for pair in messages.egm_status(Side.RIGHT, Snapshot()).values}
+    assert values["limited_by"] == ""
+
+
 def test_every_status_belongs_to_one_analyzer_of_the_aggregator() -> None:
     analyzers = yaml.safe_load(AGGREGATOR.read_text())["analyzers"]["ros__parameters"]
     rules = [rule for rule in analyzers.values() if isinstance(rule, dict)]

@@ -24,13 +24,15 @@ from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_velocity import JointVelocityController
-from yumi.driver.endpoint import find_driver
+from yumi.driver import endpoint_server
+from yumi.driver.endpoint import JOG_HOLDS, find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
+from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
 from yumi.robot.kinematics import compose, matrix, tool0_to_body
 from yumi.virtual.controller.fault_names import Fault
+from yumi.web.messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 
 class Driver(System):
@@ -52,7 +54,7 @@ class Driver(System):
             for name, controller in jogging.items():
                 arm.line.manager.load(name, controller)
                 arm.line.manager.configure(name)
-        mover = MotionExecutor(
+        self.mover = MotionExecutor(
             self,
             {side: arm.goals for side, arm in self.arms.items()},
             self._motions,
@@ -70,7 +72,7 @@ class Driver(System):
             grippers=self.grippers,
             gripper_state=self.signals.state,
             force=10.0,
-            mover=mover,
+            mover=self.mover,
             recover=self.manager.recover,
             calibrate=lambda sides, check: self.manager.calibrate(*(self.grippers[it] for it in sides), check=check),
         )
@@ -157,6 +159,13 @@ def keep_asking(driver: Driver, ask: Callable[[], object], seconds: float) -> No
             driver.wait(0.033)
 
 
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The driver ends no jog by its own clock, on which the robot's time may go by slowly: the controllers do."""
+    monkeypatch.setattr(endpoint_server, "JOG_HOLDS", 60.0)
+
+
+@pytest.mark.usefixtures("patient")
 def test_arm_is_jogged_while_speeds_come_and_stops_within_a_fifth_of_a_second(driver: Driver) -> None:
     driver.done("start")
     with attach() as attached:
@@ -179,6 +188,40 @@ def check_stands_soon(driver: Driver, side: Side) -> None:
     assert driver.snapshot(side).position == pytest.approx(stood.position, abs=0.003)
 
 
+@pytest.mark.parametrize(
+    "velocity",
+    [
+        (0.0, 0.0, MAX_LINEAR, 0.0, 0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, MAX_ANGULAR, 0.0, 0.0),
+        (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, MAX_JOINT_SPEED),
+        None,
+    ],
+    ids=["line", "turn", "elbow", "joint"],
+)
+def test_arm_whose_fastest_jog_is_lost_stands_within_a_fifth_of_a_second(
+    driver: Driver, velocity: Joints | None
+) -> None:
+    driver.done("start")
+    driver.done("move", "right", "ready", "--speed-scale", "1")
+    owner = object()
+
+    def jog() -> None:
+        if velocity is None:
+            driver.mover.jog(Side.RIGHT, (MAX_JOINT_SPEED, *[0.0] * 6), owner)
+        else:
+            driver.mover.jog_tool(Side.RIGHT, velocity, FINGERTIPS, owner, is_in_tool=False)
+
+    keep_asking(driver, jog, 0.5)
+    assert max(map(abs, driver.snapshot(Side.RIGHT).velocity)) > 0.3
+    driver.mover.end_jog(Side.RIGHT, owner)  # as the driver does that long after the last message
+    driver.wait(0.2 - JOG_HOLDS - 0.01)
+    stood = driver.snapshot(Side.RIGHT)
+    assert max(map(abs, stood.velocity)) < 0.01
+    driver.wait(0.5)
+    assert driver.snapshot(Side.RIGHT).position == pytest.approx(stood.position, abs=0.001)
+
+
+@pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("frame", ["base", "tool"])
 def test_fingertips_are_jogged_along_a_line_and_stop_within_a_fifth_of_a_second(
     driver: Driver, frame: Literal["base", "tool"]

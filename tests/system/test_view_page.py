@@ -115,7 +115,8 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
 
     # Why does it not move? An emergency stop, which a person must confirm.
     page.press("#press-stop")
-    assert "release the button" in page.wait("#verdict", "Stopped: .*Emergency stop")
+    page.wait("#verdict", "Stopped: .*Emergency stop")
+    assert "press “Release it”" in page.wait("#remedy", "the emergency stop is pressed")
     page.press("#release-stop")
     page.wait("#remedy", "motors are off after an emergency stop")
     page.press("#recover")
@@ -168,14 +169,16 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     page.tab.select_option("#fault", "program-stop")
     page.press("#inject")
     page.wait("#verdict", "Stopped: .*program")
-    page.wait("#remedy", "Start it first|start the")
+    page.wait("#remedy", "the RAPID program is stopped. “Recover…” starts it")
     assert page.errors == []
 
 
 def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: str) -> None:
     pytest.importorskip("roboplan", reason="needs yumi-ros2[planning]")
     page = Page(chromium, url)
-    page.wait("#tool-pose", "asked for over Robot Web Services")  # where the arms are is known without EGM, too
+    page.wait(
+        "#tool-pose", "as the controller reports while EGM is off"
+    )  # where the arms are is known without EGM, too
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
@@ -248,8 +251,11 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     # By the arrow keys on the picture, to the left, until the limiter leads the arm along its own body.
     page.tab.focus("#scene")
     page.tab.keyboard.down("ArrowLeft")
-    sentence = page.wait("#limited", "motion limited by")
-    assert re.search(r"Right arm: motion limited by right .+ - .+, -?\d+ mm", sentence)
+    sentence = page.wait("#limited", "kept apart")
+    pair = re.search(r"The right arm is kept apart: (right .+ – .+), (?:\d+ mm|at the limit). Move it away", sentence)
+    assert pair
+    page.tab.wait_for_selector("#nearest.limited")
+    page.wait("#nearest", pair[1])  # the line with the distance is that of the same pair
     page.tab.keyboard.up("ArrowLeft")
     assert page.errors == []
 

@@ -185,7 +185,7 @@ class RunningDriver:
         return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
 
     def jog(self, arm: wire.Arm, speeds: Sequence[float]) -> None:
-        """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s; call it again while it is to move.
+        """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s; call it again while it is to move.
 
         Raises:
             CommandRefused: the speeds are no seven finite numbers, or another client or motion moves the arm.
@@ -205,7 +205,7 @@ class RunningDriver:
         elbow: float = 0.0,
         frame: Literal["base", "tool"] = "base",
     ) -> None:
-        """Move the fingertips of an arm with a velocity for 0.1 s; as :meth:`jog`, which raises the same.
+        """Move the fingertips of an arm with a velocity for 0.06 s; as :meth:`jog`, which raises the same.
 
         Args:
             arm: which.

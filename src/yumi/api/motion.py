@@ -26,7 +26,13 @@ from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, twist_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, Tolerances, TrajectoryEnded
+from yumi.control.controllers.joint_trajectory import (
+    CancelTrajectory,
+    FollowTrajectory,
+    Outcome,
+    Tolerances,
+    TrajectoryEnded,
+)
 from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
 from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
@@ -740,6 +746,12 @@ class MotionExecutor:
             snapshot, known = self._control.snapshot(side), self._streaming.get(side)
             is_commanding = known == (last.controller, snapshot.session, snapshot.activation)
             if is_commanding and _number(last.buffer) == last.number:
+                if last.controller == CARTESIAN_CONTROLLER:
+                    # By joints: a stream slows down along its line, which takes longer, and braking begins anew then.
+                    stop = ControllerCommand(side, CARTESIAN_CONTROLLER, CancelTrajectory())
+                    with suppress(YumiError):
+                        self._control.call(Commands.send_commands, stop)
+                        return
                 last.write(snapshot.session, ZERO)
                 self._jogs[side] = last._replace(number=_number(last.buffer))
 

@@ -142,6 +142,8 @@ def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
     lines = [f"{word} arm: {', '.join(parts)}"]
     if arm.problem:
         lines.append(f"  {arm.problem}")
+    if arm.limited is not None:
+        lines.append(f"  motion limited by {arm.limited}")
     if arm.position is not None:
         axes, axis_7 = abb_from_chain(arm.position)
         angles = "  ".join(f"j{axis} {degrees(angle):7.2f}" for axis, angle in enumerate((*axes, axis_7), 1))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
+from yumi.control.collisions import Limited
 from yumi.control.controller import Buffer, ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
@@ -38,6 +39,9 @@ INTERRUPTION = 5
 
 DOUBTS_REPORTED = 1.0
 """Positions that are not believed are reported at most so often, as long as the arm goes on [s]."""
+
+LIMITED_SHOWN = 0.2
+"""What an arm is kept apart from is in its snapshot for so long after the last cycle in which it was [s]."""
 
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
@@ -88,7 +92,9 @@ class ArmLoop:
         self._problem = Problem.NONE
         self._implausible = 0
         self._doubt_reported = -inf
-        self._limited_reported = -inf
+        self._kept_apart = 0
+        self._limited: Limited | None = None
+        self._limited_at = self._limited_reported = -inf
         self._foreign = 0
         self._cycles = 0
         self._interruptions = 0
@@ -158,17 +164,11 @@ class ArmLoop:
             self.manager.watch(cycle.state)
             self.manager.note_times(cycle.state, self._stages.marks)
             self._note_changes(before.state if before else None, cycle.state)
+            self._note_limited(now)
             self.publish(cycle.state.time)
             self._stages.note(AFTER_REPLY)
             self._recorder.record(cycle, self.manager.reference, self._stages)
         limiter = self._limiter
-        if (
-            cycle is not None
-            and (limited := limiter.limited) is not None
-            and now - self._limited_reported >= DOUBTS_REPORTED
-        ):
-            self._limited_reported = now
-            self._events.append(KeptApart(self._side, limited))
         if limiter.counters.implausible != self._implausible or limiter.problem is not self._problem:
             self._note_problem(now)
         return cycle is not None
@@ -206,6 +206,19 @@ class ArmLoop:
             return ()
         events, self._events = self._events, []
         return events
+
+    def _note_limited(self, now: float) -> None:
+        """Remember what the arm is kept apart from, for as long as those who look now and then need to see it."""
+        count = self._limiter.counters.kept_apart
+        if count != self._kept_apart:  # else the limiter's pair may be that of an earlier cycle
+            self._kept_apart, limited = count, self._limiter.limited
+            if limited is not None:
+                self._limited, self._limited_at = limited, now
+                if now - self._limited_reported >= DOUBTS_REPORTED:
+                    self._limited_reported = now
+                    self._events.append(KeptApart(self._side, limited))
+        elif self._limited is not None and now - self._limited_at > LIMITED_SHOWN:
+            self._limited = None
 
     def _note_problem(self, now: float) -> None:
         """The feedback is doubted, the arm holds for a reason of its own, or does no longer."""
@@ -251,6 +264,7 @@ class ArmLoop:
         """Write the snapshot of the arm as it is at ``now``."""
         wire, limiter, last = self._arm.wire_counters(), self._limiter.counters, self._last
         reference = self.manager.reference
+        part, other, distance = (last and self._limited) or ("", "", 0.0)
         self._snapshots.write(
             Snapshot(
                 time=now,
@@ -276,6 +290,9 @@ class ArmLoop:
                 position_limited=limiter.position_limited,
                 slowed=limiter.slowed,
                 kept_apart=limiter.kept_apart,
+                limited_part=part,
+                limited_other=other,
+                limited_distance=distance,
                 interruptions=self._interruptions,
                 implausible=limiter.implausible,
                 problem=self._limiter.problem,

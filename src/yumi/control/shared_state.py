@@ -83,6 +83,9 @@ class Snapshot(NamedTuple):
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.
         kept_apart: commands that would have led an arm too near to something.
+        limited_part: the part of the arm that is kept apart from ``limited_other``; empty 0.2 s after it was.
+        limited_other: a part of the other arm, ``body``, or a box by its name.
+        limited_distance: between the two [m].
         interruptions: how often feedback stayed away for more than five cycles.
         implausible: positions reported that no arm can have reached.
         problem: why the arm holds whatever it is asked to do.
@@ -115,6 +118,9 @@ class Snapshot(NamedTuple):
     position_limited: int = 0
     slowed: int = 0
     kept_apart: int = 0
+    limited_part: str = ""
+    limited_other: str = ""
+    limited_distance: float = 0.0
     interruptions: int = 0
     implausible: int = 0
     problem: Problem = Problem.NONE
@@ -168,23 +174,25 @@ _COUNTERS = Struct("qq")  # writes begun, finished: equal and not 0 when the val
 _BEGUN, _FINISHED = Struct("q"), Struct("q")
 _LENGTH = Struct("q")
 _MESSAGE = _COUNTERS.size + _LENGTH.size  # where the bytes of a message begin
+_TEXT = 64  # of a text, which is cut off there [bytes]
 _UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 
 
 class _Layout:
-    """How the fields of a named tuple lie in memory: numbers first, then joints.
+    """How the fields of a named tuple lie in memory: numbers and texts first, then joints.
 
     Args:
-        kind: its fields are numbers, enumerations of integers, joints, or joints that may be None.
+        kind: its fields are numbers, short texts, enumerations of integers, joints, or joints that may be None.
     """
 
     def __init__(self, kind: type[Any]) -> None:
-        codes = {float: "d", int: "q", bool: "?"}
+        codes = {float: "d", int: "q", bool: "?", str: f"{_TEXT}s"}
         hints = {name: hint for name, hint in get_type_hints(kind).items() if not name.startswith("_")}
         vectors = [name for name, hint in hints.items() if hint in (Joints, Joints | None)]
         scalars = [name for name in hints if name not in vectors]
         enums = {name: hints[name] for name in scalars if issubclass(hints[name], IntEnum | GoalKind)}
         formats = ["q" if name in enums else codes[hints[name]] for name in scalars]
+        self._texts = [index for index, name in enumerate(scalars) if hints[name] is str]
         self._kind = kind
         self._struct = Struct("".join(formats) + f"{len(vectors) * JOINT_COUNT}d")
         self._scalars = _getter(scalars)
@@ -198,13 +206,18 @@ class _Layout:
 
     def pack(self, memory: memoryview, value: Any) -> None:
         vectors = [each or _UNKNOWN for each in self._vectors(value)]
-        self._struct.pack_into(memory, _COUNTERS.size, *self._scalars(value), *chain.from_iterable(vectors))
+        scalars = list(self._scalars(value))
+        for index in self._texts:
+            scalars[index] = scalars[index].encode()
+        self._struct.pack_into(memory, _COUNTERS.size, *scalars, *chain.from_iterable(vectors))
 
     def unpack(self, memory: memoryview) -> Any:
         numbers = self._struct.unpack_from(memory, _COUNTERS.size)
         values: list[Any] = list(numbers[: self._scalar_count])
         for index, enum in self._enums:
             values[index] = enum(values[index])
+        for index in self._texts:
+            values[index] = values[index].rstrip(b"\0").decode(errors="ignore")  # a letter may have been cut in two
         rest = numbers[self._scalar_count :]
         vectors: list[Any] = [rest[begin : begin + JOINT_COUNT] for begin in range(0, len(rest), JOINT_COUNT)]
         for index in self._optional:

@@ -34,8 +34,8 @@ from yumi.robot.kinematics import tool0_to_body
 MAX_REQUEST = 1 << 20
 """A request is no longer than this [bytes]: a plan of some minutes."""
 
-JOG_HOLDS = 0.1
-"""A jog moves an arm for so long, unless the next one comes [s]."""
+JOG_HOLDS = 0.06
+"""A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
 
 ANSWER = 10.0
 """What needs no motion is answered within this time [s]."""
@@ -154,11 +154,11 @@ class Follow(Request, frozen=True):
 
 
 class Jog(Request, frozen=True):
-    """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.1 s: asked for again and again while it moves.
+    """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s.
 
-    The first one only takes the arm over from standstill; the next one moves it. The driver stops the arm when its
-    client goes away, or asks no more, whatever timeouts its controllers have. An arm that one client jogs is not jogged
-    by another one.
+    It is asked for again and again while the arm moves, such as 50 times a second. The first one only takes the arm
+    over from standstill; the next one moves it. The driver stops the arm when its client goes away, or asks no more,
+    whatever timeouts its controllers have. An arm that one client jogs is not jogged by another one.
     """
 
     arm: Arm
@@ -166,7 +166,7 @@ class Jog(Request, frozen=True):
 
 
 class JogTool(Request, frozen=True):
-    """Move the fingertips of an arm with a velocity for 0.1 s, as :class:`Jog` moves the joints.
+    """Move the fingertips of an arm with a velocity for 0.06 s, as :class:`Jog` moves the joints.
 
     ``linear`` [m/s] and ``angular`` [rad/s] are seen from the robot's base or from the tool; ``elbow`` [rad/s] turns
     the arm angle.
@@ -294,6 +294,23 @@ class EgmReport(msgspec.Struct, frozen=True, kw_only=True):
     is_collision: bool | None = None
 
 
+class LimitedReport(msgspec.Struct, frozen=True):
+    """What an arm is kept apart from.
+
+    Attributes:
+        part: of the arm, as ``right gripper``.
+        other: of the other arm, ``body``, or a box by its name.
+        distance: between the two [m].
+    """
+
+    part: str
+    other: str
+    distance: float
+
+    def __str__(self) -> str:
+        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
+
+
 class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     """One arm now. What is measured is None while the robot sends no datagrams for it.
 
@@ -311,6 +328,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
         pose: of tool0 in the frame of the body [m], quaternion w first.
         egm: what else the robot reports.
         problem: why it holds whatever it is commanded to do; empty when nothing is wrong.
+        limited: what it is kept apart from now, or was 0.2 s ago; None while its commands lead it near to nothing.
         cycles: its datagrams.
     """
 
@@ -326,6 +344,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     pose: Pose | None = None
     egm: EgmReport | None = None
     problem: str = ""
+    limited: LimitedReport | None = None
     cycles: CycleCounts | None = None
 
 
@@ -535,8 +554,15 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         pose=tool0_to_body(side, it.position),
         egm=egm,
         problem=CAUSES.get(it.problem, ""),
+        limited=limited_report(it),
         cycles=counts,
     )
+
+
+def limited_report(snapshot: Snapshot) -> LimitedReport | None:
+    """What an arm is kept apart from; None while it is not."""
+    it = snapshot
+    return LimitedReport(it.limited_part, it.limited_other, it.limited_distance) if it.limited_part else None
 
 
 # ---- where it is

@@ -23,6 +23,7 @@ from yumi.driver.endpoint import (
     Follow,
     GetState,
     GetSurroundings,
+    LimitedReport,
     MotionReport,
     Request,
     Surroundings,
@@ -36,7 +37,7 @@ from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
 from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.process import inject_fault
 from yumi.web.link import DriverLink
-from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JogJoints, JogTool, PlanMotion
+from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
 from yumi.web.planning import PlanningProcess
 from yumi.web.shapes import Distances
 
@@ -46,13 +47,22 @@ if TYPE_CHECKING:
 RATE = 30.0
 """A page gets the state so often [1/s]."""
 
-STALE = 0.15
+STALE = 0.05
 """A jog that has waited here for longer is not carried out [s]."""
 
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
 log = logging.getLogger(__name__)
+
+_BUTTONS = (
+    ("call robot.recover()", "press “Start EGM”, or “Recover…” after a stop"),
+    ("robot.recover()", "“Recover…”"),
+    ("call recover", "press “Recover…”"),
+    ("Call start_egm", "Press “Start EGM”"),
+    ("call start_egm", "press “Start EGM”"),
+)
+"""What a refusal says to call, and the button of the page that does it."""
 
 _LOOKED_FOR = "The driver is being looked for."
 _DISTANCES = 3  # states for one calculation of distances
@@ -71,7 +81,8 @@ Send = Callable[[dict[str, Any]], None]
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it, with the events since the one before.
 
-    ``time`` is when it came, on this machine's monotonic clock [s]; ``nearest`` are the parts nearest to each other.
+    ``time`` is when it came, on this machine's monotonic clock [s]; ``nearest`` are the parts that limit an arm, else
+    those nearest to each other.
     """
 
     time: float
@@ -80,14 +91,15 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     nearest: Distance | None
 
 
-class _Position(msgspec.Struct, frozen=True):
+class _Place(msgspec.Struct, frozen=True):
     position: Joints | None
+    limited: LimitedReport | None = None
 
 
-class _Positions(msgspec.Struct, frozen=True):
+class _Places(msgspec.Struct, frozen=True):
     """What is needed of a state for distances."""
 
-    arms: dict[str, _Position]
+    arms: dict[str, _Place]
 
 
 class Jogged(NamedTuple):
@@ -203,10 +215,11 @@ class LiveRobot:
                 self.why_not = ""
                 self._on_change()
             if count % _DISTANCES == 0:
-                arms = msgspec.json.decode(raw, type=_Positions).arms
+                arms = msgspec.json.decode(raw, type=_Places).arms
                 known = {side: arms[side.word].position for side in Side}
                 positions = {side: position for side, position in known.items() if position is not None}
-                nearest = distances.nearest(positions) if len(positions) == len(Side) else None
+                held = [(it.part, it.other) for arm in arms.values() if (it := arm.limited)]
+                nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
             self._on_state(msgspec.json.encode(StateMessage(now, raw, events, nearest)))
             if not self._watched.is_set():
@@ -230,7 +243,7 @@ async def _is_virtual(address: str) -> bool:
         return False
 
 
-class _Held(NamedTuple):
+class _ReceivedJog(NamedTuple):
     """The newest jog message and when it came, on the monotonic clock [s]."""
 
     jog: AnyJog
@@ -253,8 +266,8 @@ class Operator:
         self._plans = 0
         self._plan: Plan | None = None  # the one that the page shows
         self._link: DriverLink | None = None
-        self._held: _Held | None = None
-        self._is_held = asyncio.Event()
+        self._newest_jog: _ReceivedJog | None = None
+        self._has_jog = asyncio.Event()
         self._jogging: asyncio.Task[None] | None = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._refused = -1  # the hold that was refused: its further messages are left aside
@@ -274,15 +287,15 @@ class Operator:
         if link is None:
             return
         try:
-            if self._held is not None and time.monotonic() - self._held.time < _JUST_NOW:
-                with suppress(YumiError, asyncio.TimeoutError):  # at once; without it the arm stops 0.1 s later
-                    await asyncio.wait_for(link.ask(self._held.jog.at_rest), _LAST_ANSWER)
+            if self._newest_jog is not None and time.monotonic() - self._newest_jog.time < _JUST_NOW:
+                with suppress(YumiError, asyncio.TimeoutError):  # at once; without it the driver does so a moment later
+                    await asyncio.wait_for(link.ask(self._newest_jog.jog.at_rest), _LAST_ANSWER)
         finally:
             await link.close()
 
     def take(self, message: Ask | Inject | PlanMotion | ExecutePlan | AnyJog) -> None:
         """Begin what the page asks for; it gets steps and end under the number of its message."""
-        if isinstance(message, JogJoints | JogTool):
+        if isinstance(message, JointsJog | ToolJog):
             self._take_jog(message)
         elif isinstance(message, Ask):
             if isinstance(message.request, SwitchControllers):
@@ -302,8 +315,8 @@ class Operator:
             sentence = "Jog refused: the connection to the page is too slow now; press again when it is better."
             self._refuse_jog(jog.hold, CommandRefused(sentence))
             return
-        self._held = _Held(jog, now)
-        self._is_held.set()
+        self._newest_jog = _ReceivedJog(jog, now)
+        self._has_jog.set()
 
     def _refuse_jog(self, hold: int, error: Exception) -> None:
         if hold != self._refused:
@@ -397,21 +410,21 @@ class Operator:
     async def _jog_on(self) -> None:
         """Carry out the newest jog message again and again; one request to the driver is under way at a time."""
         while True:
-            await self._is_held.wait()
-            self._is_held.clear()
-            held = self._held
-            if held is None or self._link is None or held.jog.hold == self._refused:
+            await self._has_jog.wait()
+            self._has_jog.clear()
+            received = self._newest_jog
+            if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
-            if time.monotonic() - held.time > STALE:
+            if time.monotonic() - received.time > STALE:
                 continue
-            jog = held.jog
+            jog = received.jog
             try:
                 state = self._live.state()
                 leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)
                 known = self._live.jogged.get(jog.arm)
                 if known is None or not leading or not known.by.issuperset(leading):  # jogged anew
                     known = Jogged(leading, frozenset())
-                own = JOG_CONTROLLER if isinstance(jog, JogJoints) else CARTESIAN_CONTROLLER
+                own = JOG_CONTROLLER if isinstance(jog, JointsJog) else CARTESIAN_CONTROLLER
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
                 await self._link.ask(jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
@@ -421,6 +434,10 @@ class Operator:
 def _failure(error: Exception) -> Failure:
     """What a page gets of an exception; what is no refusal is a fault of ours, which the log shows whole."""
     if isinstance(error, YumiError):
-        return failure_of(error)
+        failure = failure_of(error)
+        sentence = failure.message
+        for method, button in _BUTTONS:
+            sentence = sentence.replace(method, button)
+        return msgspec.structs.replace(failure, message=sentence)
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
     return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))

@@ -6,12 +6,12 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from yumi.driver import endpoint as wire
 from yumi.driver.endpoint import (
     Arm,
     Calibrate,
     Grip,
     Jog,
+    JogTool,
     Move,
     Position,
     Recover,
@@ -23,11 +23,11 @@ from yumi.driver.endpoint import (
 )
 from yumi.robot.joints import ZERO
 
-MAX_JOINT_SPEED = 1.0
-"""No joint is jogged faster than this [rad/s], before speed_scale."""
+MAX_JOINT_SPEED = 0.5
+"""No joint or elbow is jogged faster than this [rad/s], before speed_scale: it stops within 0.2 s of a lost link."""
 
-MAX_LINEAR, MAX_ANGULAR = 0.2, 1.0
-"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale."""
+MAX_LINEAR, MAX_ANGULAR = 0.15, 0.5
+"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale; for the same reason."""
 
 _Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
 _Linear = Annotated[float, msgspec.Meta(ge=-MAX_LINEAR, le=MAX_LINEAR)]
@@ -84,7 +84,7 @@ class ExecutePlan(Message, frozen=True, tag="execute"):
     plan: int
 
 
-class JogJoints(Message, frozen=True, tag="jog_joints"):
+class JointsJog(Message, frozen=True, tag="jog_joints"):
     """A key is held: joint speeds of an arm [rad/s]; zeros when it is released.
 
     ``hold`` counts the holds, and ``seen`` is the time of the state that the page has got last.
@@ -106,7 +106,7 @@ class JogJoints(Message, frozen=True, tag="jog_joints"):
         return Jog(arm=self.arm, speeds=ZERO)
 
 
-class JogTool(Message, frozen=True, tag="jog_tool"):
+class ToolJog(Message, frozen=True, tag="jog_tool"):
     """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
 
     arm: Arm
@@ -120,13 +120,13 @@ class JogTool(Message, frozen=True, tag="jog_tool"):
     @property
     def request(self) -> Request:
         """What the driver is asked for."""
-        return wire.JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
+        return JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
 
     @property
     def at_rest(self) -> Request:
         """The same without motion."""
-        return wire.JogTool(arm=self.arm, frame=self.frame)
+        return JogTool(arm=self.arm, frame=self.frame)
 
 
-AnyJog = JogJoints | JogTool
+AnyJog = JointsJog | ToolJog
 AnyMessage = TakeControl | GiveBack | Seen | Ask | Inject | PlanMotion | ExecutePlan | AnyJog

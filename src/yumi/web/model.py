@@ -6,10 +6,23 @@ import re
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from yumi.driver.readiness import NEEDED
+from yumi.driver.readiness import AUTOMATIC, CONFIRMED, MOTORS_ON, NEEDED, NO_EMERGENCY_STOP, PROGRAM_RUNS
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
+
+_ON_PAGE = {
+    MOTORS_ON: "“Recover…” switches them on",
+    PROGRAM_RUNS: "“Recover…” starts it",
+    CONFIRMED: "look at the robot, then press “Recover…”",
+}
+"""Remedies that are buttons of the page."""
+
+_ON_VIRTUAL = {
+    AUTOMATIC: "press “Turn the key to AUTO” in the panel “Virtual robot”",
+    NO_EMERGENCY_STOP: "press “Release it” in the panel “Virtual robot”",
+}
+"""Those of a virtual robot, which has no FlexPendant to go to."""
 
 
 def robot_model() -> dict[str, Any]:
@@ -38,7 +51,11 @@ def robot_model() -> dict[str, Any]:
         },
         "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
         "remedies": [
-            {"pattern": _pattern(each.reason), "remedy": each.remedy}
+            {
+                "pattern": _pattern(each.reason),
+                "remedy": _ON_PAGE.get(each, each.remedy),
+                "on_virtual": _ON_VIRTUAL.get(each, ""),
+            }
             for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
         ],
         "gripper": {"travel": TRAVEL, "force": MAX_FORCE},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from yumi.driver.endpoint import Surroundings
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
@@ -41,6 +41,13 @@ class Distances:
         grippers, tools, obstacles = shapes_of(surroundings)
         self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
 
-    def nearest(self, positions: Mapping[Side, Joints]) -> Distance | None:
-        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`."""
-        return next(iter(self._model.nearest(positions, within=WITHIN, ignore="body")), None)
+    def nearest(self, positions: Mapping[Side, Joints], only: Collection[tuple[str, str]] = ()) -> Distance | None:
+        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`.
+
+        ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
+        """
+        if not only:
+            return next(iter(self._model.nearest(positions, within=WITHIN, ignore="body")), None)
+        wanted = {frozenset(pair) for pair in only}
+        near = self._model.nearest(positions, len(self._model.names) ** 2, within=WITHIN)
+        return next((each for each in near if frozenset((each.part, each.other)) in wanted), None)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
+from yumi.control.collisions import Limited
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
@@ -223,3 +224,25 @@ def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
     assert not loop.line.is_still
     loop.run(1.0)
     assert loop.line.is_still
+
+
+def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
+    loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = Limited("left gripper", "post", 0.011)
+    monkeypatch.setattr(Limiter, "limited", pair)
+    feed(loop, arm, middle, now=20.0)
+    assert read_snapshot(snapshots).limited_part == ""  # nothing was limited: the pair is an old one
+    loop._limiter.counters.kept_apart += 1
+    feed(loop, arm, middle, now=20.004)
+    shown = read_snapshot(snapshots)
+    assert (shown.limited_part, shown.limited_other, shown.limited_distance) == pair
+    feed(loop, arm, middle, now=20.1)
+    assert read_snapshot(snapshots).limited_part == "left gripper"
+    feed(loop, arm, middle, now=20.3)
+    assert read_snapshot(snapshots).limited_part == ""
+    loop._limiter.counters.kept_apart += 1
+    feed(loop, arm, middle, now=20.304)
+    arm.lost = 0.1
+    loop.watch_silence(20.4)
+    assert read_snapshot(snapshots).limited_part == ""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import pytest
 
 from yumi.control.controller import GoalKind
-from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedBytes, SharedHistory
+from yumi.control.shared_state import Factor, JointStates, Problem, SharedBuffer, SharedBytes, SharedHistory, Snapshot
 from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.robot.joints import ZERO, Joints
 
@@ -57,6 +57,15 @@ def test_buffer_holds_the_latest_value_with_its_number_and_the_types_of_its_fiel
         read = buffer.read()
         assert read == (number, value)
         assert [type(each) for each in read[1]] == [type(each) for each in value]
+
+
+def test_buffer_keeps_short_texts_and_cuts_longer_ones_off() -> None:
+    buffer = SharedBuffer(Snapshot)
+    buffer.write(Snapshot(limited_part="left gripper", limited_other="Tür", limited_distance=0.011))
+    number, read = buffer.read() or (0, Snapshot())
+    assert (number, read) == (1, Snapshot(limited_part="left gripper", limited_other="Tür", limited_distance=0.011))
+    buffer.write(Snapshot(limited_other=63 * "a" + "ü"))  # of two bytes
+    assert (buffer.read() or (0, Snapshot()))[1].limited_other == 63 * "a"
 
 
 def test_buffer_refuses_values_of_another_size() -> None:

@@ -60,4 +60,6 @@ def test_poses_limits_and_remedies_are_known_to_the_page() -> None:
     reason = f"{CONNECTED.reason}; {NO_EMERGENCY_STOP.reason}"
     found = [each["remedy"] for each in model["remedies"] if re.search(each["pattern"], reason)]
     assert {*found} == {CONNECTED.remedy, NO_EMERGENCY_STOP.remedy}
+    (virtual,) = (each["on_virtual"] for each in model["remedies"] if each["remedy"] == NO_EMERGENCY_STOP.remedy)
+    assert "“Release it”" in virtual  # a virtual robot has no button to go to
     assert any(re.search(each["pattern"], "the controller is in MANR") for each in model["remedies"])

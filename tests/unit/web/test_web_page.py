@@ -96,8 +96,9 @@ def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing
         axis = page.locator("#joint-goal input").nth(2)
         axis.fill("")
         page.click("#preview")  # shows nothing, and breaks nothing
-        for button in ("#move", "#plan"):
-            refuses(button, "the goal needs a number of degrees for each axis")
+        for text, button in (("", "#move"), ("", "#plan"), ("999", "#move")):
+            axis.fill(text)
+            refuses(button, "axis 7 takes a number from -168.5° to 168.5°")
         page.fill("#open-width", "")
         refuses("#open", "a number from 1 to 50 mm")
         page.fill("#grip-force", "0")

@@ -339,7 +339,7 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
 @pytest.mark.parametrize(
     ("message", "words"),
     [
-        ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [5.0, 0, 0, 0, 0, 0, 0]}, "<= 1.0"),
+        ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [5.0, 0, 0, 0, 0, 0, 0]}, "<= 0.5"),
         ({"type": "jog_joints", "arm": "right", "hold": 1, "speeds": [0.1]}, "length 7"),
         ({"type": "jog_tool", "arm": "head", "hold": 1}, "Invalid enum value 'head'"),
         ({"type": "ask", "id": 1, "request": {"method": "shutdown"}}, "Invalid value 'shutdown'"),
@@ -425,6 +425,24 @@ def test_page_is_shown_boxes_and_the_parts_that_are_nearest(driver: FakeDriver) 
             assert view["surroundings"]["boxes"][0]["name"] == "table"
             part, other, distance, *_ = (await page.until("state"))["nearest"]
             assert (part, other, distance) == (expected.part, expected.other, pytest.approx(expected.distance))
+
+    run(story)
+
+
+def test_page_is_shown_what_an_arm_is_kept_apart_from_instead_of_the_nearest_pair(driver: FakeDriver) -> None:
+    pair = ("right gripper", "body")
+    limited = dict(zip(("limited_part", "limited_other", "limited_distance"), (*pair, 0.011), strict=True))
+    near_body = (0.28, -2.47, -2.45, 0.54, 0.45, 0.73, -0.17)
+    snapshots = driver.robot.control.snapshots
+    snapshots[Side.RIGHT] = snapshots[Side.RIGHT]._replace(position=near_body, **limited)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            message = await page.until("state")
+            shown = message["state"]["arms"]["right"]["limited"]
+            assert (shown["part"], shown["other"], shown["distance"]) == (*pair, 0.011)
+            assert message["state"]["arms"]["left"]["limited"] is None
+            assert tuple(message["nearest"][:2]) == pair
 
     run(story)
 

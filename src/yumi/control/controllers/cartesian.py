@@ -461,4 +461,6 @@ class CartesianController(JointTrajectoryController):
     def receive(self, message: object, state: ArmState | None) -> None:
         super().receive(message, state)
         if isinstance(message, CancelTrajectory) and isinstance(self._source, _Stream):
+            newest = self._goals.read()
+            self._number = newest[0] if newest else 0  # a message that was not taken yet would begin a new stream
             self._brake()

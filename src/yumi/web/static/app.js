@@ -3,12 +3,11 @@
 import { Scene } from "./scene.js";
 
 const DEGREES = 180 / Math.PI;
-const MAX_JOINT_SPEED = 1.0; // [rad/s] as the server allows
-const MAX_LINEAR = 0.2; // [m/s]
-const MAX_ANGULAR = 1.0; // [rad/s]
-const JOG_PERIOD = 33; // [ms] between two messages while a key is held; without them the arm stops after 0.1 s
+const MAX_JOINT_SPEED = 0.5; // [rad/s] as the server allows
+const MAX_LINEAR = 0.15; // [m/s]
+const MAX_ANGULAR = 0.5; // [rad/s]
+const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms after the last one the arm brakes
 const PULL = 4; // [1/s] a tool follows its handle so fast
-const LIMITED = 1.5; // [s] the driver says about once a second what limits an arm
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
@@ -23,8 +22,7 @@ const make = (tag, properties = {}, ...children) => {
 let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
-let nearest = null; // the parts nearest to each other: [part, other, distance, start, end]
-let limited = { until: 0, sentence: "" };
+let nearest = null; // the parts that limit an arm, else those nearest to each other: [part, other, distance, start, end]
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
 let state = null; // the newest, as the driver's DriverState
@@ -67,8 +65,6 @@ function take(message) {
     stateTime = message.time;
     nearest = message.nearest;
     addEvents(message.events);
-    const limit = message.events.findLast((event) => event.sentence.includes("motion limited by"));
-    if (limit) limited = { until: performance.now() + 1000 * LIMITED, sentence: limit.sentence };
     sample();
     show();
     setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
@@ -147,18 +143,24 @@ function toast(sentence, level = "error") {
 // ---- showing
 
 function remedies(reason) {
-  return model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason)).map(({ remedy }) => remedy);
+  const found = view.is_recording ? [] : model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason));
+  return found
+    .map(({ remedy, on_virtual: other }) => (view.is_virtual && other ? other : remedy))
+    .filter((remedy) => !(state.stop && remedy.startsWith("“Recover…”"))); // what confirms the stop does that, too
 }
 
 /** In a sentence whether the robot moves, else why not, and what to do. */
 function verdict() {
   if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
   if (!state) return ["wait", "Waiting for the robot", ""];
-  const todo = remedies(state.reason).join("; ");
+  let todo = remedies(state.reason).join("; ");
+  if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
   if (state.stop || state.cause) {
-    const cause = state.cause || state.reason;
-    const open = state.reason && state.cause ? `Now: ${sentence(state.reason, false)}.` : "";
-    return ["error", `Stopped: ${sentence(cause, false)}`, [open, todo && sentence(todo)].filter(Boolean).join(" ")];
+    // What the event log says to do is of use where nothing else is in the way now but a person who has to confirm.
+    const [cause, ...advice] = (state.cause || state.reason).split("; ");
+    const open = state.cause ? state.reason.split("; ").filter((each) => each && !(state.stop && each.includes(state.stop))) : [];
+    const next = open.length ? `Now: ${sentence(open.join("; "), false)}.` : advice.length ? sentence(advice.join("; ")) : "";
+    return ["error", `Stopped: ${sentence(cause, false)}`, [next, todo && sentence(todo)].filter(Boolean).join(" ")];
   }
   if (state.reason) return ["warn", `Cannot move: ${sentence(state.reason, false)}`, todo ? sentence(todo) : ""];
   for (const [name, arm] of Object.entries(state.arms)) {
@@ -226,13 +228,18 @@ function showSurroundings() {
 
 /** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
 function showNearest() {
-  const isLimited = performance.now() < limited.until;
+  const apart = (distance) => (distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "at the limit");
+  const limits = ARMS.filter((name) => state.arms[name].limited).map((name) => {
+    const { part, other, distance } = state.arms[name].limited;
+    return `The ${name} arm is kept apart: ${part} – ${other}, ${apart(distance)}. Move it away from there.`;
+  });
+  const isLimited = limits.length > 0;
   const place = scene?.showNearest(nearest && !view.is_recording ? nearest.slice(3) : null);
   const label = at("nearest");
   label.hidden = !nearest || Boolean(view.is_recording);
   if (!label.hidden) {
     const [part, other, distance] = nearest;
-    text(label, `${part} – ${other}: ${distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "shapes touch"}`);
+    text(label, `${part} – ${other}: ${apart(distance)}`);
     label.classList.toggle("limited", isLimited);
     const { clientWidth, clientHeight } = at("scene");
     const within = (value, most) => Math.min(Math.max(value, 8), most);
@@ -242,7 +249,7 @@ function showNearest() {
     }
   }
   at("limited").hidden = !isLimited;
-  if (isLimited) text(at("limited"), limited.sentence);
+  if (isLimited) text(at("limited"), limits.join(" "));
 }
 
 /** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
@@ -357,7 +364,7 @@ function showArm() {
   const frame = frameOf(at("jog-frame").value);
   const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${(value * 1000).toFixed(1)}`).join(", ");
-  const source = arm.position ? "" : "; EGM is off, asked for over Robot Web Services";
+  const source = arm.position ? "" : ", as the controller reports while EGM is off";
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
   text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
@@ -376,7 +383,7 @@ function showArm() {
   const names = state.controllers[word].map((each) => each.name).filter((name) => !name.includes("broadcaster"));
   const choice = at("controller");
   if ([...choice.options].map((each) => each.value).join() !== names.join()) {
-    choice.replaceChildren(...names.map((name) => new Option(name.replaceAll("_", " "), name)));
+    choice.replaceChildren(...names.map((name) => new Option(name.replace(/_controller$/, "").replaceAll("_", " "), name)));
   }
 }
 
@@ -396,7 +403,7 @@ const strips = [
   { name: "tracking error", unit: "°", digits: 2, of: (arm) => (arm.position && arm.sent ? Math.max(...arm.sent.map((value, index) => Math.abs(value - arm.position[index]))) * DEGREES : null) },
   { name: "missed cycles", unit: "", digits: 0, of: (arm, before) => (arm.cycles && before?.cycles ? Math.max(0, arm.cycles.missed + arm.cycles.lost - before.cycles.missed - before.cycles.lost) : null), total: (arm) => (arm.cycles ? arm.cycles.missed + arm.cycles.lost : null) },
   { name: "jitter", unit: " ms", digits: 2, of: (arm) => (arm.cycles && arm.session ? arm.cycles.jitter * 1000 : null) },
-  { name: "period", unit: " ms", digits: 3, of: (arm) => (arm.cycles && arm.session ? arm.cycles.period * 1000 : null) },
+  { name: "period", unit: " ms", digits: 2, of: (arm) => (arm.cycles && arm.session ? arm.cycles.period * 1000 : null) },
 ];
 let before = null;
 let isStripDue = 0;
@@ -511,7 +518,7 @@ function buildPad() {
       cells.push([`R${name.toLowerCase()}${sign < 0 ? "−" : "+"}`, `angular ${name.toLowerCase()} ${sign}`, { angular: unit(index, sign * MAX_ANGULAR) }]);
     }
   });
-  cells.push(["elbow −", "elbow -1", { elbow: -0.7 }], ["elbow +", "elbow 1", { elbow: 0.7 }]);
+  cells.push(["elbow −", "elbow -1", { elbow: -MAX_JOINT_SPEED }], ["elbow +", "elbow 1", { elbow: MAX_JOINT_SPEED }]);
   for (const [label, name, speeds] of cells) {
     const button = make("button", { textContent: label, className: "hold" });
     button.dataset.jog = name;
@@ -585,10 +592,14 @@ function followHandle() {
 const KEYS = { ArrowUp: [0, 1], ArrowDown: [0, -1], ArrowLeft: [1, 1], ArrowRight: [1, -1], PageUp: [2, 1], PageDown: [2, -1] };
 
 function jogByKey(event) {
-  const elbow = { Home: -0.7, End: 0.7 }[event.key];
-  if (view.control !== "here" || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
+  const elbow = { Home: -MAX_JOINT_SPEED, End: MAX_JOINT_SPEED }[event.key];
+  if (view.is_recording || event.ctrlKey || event.altKey || event.metaKey || !(event.key in KEYS || elbow)) return;
   event.preventDefault();
   if (event.repeat) return;
+  if (view.control !== "here") {
+    toast(view.why_not_operated || "Take control first; then this key jogs the tool while it is held.", "info");
+    return;
+  }
   const [axis, sign] = KEYS[event.key] ?? [];
   const speeds = elbow ? { elbow } : event.shiftKey ? { angular: unit(axis, sign * MAX_ANGULAR) } : { linear: unit(axis, sign * MAX_LINEAR) };
   beginJog(at("scene"), () => toolJog(speeds));
@@ -617,7 +628,8 @@ function chosenGoals() {
   const names = at("both").checked && !at("both").disabled ? ARMS : [word];
   const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
   if (!Object.values(goals).includes(null)) return goals;
-  toast("Nothing was sent: the goal needs a number of degrees for each axis.");
+  const wrong = [...at("joint-goal").querySelectorAll("input")].find((input) => numberOf(input) === null);
+  toast(`Nothing was sent: ${wrong ? `axis ${wrong.dataset.axis} takes a number from ${wrong.title}` : "the goal needs a number for each axis"}.`);
   return null;
 }
 
@@ -718,7 +730,7 @@ function inject(name, form, button) {
 }
 
 function confirmStop() {
-  text(at("confirm-cause"), sentence(state.cause || state.reason));
+  text(at("confirm-cause"), sentence((state.cause || state.reason).split("; ")[0]));
   const dialog = at("confirm");
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => resolve(dialog.returnValue === "yes"), { once: true });
@@ -745,8 +757,11 @@ function bind() {
   for (const name of ARMS) press(`tab-${name}`, () => choose(name));
   const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
   at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
-  model.arms.right.axes.forEach((axis) => {
-    const input = make("input", { type: "number", step: "any", ariaLabel: `Axis ${axis}, degrees` });
+  model.arms.right.axes.forEach((axis, index) => {
+    const [lower, upper] = [model.limits.lower[index], model.limits.upper[index]].map((each) => each * DEGREES);
+    const range = `${lower.toFixed(1)}° to ${upper.toFixed(1)}°`;
+    const input = make("input", { type: "number", step: "any", min: lower, max: upper, title: range, ariaLabel: `Axis ${axis}, degrees` });
+    input.dataset.axis = axis;
     input.addEventListener("input", show);
     at("joint-goal").append(make("label", {}, `${axis}`, input));
   });

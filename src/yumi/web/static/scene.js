@@ -346,8 +346,8 @@ export class Scene {
   }
 
   resetCamera() {
-    this.camera.position.set(1.75, -1.15, 1.0);
-    this.controls.target.set(0.12, 0, 0.2);
+    this.camera.position.set(1.45, -1.05, 0.86);
+    this.controls.target.set(0.05, -0.07, 0.22);
     this.controls.update();
   }
 
@@ -424,7 +424,7 @@ export class Scene {
     if (!width || !height) return;
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
-    this.camera.fov = width / height < 1 ? 42 : 32;
+    this.camera.fov = width / height < 0.9 ? 40 : 30;
     this.camera.updateProjectionMatrix();
     this.draw();
   }
