@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, pi, radians, sin
+from math import degrees, hypot, pi, radians, sin
 
 import numpy as np
 import pytest
 
 from cartesian_bench import CartesianBench, deviation, shares
-from soak import long, short
+from soak import long, short, tell
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
@@ -60,7 +60,8 @@ def lines(count: int, seed: int) -> Iterator[tuple[Side, ArmPlan, Pose, Pose]]:
 
 @pytest.mark.parametrize("count", [short(3), long(200, 1800.0)])
 def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> None:
-    for side, plan, begin, end in lines(count, 15000):
+    worst = [0.0] * 4
+    for number, (side, plan, begin, end) in enumerate(lines(count, 15000), 1):
         bench = CartesianBench(side, plan.first.position)
         before = len(bench.rig.cycles)
         assert bench.follow(plan).outcome is Outcome.SUCCEEDED
@@ -74,6 +75,17 @@ def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> Non
         assert max(commanded.elbow, executed.elbow) < radians(1.0), where
         assert max(shares(bench.sent[before - 3 :])) < LIMIT, where
         assert bench.rig.snapshot.slowed == 0, where
+        worst = [
+            max(worst[0], commanded.position),
+            max(worst[1], executed.position),
+            max(worst[2], commanded.orientation, executed.orientation),
+            max(worst[3], commanded.elbow, executed.elbow),
+        ]
+        if count > 3 and number % 10 == 0:
+            tell(
+                f"{number} lines: off by at most {worst[0] * 1e3:.3f} mm commanded, {worst[1] * 1e3:.3f} mm executed, "
+                f"{degrees(worst[2]):.4f} degrees of orientation, {degrees(worst[3]):.4f} of the elbow"
+            )
 
 
 def test_a_line_slows_down_with_the_speed_scale() -> None:

@@ -456,7 +456,7 @@ class MotionExecutor:
     def move(
         self,
         goals: Mapping[Side, Position],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         *,
         others_stay: bool = False,
@@ -464,15 +464,16 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
-        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's. With
-        ``others_stay`` joints that a goal by name leaves out stay where they were sent last. ``check`` is called right
-        before the motion is sent, and raises where it is not wanted any more.
+        ``speed_scale`` and ``acceleration`` are fractions of the joints' limits, above 0 up to 1; None takes the
+        connection's. With ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
+        ``check`` is called right before the motion is sent, and raises where it is not wanted any more.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
         """
-        speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
+        speed_scale = checked_scale("speed_scale", speed_scale)
+        acceleration = checked_scale("acceleration", acceleration)
         starts = {side: self.snapshot(side).sent for side in goals}
         checked = {
             side: checked_goal(side, goal, starts[side] if others_stay else None) for side, goal in goals.items()
@@ -480,11 +481,11 @@ class MotionExecutor:
         for side in checked:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
-        limits = {side: self._limits_of_goals(side, speed, acceleration) for side in checked}
+        limits = {side: self._limits_of_goals(side, speed_scale, acceleration) for side in checked}
         check()
         motions = {side: self._motions.begin(side) for side in checked}
         commands = [
-            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
+            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed_scale, acceleration))
             for side, goal in checked.items()
         ]
         sent = self._send(commands, tuple(motions.values()))
@@ -499,7 +500,7 @@ class MotionExecutor:
         self,
         goals: Mapping[Side, Position],
         tools: Mapping[Side, Pose],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         line_speed: float | None,
         *,
@@ -508,7 +509,7 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
 
-        On a line ``speed`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
+        On a line ``speed_scale`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
 
         Raises:
             CommandRefused: a pose is impossible; nothing moves.
@@ -526,8 +527,8 @@ class MotionExecutor:
             positions: dict[Side, Position] = {
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
-            return self.move(positions, speed, acceleration, check=check)
-        scale = checked_scale("speed", speed) or 1.0
+            return self.move(positions, speed_scale, acceleration, check=check)
+        scale = checked_scale("speed_scale", speed_scale) or 1.0
         paths = {
             side: Path(
                 tools[side],
@@ -795,14 +796,14 @@ class MotionExecutor:
                 "delivered file does."
             )
 
-    def _limits_of_goals(self, side: Side, speed: float | None, acceleration: float | None) -> JointLimits:
+    def _limits_of_goals(self, side: Side, speed_scale: float | None, acceleration: float | None) -> JointLimits:
         """What the controller of single points keeps on an arm."""
         values = {
             it.parameter.name: it.value
             for it in self._control.call(Commands.list_parameters, side, GOAL_CONTROLLER)
             if isinstance(it.value, float)
         }
-        scales = speed or values["speed_scale"], acceleration or values["acceleration_scale"]
+        scales = speed_scale or values["speed_scale"], acceleration or values["acceleration_scale"]
         return slower(YUMI_LIMITS, *scales, values["top_speed"])
 
     def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> Way:

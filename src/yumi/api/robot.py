@@ -207,7 +207,7 @@ class Arm:
         *,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> Motion:
         """Move to ``position``, all joints together; a motion under way bends into the new one without a stop.
@@ -217,7 +217,7 @@ class Arm:
                 the FlexPendant's order, :func:`yumi.abb_degrees`. Or the name of a pose, see :attr:`poses`.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
+            speed_scale: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
             acceleration: the same for accelerations and jerks.
 
         Returns:
@@ -229,7 +229,7 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         executor = self.executor
-        (motion,) = executor.move({self.side: position}, speed, acceleration)
+        (motion,) = executor.move({self.side: position}, speed_scale, acceleration)
         if wait:
             wait_for((motion,), timeout, executor)
         return motion
@@ -285,7 +285,7 @@ class Arm:
         work_object: PoseLike | str | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> Motion:
         """Move the tool to a pose, all joints together as :meth:`move_to`: RAPID's MoveJ. Its way is not a line.
@@ -298,7 +298,7 @@ class Arm:
             work_object: see ``pose``.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
+            speed_scale: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
             acceleration: the same for accelerations and jerks.
 
         Returns:
@@ -311,7 +311,7 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         goal = self._posture(pose, arm_angle, configuration, tool, work_object)
-        return self.move_to(goal, wait=wait, timeout=timeout, speed=speed, acceleration=acceleration)
+        return self.move_to(goal, wait=wait, timeout=timeout, speed_scale=speed_scale, acceleration=acceleration)
 
     def _posture(
         self,
@@ -599,7 +599,7 @@ class Robot:
         left: Position | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> tuple[Motion, ...]:
         """Move both arms, beginning in the same cycle; either both move or none.
@@ -614,7 +614,7 @@ class Robot:
         """
         goals: dict[Side, Position] = _named(right, left)
         executor = self.executor
-        motions = executor.move(goals, speed, acceleration)
+        motions = executor.move(goals, speed_scale, acceleration)
         if wait:
             wait_for(motions, timeout, executor)
         return motions
@@ -707,7 +707,7 @@ class Robot:
         left: PoseLike | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> tuple[Motion, ...]:
         """Move the tools of both arms to poses, beginning in the same cycle; either both move or none.
@@ -722,7 +722,7 @@ class Robot:
             left=goals.get(Side.LEFT),
             wait=wait,
             timeout=timeout,
-            speed=speed,
+            speed_scale=speed_scale,
             acceleration=acceleration,
         )
 

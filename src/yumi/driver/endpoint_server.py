@@ -117,7 +117,7 @@ class Mover(Protocol):
     def move(
         self,
         goals: Mapping[Side, Position],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         *,
         others_stay: bool = False,
@@ -128,7 +128,7 @@ class Mover(Protocol):
         self,
         goals: Mapping[Side, Position],
         tools: Mapping[Side, Pose],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         line_speed: float | None,
         *,
@@ -408,7 +408,7 @@ class Handlers:
         goals = {
             side: goal for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)) if goal is not None
         }
-        speed, acceleration = request.speed_scale, request.acceleration
+        speed_scale, acceleration = request.speed_scale, request.acceleration
         if request.is_pose and request.speed is not None and not request.is_linear:
             raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
         if not request.is_pose and (request.is_linear or request.speed is not None):
@@ -416,10 +416,10 @@ class Handlers:
 
         def begin() -> Sequence[RunningMotion]:
             if not request.is_pose:
-                return access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
+                return access.mover.move(goals, speed_scale, acceleration, others_stay=True, check=caller.check)
             tools = {side: access.manager.tcp(side) for side in goals}
             return access.mover.move_tools(
-                goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear, check=caller.check
+                goals, tools, speed_scale, acceleration, request.speed, is_linear=request.is_linear, check=caller.check
             )
 
         return self._move(tuple(goals), begin, request.timeout, caller)
