@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import partial
 from math import isfinite, nan
 from types import TracebackType
@@ -762,6 +763,40 @@ class Robot:
         if wait:
             wait_for(motions, timeout, executor)
         return motions
+
+    def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
+        """Let two parts touch for a while: handing over, gripping between both arms, placing on a declared table.
+
+        ::
+
+            with robot.allow_collision("right gripper", "left gripper", seconds=20.0):
+                robot.move_linear(right=..., left=..., speed=0.02)
+
+        They are kept apart again at the end of the ``with`` block, or after the time. Until then both arms have a tenth
+        of their speed, and all other parts are kept apart as ever. Parts that touch then may only move apart.
+
+        Args:
+            part: a part as the log names it (``right gripper``), or an arm as a whole (``right arm``).
+            other: a part of the other arm, ``body``, or a declared box (``table``).
+            seconds: for how long, up to 60 s; called again for the same parts, the time begins anew.
+
+        Returns:
+            What ends it, by ``with`` or by ``close()``.
+
+        Raises:
+            CommandRefused: ``collision.enabled`` is false, there are no such parts, the time is out of range, or an arm
+                moves; nothing was changed.
+            RobotNotReady: the robot is not connected, or the control process has ended.
+        """
+        manager, end = self._connected.manager, ExitStack()
+        log.info("%s", manager.allow_collision(part, other, float(seconds)))
+
+        def keep_apart() -> None:
+            with suppress(RobotNotReady):  # the control process has ended, and nothing is allowed any more
+                manager.end_allowed_collision(part, other)
+
+        end.callback(keep_apart)
+        return end
 
     def stop(self) -> None:
         """Bring both arms to rest as fast as their joints may, and return when they stand.

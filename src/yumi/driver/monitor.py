@@ -237,6 +237,7 @@ class RobotMonitor:
         on_stop: called when a stop has come that a person must confirm, on the monitor's thread.
         log: logs the changes.
         reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
+        allowed_collisions: pairs of parts that may touch now, a part of the state.
     """
 
     def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
@@ -244,6 +245,7 @@ class RobotMonitor:
         self.on_stop: Callable[[], None] = lambda: None
         self.log = StateLog(stops, clock)
         self.reads_joints = False
+        self.allowed_collisions: tuple[str, ...] = ()
         self._joints: dict[Side, JointStates] = {}
         self._joints_refused: set[Side] = set()
         self._stops = stops
@@ -530,7 +532,12 @@ class RobotMonitor:
             self._state = replace(self._state if state is None else state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
-        live = replace(state, egm=egm_states(self._loop), speed_scale=self._speed.in_force)
+        live = replace(
+            state,
+            egm=egm_states(self._loop),
+            speed_scale=self._speed.in_force,
+            allowed_collisions=self.allowed_collisions,
+        )
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
             live = replace(live, cause=stop.cause, stop=stop.id)

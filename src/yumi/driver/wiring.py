@@ -286,7 +286,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other), apart)
         recorder = FlightRecorder(own.flight)
-        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
+        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed, collisions)
         arms[side] = ConnectedArm(loop, socket)
     return arms
 
