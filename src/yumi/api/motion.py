@@ -32,6 +32,7 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import INTERRUPTED, Snapshot, TrajectoryFeedback
+from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
@@ -295,11 +296,7 @@ class MotionRegistry:
     def note(self, event: Event) -> None:
         """Take an event of the control process."""
         if isinstance(event, ControllerReport):
-            report = event.report
-            if isinstance(report, GoalEnded):
-                self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
-            elif isinstance(report, TrajectoryEnded):
-                self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
+            self._note_report(event)
             return
         if not is_fault(event):
             self._log(logging.INFO, self._words(str(event)))
@@ -325,6 +322,15 @@ class MotionRegistry:
             self.explain(end)  # EGM's end arrives before the controller's event that says why
         else:
             end(Cause())
+
+    def _note_report(self, event: ControllerReport) -> None:
+        report = event.report
+        if isinstance(report, GoalEnded):
+            self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
+        elif isinstance(report, TrajectoryEnded):
+            self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
+        elif isinstance(report, ToolLimited):
+            self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
 
     def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
         with self._lock:
@@ -396,6 +402,7 @@ class MotionExecutor:
         speed_scale: the factor on all speeds now.
         tool_goals: the buffer of each arm's stream of poses and velocities of its tool.
         speeds: the buffer of each arm's speeds; without them no arm can be jogged.
+        tool_limits: what tools keep on lines.
     """
 
     def __init__(
@@ -410,9 +417,10 @@ class MotionExecutor:
         speed_scale: Callable[[], float] = lambda: FULL,
         tool_goals: Mapping[Side, Buffer[ToolGoal]] | None = None,
         speeds: Mapping[Side, GoalBuffer] | None = None,
+        tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
     ) -> None:
         self.arms = arms
-        self.limits = limits
+        self.limits, self.tool_limits = limits, tool_limits
         self._tool_goals = tool_goals or {}
         self._speeds = speeds or {}
         self._feedback = feedback or {}
@@ -539,7 +547,7 @@ class MotionExecutor:
             )
             for side, pose in poses.items()
         }
-        return self.follow_path(tuple(paths), planned(paths, self.limits), check)
+        return self.follow_path(tuple(paths), planned(paths, self.limits, self.tool_limits), check)
 
     def follow(
         self,

@@ -409,7 +409,8 @@ class Arm:
         executor = self.executor
         points = way_points(self._frames, poses, work_object, arm_angle)
         path = Path(self._tool(tool), points, speed, turning, zone, acceleration)
-        (motion,) = executor.follow_path((self.side,), planned({self.side: path}, executor.limits))
+        plan = planned({self.side: path}, executor.limits, executor.tool_limits)
+        (motion,) = executor.follow_path((self.side,), plan)
         if wait:
             wait_for((motion,), timeout, executor)
         return motion
@@ -759,7 +760,7 @@ class Robot:
             )
             for side, given in poses.items()
         }
-        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits))
+        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits, executor.tool_limits))
         if wait:
             wait_for(motions, timeout, executor)
         return motions

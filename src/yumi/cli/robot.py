@@ -111,6 +111,7 @@ def _state_lines(state: DriverState) -> list[str]:
             f"operating mode {state.operating_mode}, {state.motors}, RAPID {state.program}, "
             f"speed_scale {state.speed_scale:g}, speed ratio {state.speed_ratio} %"
         )
+    lines += [f"held: {limited}" for limited in state.limited_by]
     if state.allowed_collisions:
         lines.append(f"may touch, slowly: {', '.join(state.allowed_collisions)}")
     lines.append(f"cannot move: {state.reason}" if state.reason else "can move")

@@ -399,6 +399,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         grippers: both; None while one is unknown.
         events: the newest lines of the driver's log.
         allowed_collisions: pairs of parts that may touch now.
+        limited_by: the pairs of parts, with their distances, that keep an arm from getting nearer now.
     """
 
     time: float
@@ -420,6 +421,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     grippers: dict[str, GripperReport | None]
     events: tuple[EventReport, ...] = ()
     allowed_collisions: tuple[str, ...] = ()
+    limited_by: tuple[str, ...] = ()
 
 
 class BoxReport(msgspec.Struct, frozen=True):

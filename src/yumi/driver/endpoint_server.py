@@ -311,6 +311,7 @@ class Handlers:
             controllers=self.controllers(),
             grippers={side.word: self._gripper(side) for side in Side},
             allowed_collisions=robot.allowed_collisions,
+            limited_by=robot.limited_by,
         )
 
     def controllers(self) -> dict[str, tuple[ControllerStatus, ...]]:

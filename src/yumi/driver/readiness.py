@@ -73,6 +73,7 @@ class RobotState:
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
         allowed_collisions: pairs of parts that may touch now, such as ``left gripper - right gripper``.
+        limited_by: the pairs of parts, with their distances, that keep an arm from getting nearer now.
     """
 
     is_connected: bool = False
@@ -88,6 +89,7 @@ class RobotState:
     cause: str = ""
     stop: str = ""
     allowed_collisions: tuple[str, ...] = ()
+    limited_by: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """In one line."""

@@ -17,6 +17,7 @@ from yumi.control.events import (
     AllowedCollisionsChanged,
     ControlProcessEnded,
     Event,
+    KeptApart,
     RobotStoppedFollowing,
     SessionLost,
 )
@@ -93,7 +94,7 @@ class RobotManager:
         self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
         self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
         self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
-        self._control = control
+        self._control, self._clock = control, clock
         self._arms = arms
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._turn = Lock()  # one change at a time; the robot has one state
@@ -144,6 +145,8 @@ class RobotManager:
         self._egm.note(event)
         if isinstance(event, AllowedCollisionsChanged):
             self.monitor.allowed_collisions = tuple(f"{part} - {other}" for part, other in event.pairs)
+        elif isinstance(event, KeptApart):
+            self.monitor.limited = {**self.monitor.limited, event.side: (str(event.limited), self._clock.now())}
         elif isinstance(event, ControlProcessEnded):
             self.monitor.allowed_collisions = ()
         if isinstance(event, SessionLost) and event.deactivated:

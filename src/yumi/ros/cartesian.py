@@ -37,6 +37,7 @@ from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING
 from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
+from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import Waypoint, check_pose, plan_path
 from yumi.control.trajectory import ArmPlan
 from yumi.driver.control_process import ControlProcess
@@ -204,6 +205,7 @@ class TargetPoseTopic(_ToolTopic):
 
     topic, type, noun = "target_pose", PoseStamped, "Target"
     limits: JointLimits
+    within = ToolLimits()
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         side = self._side
@@ -239,6 +241,7 @@ class TargetPoseTopic(_ToolTopic):
             speed=speed or number(values, "line.speed"),
             turning=number(values, "line.turning"),
             acceleration=number(values, "line.acceleration"),
+            within=self.within,
         )
         if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
             raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
@@ -463,6 +466,8 @@ class CartesianTopics:
     def on_event(self, event: Any) -> None:
         if not self._action.on_event(event) and isinstance(event, TrajectoryEnded):
             (self._log.info if event.outcome is Outcome.SUCCEEDED else self._log.warning)(str(event))
+        if isinstance(event, ToolLimited):
+            self._log.info(str(event))
 
     def destroy(self) -> None:
         self._action.destroy()
@@ -477,12 +482,16 @@ def cartesian_interfaces(
     frames: RobotFrames,
     limits: JointLimits,
     base: str,
+    within: ToolLimits,
 ) -> Mapping[str, MakeInterface]:
-    """What Cartesian controllers offer, by their type; ``streams`` are nodes for streams alone, ``base`` a frame."""
+    """What Cartesian controllers offer, by their type; ``streams`` are nodes for streams alone, ``base`` a frame.
+
+    Lines keep ``limits`` of the joints, and are planned ``within`` those of the tool.
+    """
 
     def make(node: Any, side: Side, name: str) -> CartesianTopics:
         target = TargetPoseTopic(node, side, control, now, name, frames)
-        target.limits = limits
+        target.limits, target.within = limits, within
         streamed = (kind(streams[side], side, control, now, name, frames) for kind in (ServoPoseTopic, ServoTwistTopic))
         action = MoveLinearAction(node, side, control, target, frames, base)
         return CartesianTopics(node, action, (target, *streamed))

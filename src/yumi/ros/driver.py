@@ -141,7 +141,13 @@ class RosDriver:
             **self._trajectories.interfaces,
             **forward_interfaces(self._streams, control, clock.now),
             **cartesian_interfaces(
-                self._streams, control, clock.now, frames, limits, settings.ros.frames + prefixed("yumi_base")
+                self._streams,
+                control,
+                clock.now,
+                frames,
+                limits,
+                settings.ros.frames + prefixed("yumi_base"),
+                settings.tool_limits.limits,
             ),
         }
         self._arms = {
