@@ -17,7 +17,7 @@ WAVE = [yumi.degrees(0, -130, -135, 30, 0, 40, angle) for angle in (45, -45, 0)]
 
 async def wave(arm) -> None:
     for goal in WAVE:
-        await arm.move_to(goal, speed=0.8)
+        await arm.move_to(goal, speed_scale=0.8)
 
 
 async def main(address: str) -> None:

@@ -14,6 +14,7 @@ from yumi.control.controllers.joint_trajectory import FollowTrajectory, Trajecto
 from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.tool_limits import ToolLimits
 from yumi.control.trajectory import ArmPlan
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
@@ -27,10 +28,17 @@ Array = NDArray[np.float64]
 class CartesianBench:
     """An arm that follows, with the Cartesian controller active."""
 
-    def __init__(self, side: Side, position: Joints, speed: SpeedScale | None = None) -> None:
+    def __init__(
+        self,
+        side: Side,
+        position: Joints,
+        speed: SpeedScale | None = None,
+        within: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
+    ) -> None:
         self.side = side
         self.goals = MemoryBuffer[ToolGoal]()
-        self.controller = CartesianController(side, self.goals, MemoryBuffer[TrajectoryFeedback](), speed=speed)
+        feedback = MemoryBuffer[TrajectoryFeedback]()
+        self.controller = CartesianController(side, self.goals, feedback, speed=speed, within=within)
         self.rig = VirtualArmRig({NAME: self.controller}, side=side, position=position, speed=speed)
         self.rig.start()
         self.rig.switch_to(NAME)

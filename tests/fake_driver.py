@@ -13,7 +13,7 @@ from yumi.driver.endpoint_server import DriverAccess, EndpointServer
 from yumi.driver.gripper import Gripper
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import SpeedSetting
-from yumi.errors import RobotNotReady, StopNotConfirmed
+from yumi.errors import CommandRefused, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState
 from yumi.robot.joints import Pose, Side, home
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
@@ -58,6 +58,17 @@ class FakeManager:
     def check_not_stopped(self) -> None:
         if self.robot.stop:
             raise RobotNotReady("A stop waits.", self.robot.stop)
+
+    def allow_collision(self, part: str, other: str, seconds: float) -> str:
+        if part == "shelf":
+            raise CommandRefused("Collision not allowed: there is no shelf.")
+        self.robot = replace(self.robot, allowed_collisions=(f"{part} - {other}",))
+        return f"{part} and {other} may touch for {seconds:g} s"
+
+    def end_allowed_collision(self, part: str, other: str) -> str:
+        assert self.robot.allowed_collisions == (f"{part} - {other}",)
+        self.robot = replace(self.robot, allowed_collisions=())
+        return f"{part} and {other} are kept apart"
 
     def interrupt(self) -> None:
         self.is_interrupted = True

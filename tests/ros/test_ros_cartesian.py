@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import dist
 from typing import Any
 
 import pytest
+from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from controller_manager_bench import Manager, boolean, set_parameter
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.action import ActionClient
 from ros_bench import Client, Robot
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from yumi_interfaces.action import MoveLinear
 
+from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
@@ -97,6 +102,104 @@ def test_a_stream_of_poses_is_followed(tool: Tool) -> None:
         return abs(tool.height - target.pose.position.z) < 1e-3
 
     tool.client.until(has_arrived, what="the pose")
+
+
+class Lines:
+    """The action of an arm's Cartesian controller."""
+
+    def __init__(self, client: Client, side: Side) -> None:
+        self.client, self.places, self.feedback = client, [], []
+        self._action = ActionClient(client.node, MoveLinear, f"/{side.value}/{CARTESIAN}/move_linear")
+        client.node.create_subscription(PoseStamped, f"/{side.value}/tcp_pose", self.places.append, 10)
+        client.until(self._action.server_is_ready, what="the action")
+        client.until(lambda: bool(self.places), what="tcp_pose")
+
+    @property
+    def height(self) -> float:
+        return float(self.places[-1].pose.position.z)
+
+    def send(self, target: Any, **fields: Any) -> Any:
+        self.feedback.clear()
+        goal = MoveLinear.Goal(target_pose=target, **fields)
+        return self._answer(self._action.send_goal_async(goal, lambda told: self.feedback.append(told.feedback)))
+
+    def end(self, handle: Any) -> tuple[int, Any]:
+        ended = self._answer(handle.get_result_async())
+        return ended.status, ended.result
+
+    def _answer(self, future: Any) -> Any:
+        self.client.until(future.done, what="an answer of the action")
+        return future.result()
+
+    def destroy(self) -> None:
+        self._action.destroy()
+
+
+def in_tool(side: Side, along: float) -> Any:
+    """Ahead of an arm's tool, seen from the tool [m]."""
+    message = PoseStamped()
+    message.header.frame_id = f"yumi_tcp_{side.value}"
+    message.pose.position.z, message.pose.orientation.w = along, 1.0
+    return message
+
+
+@pytest.fixture(params=Side)
+def lines(request: pytest.FixtureRequest, egm_running: Client) -> Iterator[tuple[Lines, Side]]:
+    side = request.param
+    manager = Manager(egm_running, f"/{side.value}/controller_manager")
+    manager.switch([CARTESIAN], [POSITION])
+    own = Lines(egm_running, side)
+    yield own, side
+    own.destroy()
+    manager.switch([POSITION], [CARTESIAN])
+
+
+def test_line_of_the_action_is_reached_refused_and_cancelled(lines: tuple[Lines, Side]) -> None:
+    own, side = lines
+    begin = own.places[-1].pose.position
+    # There and back in the frame of the tool, with feedback on the way.
+    status, result = own.end(own.send(in_tool(side, -0.05), speed=0.1))
+    assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True)
+    assert result.message.startswith("The goal is reached")
+    there = result.pose.pose.position
+    assert dist((there.x, there.y, there.z), (begin.x, begin.y, begin.z)) == pytest.approx(0.05, abs=1e-3)
+    assert result.pose.header.frame_id == "yumi_base"
+    progress = [each.progress for each in own.feedback]
+    assert progress == sorted(progress)
+    assert 0.0 < progress[0] < progress[-1] <= 1.0
+    # Refused with the reason, and nothing moves.
+    far, moon = in_tool(side, -1.5), in_tool(side, 0.01)
+    moon.header.frame_id = "moon"
+    for target, fields, words in (
+        (far, {}, "arm cannot follow it beyond"),
+        (moon, {}, "there is no frame 'moon'"),
+        (in_tool(side, 0.05), {"speed": 2.0}, "speed is 2; allowed is"),
+        (in_tool(side, 0.05), {"speed": -1.0}, "speed is -1; give a finite number"),
+    ):
+        status, result = own.end(own.send(target, **fields))
+        assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
+        assert words in result.message
+    # Cancelled on its way back.
+    handle = own.send(in_tool(side, 0.05), speed=0.02)
+    own.client.until(lambda: any(each.progress > 0.1 for each in own.feedback), what="feedback")
+    cancelled = handle.cancel_goal_async()
+    status, result = own.end(handle)
+    assert cancelled.done()
+    assert (status, result.success) == (GoalStatus.STATUS_CANCELED, False)
+    # A newer goal takes the place of an older one.
+    older = own.send(in_tool(side, 0.02), speed=0.01)
+    own.client.until(lambda: any(each.progress > 0.1 for each in own.feedback), what="feedback")
+    newer = own.send(in_tool(side, -0.01), speed=0.1)
+    assert own.end(older)[0] == GoalStatus.STATUS_ABORTED
+    assert own.end(newer)[0] == GoalStatus.STATUS_SUCCEEDED
+
+
+def test_line_of_the_action_is_refused_while_another_controller_commands_the_arm(egm_running: Client) -> None:
+    own = Lines(egm_running, Side.LEFT)
+    status, result = own.end(own.send(in_tool(Side.LEFT, -0.01)))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "no Cartesian controller is active on the left arm; activate one first" in result.message
+    own.destroy()
 
 
 def test_what_is_refused_is_said(tool: Tool) -> None:

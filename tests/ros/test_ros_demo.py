@@ -7,17 +7,25 @@ import os
 import pty
 from collections.abc import Callable, Iterator
 from math import pi, radians
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 from ros_bench import Robot
 
+from yumi.cli import demo
 from yumi.cli.demo import DemoScreen, motions_ahead, read_positions
-from yumi.driver.settings import RobotSettings
+from yumi.control.collisions import MARGIN, CollisionLimiter
+from yumi.control.limiter import Limiter
+from yumi.control.motion import EGM_GAIN
+from yumi.driver.settings import CollisionSettings, RobotSettings, override, read_settings
 from yumi.errors import RobotNotReady, StopNotConfirmed
-from yumi.robot.joints import Side, home
-from yumi.ros.move_and_grab import GOALS, MoveAndGrab
+from yumi.robot.description import SERVO_GRIPPERS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
+from yumi.ros.move_and_grab import GOALS, MEETING, MoveAndGrab
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.motion import EgmSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]
 
@@ -113,3 +121,116 @@ def test_stop_is_offered_for_confirmation_only_with_its_own_text(message: str, s
         application._request_recovery("")
     assert refused.value.stop == offered
     assert isinstance(refused.value, StopNotConfirmed) is bool(offered)
+
+
+class Heard:
+    """The progress of the demonstration."""
+
+    def __init__(self) -> None:
+        self.notes: list[str] = []
+
+    def step(self, sentence: str) -> None:
+        self.notes.append(sentence)
+
+    note = step
+
+
+def test_arms_are_sent_to_the_same_place_until_they_are_held_and_back() -> None:
+    heard, sent = Heard(), []
+    state = SimpleNamespace(limited_by=["left forearm - body, 3 mm"], speed_scale=1.0)
+    application = MoveAndGrab.__new__(MoveAndGrab)
+    application._progress, application._state = heard, state
+
+    class Arm:
+        is_commanded, stands = True, True
+
+        def __init__(self, side: Side) -> None:
+            self.at = GOALS[side]
+            self.goals = SimpleNamespace(publish=lambda message: sent.append((side, tuple(message.position))))
+
+        def error(self) -> float:
+            return 0.0
+
+    application._arms = {side: Arm(side) for side in Side}
+    waits = []
+
+    def wait(is_true: Callable[[], bool], timeout: float, what: str) -> None:
+        waits.append(what)
+        if len(waits) == 1:
+            assert not is_true()  # the body holds nothing apart that would meet
+            state.limited_by = ["right wrist - left wrist, 10 mm"]
+            application._arms[Side.LEFT].stands = False
+            assert not is_true()
+            application._arms[Side.LEFT].stands = True
+        assert is_true()
+
+    application._wait = wait
+    application._approach()
+    assert sent == [*((side, MEETING[side]) for side in Side), *((side, GOALS[side]) for side in Side)]
+    assert heard.notes[1:] == [
+        "held: right wrist - left wrist, 10 mm; the driver lets them no nearer (collision.margin)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("robot", "is_enabled", "approaches"), [(None, True, True), (None, False, False), ("10.0.0.1", True, False)]
+)
+def test_arms_approach_each_other_on_the_demonstrations_own_virtual_robot_alone(
+    robot: str | None, is_enabled: bool, approaches: bool, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    class Process:
+        log, exit_code = tmp_path / "log", None
+
+        def __init__(self, *_: object) -> None:
+            pass
+
+        def __enter__(self) -> Process:
+            return self
+
+        def __exit__(self, *_: object) -> None:
+            pass
+
+        def wait_until_ready(self, *_: object) -> str:
+            return "http://127.0.0.1:1"
+
+    asked = []
+    settings = override(read_settings(), {"collision": {"enabled": is_enabled}}, "test")
+    monkeypatch.setattr(demo, "Command", Process)
+    monkeypatch.setattr(demo, "read_settings", lambda: settings)
+    monkeypatch.setattr(demo, "_run_application", lambda *_, approaches: asked.append(approaches))
+    demo.run_demo(demo.DemoPlan(robot, (), tmp_path), Heard(), lambda: False)
+    assert asked == [approaches]
+
+
+@pytest.mark.timeout(240)
+def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
+    """In virtual time, from where nothing is near yet."""
+    both = CollisionLimiter(CollisionSettings().model(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN, MARGIN)
+    limiters = {side: Limiter(YUMI_LIMITS, collisions=both.arm(side)) for side in Side}
+    arms, measured, time = {}, {}, 100.0
+    for side in Side:
+        begin = joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)])
+        arms[side] = arm = VirtualArm(side, begin, ArmModel(supervises_load=False))
+        arm.switch_motors_on()
+        arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+        measured[side] = begin
+    speeds = dict.fromkeys(Side, 1.0)
+    for cycle in range(600):
+        time += CYCLE
+        for side, arm in arms.items():
+            velocity = change_rate(arm.position, measured[side], CYCLE)
+            state = ArmState(time, CYCLE if cycle else 0.0, 1, arm.position, velocity, arm.planned, True)
+            arm.set_reference(*limiters[side].limit(state, ArmCommand(MEETING[side]) if cycle else None))
+            limiters[side].observe(state)
+            measured[side], speeds[side] = arm.position, max(map(abs, velocity))
+            arm.advance(CYCLE)
+        held = [both.limited(side) for side in Side]
+        if cycle > 50 and all(held) and max(speeds.values()) < 0.01:
+            break
+    else:
+        raise AssertionError(f"The arms were not held; {held}, {speeds}")
+    for side, limited in zip(Side, held, strict=True):
+        assert limited is not None
+        assert side.word in limited.part
+        assert side.other.word in limited.other
+        assert 0.5 * MARGIN < limited.distance < 2.0 * MARGIN

@@ -18,6 +18,7 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover, SetMode
 from yumi_interfaces.msg import RobotState
 from yumi_interfaces.srv import (
+    AllowCollision,
     LoadModule,
     ReadSignal,
     ReadVariable,
@@ -119,6 +120,19 @@ def test_speed_scale_is_set_by_a_service_and_reported_by_the_parameter(rig: Robo
     assert answer.success
     assert answer.message == "speed_scale is 0.25: every controller moves with at most 25% of its speeds."
     assert (rig.speed.value, parameter_of(rig)) == (0.25, 0.25)
+
+
+def test_a_collision_is_allowed_and_ended_by_the_same_service(rig: RobotManagerRig) -> None:
+    pair = {"part": "right gripper", "other": "left gripper"}
+    assert rig.call(AllowCollision, "allow_collision", **pair, seconds=5.0).success
+    assert rig.call(AllowCollision, "allow_collision", **pair, seconds=0.0).success
+    assert rig.manager.calls == [
+        ("allow_collision", "right gripper", "left gripper", 5.0),
+        ("end_allowed_collision", "right gripper", "left gripper"),
+    ]
+    rig.manager.refusals["allow_collision"] = "nothing keeps the arms apart"
+    answer = rig.call(AllowCollision, "allow_collision", **pair, seconds=5.0)
+    assert (answer.success, answer.message) == (False, "nothing keeps the arms apart")
 
 
 def test_speed_scale_is_published_to_late_subscribers_too(rig: RobotManagerRig) -> None:

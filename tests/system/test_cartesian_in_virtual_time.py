@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import hypot, pi, radians, sin
+from math import degrees, hypot, pi, radians, sin
 
 import numpy as np
 import pytest
 
 from cartesian_bench import CartesianBench, deviation, shares
-from soak import long, short
+from soak import long, short, tell
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import Factor
+from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.control.tool_path import Waypoint, plan_path
 from yumi.control.trajectory import ArmPlan
+from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Pose, Side, Vector, joints
 from yumi.robot.kinematics import multiply, quaternion_of, rotation_vector, tool0_to_body
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
@@ -60,7 +63,8 @@ def lines(count: int, seed: int) -> Iterator[tuple[Side, ArmPlan, Pose, Pose]]:
 
 @pytest.mark.parametrize("count", [short(3), long(200, 1800.0)])
 def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> None:
-    for side, plan, begin, end in lines(count, 15000):
+    worst = [0.0] * 4
+    for number, (side, plan, begin, end) in enumerate(lines(count, 15000), 1):
         bench = CartesianBench(side, plan.first.position)
         before = len(bench.rig.cycles)
         assert bench.follow(plan).outcome is Outcome.SUCCEEDED
@@ -74,6 +78,17 @@ def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> Non
         assert max(commanded.elbow, executed.elbow) < radians(1.0), where
         assert max(shares(bench.sent[before - 3 :])) < LIMIT, where
         assert bench.rig.snapshot.slowed == 0, where
+        worst = [
+            max(worst[0], commanded.position),
+            max(worst[1], executed.position),
+            max(worst[2], commanded.orientation, executed.orientation),
+            max(worst[3], commanded.elbow, executed.elbow),
+        ]
+        if count > 3 and number % 10 == 0:
+            tell(
+                f"{number} lines: off by at most {worst[0] * 1e3:.3f} mm commanded, {worst[1] * 1e3:.3f} mm executed, "
+                f"{degrees(worst[2]):.4f} degrees of orientation, {degrees(worst[3]):.4f} of the elbow"
+            )
 
 
 def test_a_line_slows_down_with_the_speed_scale() -> None:
@@ -249,3 +264,94 @@ def test_a_tool_turns_on_about_the_same_axis_when_a_stream_changes_its_kind(is_t
         rates.append(np.array(rotation_vector(multiply(after, (w, -x, -y, -z)))) / (5 * CYCLE))
     across = [np.linalg.norm(rate - (rate @ spin) / np.dot(spin, spin) * np.array(spin)) for rate in rates]
     assert max(across) < most
+
+
+def wall_before(place: Vector, room: float, way: Vector) -> Wall:
+    """A wall so far from a place in a direction [m]."""
+    x, y, z = (each / hypot(*way) for each in way)
+    px, py, pz = place
+    return Wall("window", (px + room * x, py + room * y, pz + room * z), (-x, -y, -z))
+
+
+def places(positions: np.ndarray) -> np.ndarray:
+    return np.array([tool0_to_body(Side.RIGHT, joints(each.tolist())).position for each in positions])
+
+
+@pytest.mark.parametrize("way", [(0.0, -1.0, 0.0), (1.0, -2.0, 0.7), (0.0, 0.0, -1.0)])
+@pytest.mark.parametrize("kind", ["twist", "pose", "far pose"])
+@pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
+def test_a_stream_stays_behind_a_wall_and_slides_along_it(way: Vector, kind: str, speed: float) -> None:
+    begin = tool0_to_body(Side.RIGHT, POSTURE)
+    wall = wall_before(begin.position, 0.05, way)
+    bench = CartesianBench(Side.RIGHT, POSTURE, within=ToolLimits(walls=(wall,)))
+    ahead = np.array(way) / np.linalg.norm(way)
+    aside = np.cross(ahead, (0.3, 0.2, 0.9))
+    aside /= np.linalg.norm(aside)
+
+    def goal(now: float) -> ToolGoal:
+        if kind == "twist":
+            return twist_goal(0, (*(speed * ahead + 0.05 * aside).tolist(), 0.0, 0.0, 0.0, 0.0))  # type: ignore[arg-type]
+        run = min(speed * now, 0.2) if kind == "pose" else 0.2
+        x, y, z = (np.array(begin.position) + run * ahead + 0.05 * now * aside).tolist()
+        return pose_goal(0, Pose((x, y, z), begin.orientation))
+
+    first = len(bench.rig.cycles)
+    bench.stream(1.5, goal)
+    sent, measured = places(bench.sent[first:]), places(bench.measured[first:])
+    rooms = [wall.distance(place) for place in sent]
+    assert min(rooms) > 0.0
+    assert min(wall.distance(place) for place in measured) > -0.1e-3
+    assert rooms[-1] < 3e-3
+    assert (sent[-1] - sent[-100]) @ aside > 0.01  # it slides along the wall
+    assert max(shares(bench.sent[first - 3 :])) < LIMIT
+    said = [str(event.report) for event in bench.rig.events if isinstance(event, ControllerReport)]
+    assert [each[:37] for each in said] == ["The tool is held by the wall 'window'"]
+
+
+def test_a_tool_beyond_a_wall_goes_no_further_and_comes_back() -> None:
+    begin = tool0_to_body(Side.RIGHT, POSTURE)
+    wall = wall_before(begin.position, -0.02, (0.0, -1.0, 0.0))
+    bench = CartesianBench(Side.RIGHT, POSTURE, within=ToolLimits(walls=(wall,)))
+    first = len(bench.rig.cycles)
+    bench.stream(0.5, lambda now: twist_goal(0, (0.0, -0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    assert wall.distance(places(bench.sent[first:])[-1]) == pytest.approx(-0.02, abs=0.5e-3)
+    bench.stream(1.0, lambda now: twist_goal(0, (0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0)))
+    assert wall.distance(places(bench.sent[first:])[-1]) > 0.05
+
+
+@pytest.mark.parametrize("kind", ["twist", "pose"])
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_the_tool_is_not_faster_than_its_limit_on_a_stream(kind: str, scale: float) -> None:
+    factor = MemoryBuffer[Factor]()
+    factor.write(Factor(scale))
+    bench = CartesianBench(Side.RIGHT, POSTURE, SpeedScale(factor), ToolLimits(0.1))
+    begin = tool0_to_body(Side.RIGHT, bench.start)
+    x, y, z = begin.position
+
+    def goal(now: float) -> ToolGoal:
+        if kind == "twist":
+            return twist_goal(0, (0.2, -0.3, 0.2, 0.0, 0.0, 0.0, 0.0))
+        return pose_goal(0, Pose((x + 0.2 * now, y - 0.3 * now, z + 0.2 * now), begin.orientation))
+
+    first = len(bench.rig.cycles)
+    bench.stream(0.8, goal)
+    speeds = np.linalg.norm(np.diff(places(bench.sent[first:]), axis=0), axis=1) / CYCLE
+    assert 0.079 * scale < max(speeds) < 0.1 * scale
+
+
+def test_a_line_keeps_the_limits_of_the_tool() -> None:
+    begin = tool0_to_body(Side.RIGHT, POSTURE)
+    x, y, z = begin.position
+    wall = wall_before(begin.position, 0.05, (0.0, -1.0, 0.0))
+    end = [Waypoint(Pose((x, y - 0.04, z), begin.orientation))]
+    fast = plan_path(Side.RIGHT, POSTURE, end, LIMITS, speed=0.5)
+    slow = plan_path(Side.RIGHT, POSTURE, end, LIMITS, speed=0.5, within=ToolLimits(0.02, (wall,)))
+    assert slow.spline.end > 2.0 > 3.0 * fast.spline.end
+    beyond = [*end, Waypoint(Pose((x, y - 0.06, z), begin.orientation))]
+    with pytest.raises(CommandRefused, match="pose 2 is 10 mm beyond the wall 'window'"):
+        plan_path(Side.RIGHT, POSTURE, beyond, LIMITS, within=ToolLimits(walls=(wall,)))
+    here = wall_before(begin.position, -0.02, (0.0, -1.0, 0.0))
+    with pytest.raises(CommandRefused, match="beyond the wall"):
+        plan_path(Side.RIGHT, POSTURE, end, LIMITS, within=ToolLimits(walls=(here,)))
+    back = [Waypoint(Pose((x, y + 0.01, z), begin.orientation))]
+    assert plan_path(Side.RIGHT, POSTURE, back, LIMITS, within=ToolLimits(walls=(here,))).spline.end > 0.0

@@ -16,12 +16,12 @@ import pytest
 from yumi.clock import SystemClock, wait_until
 from yumi.control.controller import State, write_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
-from yumi.control.events import ControlProcessEnded, Event, SessionLost
+from yumi.control.events import AllowedCollisionsChanged, ControlProcessEnded, Event, SessionLost
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.control.trajectory import MOST_POINTS, JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.control_process import ControlProcess
-from yumi.driver.settings import read_controllers
+from yumi.driver.settings import CollisionSettings, read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.codec import RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
@@ -105,6 +105,36 @@ def test_control_process_answers_with_the_measured_position_then_follows_goals(
     reply = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.004))
     assert reply.position is not None
     assert 0.0 < (reply.position[0] or 0.0) < 0.2
+
+
+PAIR = "right gripper", "left gripper"
+
+
+def test_control_process_lets_parts_touch_until_their_time_is_over(
+    ports: Mapping[Side, int], events: Queue[Event]
+) -> None:
+    controllers = {side: read_controllers(side) for side in Side}
+    kept = CollisionSettings(enabled=True)
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers, collision=kept)
+    control = ControlProcess(partial(build_arms, plan), events.put)
+    control.start()
+    try:
+        with pytest.raises(CommandRefused, match="no two parts 'right gripper' and 'shelf'"):
+            control.call(Commands.allow_collision, "right gripper", "shelf", 1.0)
+        control.call(Commands.allow_collision, *PAIR, 0.1)
+        changes = [events.get(timeout=10.0) for _ in range(2)]
+        control.call(Commands.allow_collision, *PAIR, 60.0)
+        control.call(Commands.end_allowed_collision, *PAIR)
+        changes += [events.get(timeout=10.0) for _ in range(2)]
+    finally:
+        control.stop()
+    pairs = [change.pairs for change in changes if isinstance(change, AllowedCollisionsChanged)]
+    assert pairs == [(PAIR[::-1],), (), (PAIR[::-1],), ()]
+
+
+def test_control_process_that_keeps_nothing_apart_has_nothing_to_allow(control: ControlProcess) -> None:
+    with pytest.raises(CommandRefused, match=r"collision\.enabled is false"):
+        control.call(Commands.allow_collision, *PAIR, 1.0)
 
 
 class Unreadable:

@@ -91,7 +91,7 @@ class Watch:
 def robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     virtual = VirtualRobot(tmp_path_factory.mktemp("robot"))
     virtual.start()
-    with yumi.connect(**virtual.options, speed=1.0, acceleration=1.0) as robot:
+    with yumi.connect(**virtual.options, default_speed_scale=1.0, acceleration=1.0) as robot:
         yield robot
     virtual.stop()
 

@@ -11,6 +11,8 @@ from typing import Any
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.control.collisions import Limited
+from yumi.control.events import AllowedCollisionsChanged, KeptApart
 from yumi.control.shared_state import Problem
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
@@ -59,6 +61,19 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     manager.start_egm()
     assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([180.0, 180.0])
     assert manager.state().speed_scale == 1.0
+
+
+def test_state_says_what_may_touch_and_what_limits_an_arm(system: System) -> None:
+    manager = system.manager
+    manager.note(AllowedCollisionsChanged(Side.RIGHT, (("left gripper", "right gripper"),)))
+    manager.note(KeptApart(Side.LEFT, Limited("left forearm", "body", 0.0104)))
+    state = manager.state()
+    assert state.allowed_collisions == ("left gripper - right gripper",)
+    assert state.limited_by == ("left forearm - body, 10 mm",)
+    assert "may touch: left gripper - right gripper" in str(state)
+    system.wait(2.0)  # not reported any more
+    manager.note(AllowedCollisionsChanged(Side.RIGHT, ()))
+    assert (manager.state().allowed_collisions, manager.state().limited_by) == ((), ())
 
 
 CUP = Mass(0.1, (0.0, 0.02, 0.15), (1e-4, 0.0, 0.0, 1e-4, 0.0, 5e-5))

@@ -47,13 +47,13 @@ def connected(virtual: VirtualRobot) -> Iterator[Robot]:
 def robot(connected: Robot) -> Robot:
     if ArmMode.FAULT in (connected.right.mode, connected.left.mode):
         connected.recover()  # the machine stood still during the test before
-    connected.move_to(right=RIGHT, left=LEFT, speed=1.0, acceleration=1.0)
+    connected.move_to(right=RIGHT, left=LEFT, speed_scale=1.0, acceleration=1.0)
     return connected
 
 
 def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
     before = robot.right.pose
-    robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+    robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
     assert robot.right.mode is ArmMode.HOLDING
     assert robot.right.pose.position == pytest.approx(before.position, abs=1e-3)
@@ -81,13 +81,13 @@ def test_script_is_told_what_bringup_will_do_before_it_is_done(tmp_path: Path) -
 
 
 def test_both_arms_move_at_once(robot: Robot) -> None:
-    robot.move_to(right=TURNED, left=(*LEFT[:6], 0.3), speed=1.0, timeout=TIMEOUT)
+    robot.move_to(right=TURNED, left=(*LEFT[:6], 0.3), speed_scale=1.0, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
     assert robot.left.position[6] == pytest.approx(0.3, abs=CLOSE)
 
 
 def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
-    motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+    motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
     assert not motion.is_done
     robot.stop()
     assert robot.right.mode is ArmMode.HOLDING
@@ -97,7 +97,7 @@ def test_motion_that_nobody_waits_for_can_be_stopped(robot: Robot) -> None:
 
 def test_motion_that_takes_too_long_is_stopped(robot: Robot) -> None:
     with pytest.raises(GoalNotReached, match=r"The right arm did not arrive within 0\.5 s and was stopped"):
-        robot.right.move_to(FAR, speed=0.05, timeout=0.5)
+        robot.right.move_to(FAR, speed_scale=0.05, timeout=0.5)
     assert robot.right.mode is ArmMode.HOLDING
 
 
@@ -145,7 +145,7 @@ def test_gripper_grasps_what_lies_between_its_fingers(robot: Robot) -> None:
 def test_gripper_is_calibrated_again_on_demand_and_the_arms_move_on(robot: Robot) -> None:
     robot.right.gripper.calibrate()
     assert robot.right.gripper.position == 0.0
-    robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+    robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
     assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
 
 
@@ -175,7 +175,7 @@ def own_virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualRob
 def test_exception_in_mid_motion_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
     def script() -> None:
         with yumi.connect(**own_virtual.options) as robot:
-            robot.right.move_to(FAR, wait=False, speed=0.1)
+            robot.right.move_to(FAR, wait=False, speed_scale=0.1)
             robots.append(robot)
             raise ZeroDivisionError
 
@@ -191,7 +191,7 @@ def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) 
     script = own_virtual.script(
         "import yumi\n"
         "with yumi.connect(**OPTIONS) as robot:\n"
-        "    motion = robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
+        "    motion = robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
         "    print('moving')\n"
         "    motion.wait()\n"
     )
@@ -208,7 +208,7 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_v
     script = own_virtual.script(
         "import yumi\n"
         "robot = yumi.connect(**OPTIONS).open()\n"
-        "robot.right.move_to([1.5, *robot.right.position[1:]], speed=0.05, wait=False)\n"
+        "robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
     )
     output, _ = script.communicate(timeout=TIMEOUT)
     assert (script.returncode, len(output.splitlines())) == (0, 1)
@@ -218,19 +218,19 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_v
 
 def test_connection_whose_control_process_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed=0.05)
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.05)
         for child in multiprocessing.active_children():
             child.kill()
         with pytest.raises(GoalNotReached, match="Right arm: the control process has ended"):
             motion.wait(TIMEOUT)
         robot.recover()
-        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
         assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
 
 
 def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options, arms="right") as robot:
-        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
         assert own_virtual.is_guided(Side.RIGHT)
         assert not own_virtual.is_guided(Side.LEFT)
         with pytest.raises(RobotNotReady, match=r"EGM is not started on the left arm; name it in connect\(arms="):
@@ -239,7 +239,7 @@ def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:
 
 def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
         own_virtual.kill()
         with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.* Call robot.recover\(\) when"):
             motion.wait(TIMEOUT)
@@ -248,13 +248,13 @@ def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> N
         assert robot.right.mode is ArmMode.FAULT
         own_virtual.start()
         robot.recover()
-        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
         assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
 
 
 def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual: VirtualRobot) -> None:
     with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed=0.1)
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
         own_virtual.inject(Fault.EMERGENCY_STOP)
         with pytest.raises(GoalNotReached, match="Cause: 10013 Emergency stop: an emergency stop was pressed") as end:
             motion.wait(TIMEOUT)
@@ -266,7 +266,7 @@ def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual
         assert end.value.stop == refusal.value.stop == robot.stop_to_confirm
         robot.recover(confirm=robot.stop_to_confirm)
         assert robot.stop_to_confirm == ""
-        robot.right.move_to(TURNED, speed=1.0, timeout=TIMEOUT)
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
         assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
 
 
@@ -283,9 +283,9 @@ def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(own_
 def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual: VirtualRobot) -> None:
     async def script() -> None:
         async with yumi.connect_async(**own_virtual.options) as robot:
-            await robot.move_to(right=TURNED, left=LEFT, speed=1.0, timeout=TIMEOUT)
+            await robot.move_to(right=TURNED, left=LEFT, speed_scale=1.0, timeout=TIMEOUT)
             assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-            task = asyncio.create_task(robot.right.move_to(FAR, speed=0.05))
+            task = asyncio.create_task(robot.right.move_to(FAR, speed_scale=0.05))
             await robot.left.gripper.close()
             task.cancel()
             with pytest.raises(asyncio.CancelledError):

@@ -47,7 +47,9 @@ class Rig:
         """Both arms swing, and have done so for some time."""
         if not self._motions or any(motion.is_done for motion in self._motions):
             self._robot.recover()
-            self._robot.move_to(right=swing(Side.RIGHT, 0.0), left=swing(Side.LEFT, 0.0), speed=1.0, acceleration=1.0)
+            self._robot.move_to(
+                right=swing(Side.RIGHT, 0.0), left=swing(Side.LEFT, 0.0), speed_scale=1.0, acceleration=1.0
+            )
             right, left = (_trajectory(side) for side in (Side.RIGHT, Side.LEFT))
             self._motions = self._robot.follow(right=right, left=left, wait=False)
             self._controller.read()

@@ -282,5 +282,6 @@ class AsyncRobot:
     plan_to = awaited(Robot.plan_to)
     execute = awaited(Robot.execute)
     stop = awaited(Robot.stop)
+    allow_collision = awaited(Robot.allow_collision)
     recover = awaited(Robot.recover)
     describe = awaited(Robot.describe)

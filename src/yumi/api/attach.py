@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from math import isfinite
 from types import TracebackType
 from typing import Literal, TypeVar
@@ -183,6 +184,16 @@ class RunningDriver:
             speed=speed,
         )
         return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
+
+    def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
+        """Let two parts touch for a while, as :meth:`yumi.api.robot.Robot.allow_collision`, which raises the same.
+
+        They are kept apart again, too, when this program disconnects or ends.
+        """
+        self._ask(wire.AllowCollision(part=part, other=other, seconds=float(seconds)), str)
+        end = ExitStack()
+        end.callback(lambda: self._ask(wire.AllowCollision(part=part, other=other, seconds=0.0), str))
+        return end
 
     def jog(self, arm: wire.Arm, speeds: Sequence[float]) -> None:
         """Move an arm with joint speeds [rad/s], (7,) in chain order, for 0.06 s; call it again while it is to move.

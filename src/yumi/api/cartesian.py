@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import isfinite
 from typing import Any, SupportsFloat
 
+from yumi.control.tool_limits import ToolLimits
 from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused
@@ -221,9 +222,9 @@ class Path:
 
 
 def planned(
-    paths: Mapping[Side, Path], limits: JointLimits
+    paths: Mapping[Side, Path], limits: JointLimits, within: ToolLimits
 ) -> Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]:
-    """Plans paths from where the arms stand; several end at the same time."""
+    """Plans paths from where the arms stand, within what tools keep; several end at the same time."""
 
     def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
         plans = {
@@ -237,6 +238,7 @@ def planned(
                 turning=path.turning,
                 zone=path.zone,
                 acceleration=path.acceleration,
+                within=within,
             )
             for side, path in paths.items()
         }

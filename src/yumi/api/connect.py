@@ -39,7 +39,7 @@ def connect(
     address: str | None = None,
     *,
     arms: str | Sequence[str] = ("right", "left"),
-    speed: float = 0.5,
+    default_speed_scale: float = 0.5,
     acceleration: float = 0.5,
     speed_scale: float | None = None,
     rws_port: int | None = None,
@@ -67,7 +67,8 @@ def connect(
         address: the controller's, ``host`` or ``host:port``; None takes the settings'. Without a port it is 80, on this
             machine 8080, where ``yumi controller`` serves.
         arms: on which EGM runs; the other one stands still.
-        speed: fraction of the joints' highest speeds, above 0 up to 1, where a motion does not say.
+        default_speed_scale: share of the joints' highest speeds, above 0 up to 1, of a motion that gives no
+            ``speed_scale``.
         acceleration: the same for accelerations and jerks.
         speed_scale: factor on the speed of every motion, 0.01 to 1; None takes the settings': 1 for a robot on this
             machine, 0.1 for any other. See :attr:`yumi.api.robot.Robot.speed_scale`.
@@ -88,7 +89,10 @@ def connect(
     robot = {"user": user, "password": password, "speed_scale": speed_scale}
     settings = settings_for(address, rws_port, robot, where, config)
     return Robot(
-        settings, controllers_for(settings, speed, acceleration, controllers), _sides(arms), on_step or print_step
+        settings,
+        controllers_for(settings, default_speed_scale, acceleration, controllers),
+        _sides(arms),
+        on_step or print_step,
     )
 
 
@@ -130,18 +134,18 @@ def settings_for(
 
 
 def controllers_for(
-    settings: Settings, speed: float, acceleration: float, file: Path | str | None = None
+    settings: Settings, default_speed_scale: float, acceleration: float, file: Path | str | None = None
 ) -> Controllers:
     """The controllers, those for single points with these fractions of the joints' limits and the robot's top speed.
 
     Raises:
         SettingsError: a value is wrong, or a controller is missing.
     """
-    for name, value in (("speed", speed), ("acceleration", acceleration)):
+    for name, value in (("default_speed_scale", default_speed_scale), ("acceleration", acceleration)):
         if not 0.0 < value <= 1.0:  # NaN too
             raise SettingsError(f"connect: {name} is {value}; allowed is above 0 up to 1.")
     scales = {
-        "speed_scale": float(speed),
+        "speed_scale": float(default_speed_scale),
         "acceleration_scale": float(acceleration),
         "top_speed": radians(settings.egm_motion.max_speed_deviation),
     }

@@ -203,6 +203,7 @@ class Connection:
             lambda: manager.speed.in_force,
             {side: each.tool_goals for side, each in buffers.items()},
             {side: each.speeds for side, each in buffers.items()},
+            settings.tool_limits.limits,
         )
 
     def recover(self, confirm: str = "", report: Report | None = None, check: Callable[[], None] = lambda: None) -> str:

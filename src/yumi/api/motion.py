@@ -38,6 +38,7 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import INTERRUPTED, Snapshot, TrajectoryFeedback
+from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
@@ -301,11 +302,7 @@ class MotionRegistry:
     def note(self, event: Event) -> None:
         """Take an event of the control process."""
         if isinstance(event, ControllerReport):
-            report = event.report
-            if isinstance(report, GoalEnded):
-                self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
-            elif isinstance(report, TrajectoryEnded):
-                self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
+            self._note_report(event)
             return
         if not is_fault(event):
             self._log(logging.INFO, self._words(str(event)))
@@ -331,6 +328,15 @@ class MotionRegistry:
             self.explain(end)  # EGM's end arrives before the controller's event that says why
         else:
             end(Cause())
+
+    def _note_report(self, event: ControllerReport) -> None:
+        report = event.report
+        if isinstance(report, GoalEnded):
+            self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
+        elif isinstance(report, TrajectoryEnded):
+            self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
+        elif isinstance(report, ToolLimited):
+            self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
 
     def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
         with self._lock:
@@ -402,6 +408,7 @@ class MotionExecutor:
         speed_scale: the factor on all speeds now.
         tool_goals: the buffer of each arm's stream of poses and velocities of its tool.
         speeds: the buffer of each arm's speeds; without them no arm can be jogged.
+        tool_limits: what tools keep on lines.
     """
 
     def __init__(
@@ -416,9 +423,10 @@ class MotionExecutor:
         speed_scale: Callable[[], float] = lambda: FULL,
         tool_goals: Mapping[Side, Buffer[ToolGoal]] | None = None,
         speeds: Mapping[Side, GoalBuffer] | None = None,
+        tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
     ) -> None:
         self.arms = arms
-        self.limits = limits
+        self.limits, self.tool_limits = limits, tool_limits
         self._tool_goals = tool_goals or {}
         self._speeds = speeds or {}
         self._feedback = feedback or {}
@@ -462,7 +470,7 @@ class MotionExecutor:
     def move(
         self,
         goals: Mapping[Side, Position],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         *,
         others_stay: bool = False,
@@ -470,15 +478,16 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
-        Speed and acceleration are fractions of the joints' limits, above 0 up to 1; None takes the connection's. With
-        ``others_stay`` joints that a goal by name leaves out stay where they were sent last. ``check`` is called right
-        before the motion is sent, and raises where it is not wanted any more.
+        ``speed_scale`` and ``acceleration`` are fractions of the joints' limits, above 0 up to 1; None takes the
+        connection's. With ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
+        ``check`` is called right before the motion is sent, and raises where it is not wanted any more.
 
         Raises:
             CommandRefused: a goal is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
         """
-        speed, acceleration = checked_scale("speed", speed), checked_scale("acceleration", acceleration)
+        speed_scale = checked_scale("speed_scale", speed_scale)
+        acceleration = checked_scale("acceleration", acceleration)
         starts = {side: self.snapshot(side).sent for side in goals}
         checked = {
             side: checked_goal(side, goal, starts[side] if others_stay else None) for side, goal in goals.items()
@@ -486,11 +495,11 @@ class MotionExecutor:
         for side in checked:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
-        limits = {side: self._limits_of_goals(side, speed, acceleration) for side in checked}
+        limits = {side: self._limits_of_goals(side, speed_scale, acceleration) for side in checked}
         check()
         motions = {side: self._motions.begin(side) for side in checked}
         commands = [
-            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed, acceleration))
+            ControllerCommand(side, GOAL_CONTROLLER, JointGoal(goal, motions[side].identity, speed_scale, acceleration))
             for side, goal in checked.items()
         ]
         sent = self._send(commands, tuple(motions.values()))
@@ -505,7 +514,7 @@ class MotionExecutor:
         self,
         goals: Mapping[Side, Position],
         tools: Mapping[Side, Pose],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         line_speed: float | None,
         *,
@@ -514,7 +523,7 @@ class MotionExecutor:
     ) -> tuple[Motion, ...]:
         """Send tools to poses in the body, as x, y, z [m] and, where the orientation does not stay, w, x, y, z.
 
-        On a line ``speed`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
+        On a line ``speed_scale`` is a factor on the tool's ``line_speed`` [m/s] and on its turning.
 
         Raises:
             CommandRefused: a pose is impossible; nothing moves.
@@ -532,8 +541,8 @@ class MotionExecutor:
             positions: dict[Side, Position] = {
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
-            return self.move(positions, speed, acceleration, check=check)
-        scale = checked_scale("speed", speed) or 1.0
+            return self.move(positions, speed_scale, acceleration, check=check)
+        scale = checked_scale("speed_scale", speed_scale) or 1.0
         paths = {
             side: Path(
                 tools[side],
@@ -544,7 +553,7 @@ class MotionExecutor:
             )
             for side, pose in poses.items()
         }
-        return self.follow_path(tuple(paths), planned(paths, self.limits), check)
+        return self.follow_path(tuple(paths), planned(paths, self.limits, self.tool_limits), check)
 
     def follow(
         self,
@@ -807,14 +816,14 @@ class MotionExecutor:
                 "delivered file does."
             )
 
-    def _limits_of_goals(self, side: Side, speed: float | None, acceleration: float | None) -> JointLimits:
+    def _limits_of_goals(self, side: Side, speed_scale: float | None, acceleration: float | None) -> JointLimits:
         """What the controller of single points keeps on an arm."""
         values = {
             it.parameter.name: it.value
             for it in self._control.call(Commands.list_parameters, side, GOAL_CONTROLLER)
             if isinstance(it.value, float)
         }
-        scales = speed or values["speed_scale"], acceleration or values["acceleration_scale"]
+        scales = speed_scale or values["speed_scale"], acceleration or values["acceleration_scale"]
         return slower(YUMI_LIMITS, *scales, values["top_speed"])
 
     def _way_to_goal(self, side: Side, start: Joints, goal: Joints, motion: PointMotion | None) -> Way:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, suppress
 from functools import partial
 from math import isfinite, nan
 from types import TracebackType
@@ -207,7 +208,7 @@ class Arm:
         *,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> Motion:
         """Move to ``position``, all joints together; a motion under way bends into the new one without a stop.
@@ -217,7 +218,7 @@ class Arm:
                 the FlexPendant's order, :func:`yumi.abb_degrees`. Or the name of a pose, see :attr:`poses`.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
+            speed_scale: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
             acceleration: the same for accelerations and jerks.
 
         Returns:
@@ -229,7 +230,7 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         executor = self.executor
-        (motion,) = executor.move({self.side: position}, speed, acceleration)
+        (motion,) = executor.move({self.side: position}, speed_scale, acceleration)
         if wait:
             wait_for((motion,), timeout, executor)
         return motion
@@ -285,7 +286,7 @@ class Arm:
         work_object: PoseLike | str | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> Motion:
         """Move the tool to a pose, all joints together as :meth:`move_to`: RAPID's MoveJ. Its way is not a line.
@@ -298,7 +299,7 @@ class Arm:
             work_object: see ``pose``.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
-            speed: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
+            speed_scale: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
             acceleration: the same for accelerations and jerks.
 
         Returns:
@@ -311,7 +312,7 @@ class Arm:
             GoalNotReached: the motion ended elsewhere; the arm holds.
         """
         goal = self._posture(pose, arm_angle, configuration, tool, work_object)
-        return self.move_to(goal, wait=wait, timeout=timeout, speed=speed, acceleration=acceleration)
+        return self.move_to(goal, wait=wait, timeout=timeout, speed_scale=speed_scale, acceleration=acceleration)
 
     def _posture(
         self,
@@ -408,7 +409,8 @@ class Arm:
         executor = self.executor
         points = way_points(self._frames, poses, work_object, arm_angle)
         path = Path(self._tool(tool), points, speed, turning, zone, acceleration)
-        (motion,) = executor.follow_path((self.side,), planned({self.side: path}, executor.limits))
+        plan = planned({self.side: path}, executor.limits, executor.tool_limits)
+        (motion,) = executor.follow_path((self.side,), plan)
         if wait:
             wait_for((motion,), timeout, executor)
         return motion
@@ -599,7 +601,7 @@ class Robot:
         left: Position | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> tuple[Motion, ...]:
         """Move both arms, beginning in the same cycle; either both move or none.
@@ -614,7 +616,7 @@ class Robot:
         """
         goals: dict[Side, Position] = _named(right, left)
         executor = self.executor
-        motions = executor.move(goals, speed, acceleration)
+        motions = executor.move(goals, speed_scale, acceleration)
         if wait:
             wait_for(motions, timeout, executor)
         return motions
@@ -707,7 +709,7 @@ class Robot:
         left: PoseLike | None = None,
         wait: bool = True,
         timeout: float | None = None,
-        speed: float | None = None,
+        speed_scale: float | None = None,
         acceleration: float | None = None,
     ) -> tuple[Motion, ...]:
         """Move the tools of both arms to poses, beginning in the same cycle; either both move or none.
@@ -722,7 +724,7 @@ class Robot:
             left=goals.get(Side.LEFT),
             wait=wait,
             timeout=timeout,
-            speed=speed,
+            speed_scale=speed_scale,
             acceleration=acceleration,
         )
 
@@ -758,10 +760,44 @@ class Robot:
             )
             for side, given in poses.items()
         }
-        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits))
+        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits, executor.tool_limits))
         if wait:
             wait_for(motions, timeout, executor)
         return motions
+
+    def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
+        """Let two parts touch for a while: handing over, gripping between both arms, placing on a declared table.
+
+        ::
+
+            with robot.allow_collision("right gripper", "left gripper", seconds=20.0):
+                robot.move_linear(right=..., left=..., speed=0.02)
+
+        They are kept apart again at the end of the ``with`` block, or after the time. Until then both arms have a tenth
+        of their speed, and all other parts are kept apart as ever. Parts that touch then may only move apart.
+
+        Args:
+            part: a part as the log names it (``right gripper``), or an arm as a whole (``right arm``).
+            other: a part of the other arm, ``body``, or a declared box (``table``).
+            seconds: for how long, up to 60 s; called again for the same parts, the time begins anew.
+
+        Returns:
+            What ends it, by ``with`` or by ``close()``.
+
+        Raises:
+            CommandRefused: ``collision.enabled`` is false, there are no such parts, the time is out of range, or an arm
+                moves; nothing was changed.
+            RobotNotReady: the robot is not connected, or the control process has ended.
+        """
+        manager, end = self._connected.manager, ExitStack()
+        log.info("%s", manager.allow_collision(part, other, float(seconds)))
+
+        def keep_apart() -> None:
+            with suppress(RobotNotReady):  # the control process has ended, and nothing is allowed any more
+                manager.end_allowed_collision(part, other)
+
+        end.callback(keep_apart)
+        return end
 
     def stop(self) -> None:
         """Bring both arms to rest as fast as their joints may, and return when they stand.

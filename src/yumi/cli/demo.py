@@ -25,7 +25,7 @@ from rich.table import Table
 
 from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot_options, settings_of
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings
+from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, YumiError
 from yumi.process.supervision import Command
@@ -133,7 +133,8 @@ def run_demo(
         command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
         driver = stack.enter_context(command)
         progress.note(driver.wait_until_ready(_READY_TIMEOUT, check, show_announcement))
-        return _run_application(progress, check_driver, ask)
+        approaches = not plan.robot and read_settings().collision.enabled  # as the driver's own
+        return _run_application(progress, check_driver, ask, approaches=approaches)
 
 
 def motions_ahead(start: Mapping[Side, Joints], top_speed: float, speed_scale: float = 1.0) -> str:
@@ -179,13 +180,13 @@ def read_positions(robot: RobotSettings) -> Mapping[Side, Joints]:
 
 
 def _run_application(
-    progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool]
+    progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool], *, approaches: bool
 ) -> Mapping[Side, ArmReport]:
     from yumi.ros.driver import close_ros, open_ros  # noqa: PLC0415 - the command line works without ROS
     from yumi.ros.move_and_grab import MoveAndGrab  # noqa: PLC0415
 
     open_ros()
-    application = MoveAndGrab(progress, check, confirm)
+    application = MoveAndGrab(progress, check, confirm, approaches=approaches)
     try:
         application.run()
     except BaseException:

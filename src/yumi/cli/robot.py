@@ -111,6 +111,8 @@ def _state_lines(state: DriverState) -> list[str]:
             f"operating mode {state.operating_mode}, {state.motors}, RAPID {state.program}, "
             f"speed_scale {state.speed_scale:g}, speed ratio {state.speed_ratio} %"
         )
+    if state.allowed_collisions:
+        lines.append(f"may touch, slowly: {', '.join(state.allowed_collisions)}")
     lines.append(f"cannot move: {state.reason}" if state.reason else "can move")
     if state.cause and state.cause not in state.reason:
         lines.append(f"stopped by: {state.cause}")

@@ -262,6 +262,7 @@ def _endpoint_of(
         lambda: manager.speed.in_force,
         {side: each.tool_goals for side, each in buffers.items()},
         {side: each.speeds for side, each in buffers.items()},
+        settings.tool_limits.limits,
     )
     access = DriverAccess(
         robot=f"{settings.robot.address}:{settings.robot.rws_port}",

@@ -181,6 +181,25 @@ class KeptApart:
 
 
 @dataclass(frozen=True, slots=True)
+class AllowedCollisionsChanged:
+    """Other parts may touch than before, of both arms: see :mod:`yumi.control.allowed_collisions`.
+
+    Attributes:
+        side: has no meaning.
+        pairs: of parts that may touch now.
+    """
+
+    side: Side
+    pairs: tuple[tuple[str, str], ...]
+
+    def __str__(self) -> str:
+        if not self.pairs:
+            return "All parts are kept apart again, and the arms have their speed."
+        allowed = ", ".join(f"{part} - {other}" for part, other in self.pairs)
+        return f"May touch for a while, slowly: {allowed}."
+
+
+@dataclass(frozen=True, slots=True)
 class ControllerFailed:
     """A controller raised an error in its update."""
 
@@ -271,6 +290,7 @@ Event = (
     | ReferencesIgnored
     | ProblemOver
     | KeptApart
+    | AllowedCollisionsChanged
     | ControllerFailed
     | ControllerReport
     | CycleFailed

@@ -775,13 +775,18 @@ class SpeedScale:
 
     Attributes:
         value: the factor in this cycle.
+        highest: it is not above this, whatever is set.
     """
 
     def __init__(self, goal: Buffer[Factor] | None = None) -> None:
         self._goal = goal
         self._rate = 0.0
-        newest = goal.read() if goal else None
-        self.value = newest[1].value if newest else FULL
+        self.highest = FULL
+        self.value = self._set_value()
+
+    def _set_value(self) -> float:
+        newest = self._goal.read() if self._goal else None
+        return min(newest[1].value if newest else FULL, self.highest)
 
     def advance(self, dt: float) -> bool:
         """Go on for ``dt`` [s]; to be called once between two cycles.
@@ -789,10 +794,9 @@ class SpeedScale:
         Returns:
             Whether :attr:`value` has changed.
         """
-        newest = self._goal.read() if self._goal else None
-        if newest is None or (newest[1].value == self.value and not self._rate) or dt <= 0.0:
+        goal, before = self._set_value(), self.value
+        if (goal == before and not self._rate) or dt <= 0.0:
             return False
-        goal, before = newest[1].value, self.value
         self.value, self._rate = ramp_speed(goal, before, self._rate, FULL, _FASTEST, _HARSHEST, dt)
         if min(before, goal) > self.value or self.value > max(before, goal):  # by the last digits of a ramp
             self.value, self._rate = goal, 0.0

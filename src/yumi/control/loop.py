@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.control.collisions import Limited
+from yumi.control.allowed_collisions import AllowedCollisions
+from yumi.control.collisions import CollisionLimiter, Limited
 from yumi.control.controller import Buffer, ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
@@ -60,6 +61,7 @@ class ArmLoop:
         stages: what notes where their time goes; the hardware's own stations too, when it has the same one.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
+        collisions: what keeps both arms apart; None where nothing does.
     """
 
     def __init__(
@@ -73,8 +75,10 @@ class ArmLoop:
         stages: StageClock | None = None,
         period: float = CYCLE,
         speed: SpeedScale | None = None,
+        collisions: CollisionLimiter | None = None,
     ) -> None:
         self.manager = manager
+        self.collisions = collisions
         self._side = side
         self._arm = arm
         self._limiter = limiter
@@ -122,6 +126,15 @@ class ArmLoop:
         problem = self._limiter.problem
         if problem is not Problem.NONE:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the robot follows a command that does not stand."""
+        return self._last is not None and self._last.state.is_running and not self._limiter.is_at_rest
+
+    def cap_speed(self, highest: float) -> None:
+        """Let the speed scale not be above ``highest``, whatever is set."""
+        self._speed.highest = highest
 
     @property
     def position(self) -> Joints | None:
@@ -326,11 +339,17 @@ class Commands:
     Args:
         arms: the arms of the loop.
         now: the time [s].
+
+    Attributes:
+        allowed: parts that may touch, whose time has to be watched.
     """
 
     def __init__(self, arms: Mapping[Side, ArmLoop], now: Callable[[], float]) -> None:
         self._arms = arms
         self._now = now
+        self.allowed = AllowedCollisions(
+            tuple(arms.values()), next((arm.collisions for arm in arms.values()), None), now
+        )
 
     def load_controller(self, side: Side, name: str, kind: str, values: Values | None = None) -> None:
         """Make a controller of type ``kind``, unconfigured, with parameters that differ from their defaults."""
@@ -398,6 +417,14 @@ class Commands:
         info = self._arms[side].manager.set_hardware_state(name, state)
         self._publish(side)
         return info
+
+    def allow_collision(self, part: str, other: str, seconds: float) -> None:
+        """Let two parts touch for a time [s], see :meth:`.AllowedCollisions.allow`."""
+        self.allowed.allow(part, other, seconds)
+
+    def end_allowed_collision(self, part: str, other: str) -> None:
+        """Keep two parts apart again that may touch."""
+        self.allowed.end(part, other)
 
     def commanded_positions(self, *sides: Side) -> Mapping[Side, Joints]:
         """Where each arm's active controller commands it to be [rad], (7,); where it is without one."""

@@ -347,6 +347,16 @@ class SpeedMotion:
             self.position = joints([now + speed * dt for now, speed in zip(base, velocity, strict=True)])
         return ArmCommand(self.position, self._velocity if any(self._velocity) else ZERO)
 
+    def rest_after(self, goal: Joints, dt: float) -> Joints:
+        """Where the joints would come to rest if they braked after a step of ``dt`` [s] towards the speeds ``goal``."""
+        limits, places = self._limits, []
+        for index, speed in enumerate(goal):
+            strength, jerk = _SHARE * limits.acceleration[index], _SHARE * limits.jerk[index]
+            last, rate, top = self._velocity[index], self._rates[index], limits.velocity[index]
+            after, change = ramp_speed(speed, last, rate, top, strength, jerk, dt)
+            places.append(self.position[index] + dt * after + braking_path(after, change, strength, jerk).end)
+        return joints(places)
+
 
 # ---- whole motions
 

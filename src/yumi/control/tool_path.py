@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from math import degrees, hypot, inf, isfinite, pi, tau
 from typing import NamedTuple
 
@@ -28,6 +29,7 @@ from numpy.typing import NDArray
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
 from yumi.control.path_timing import MotionLimits, demand, hermite, rounding
+from yumi.control.tool_limits import FASTEST, ToolLimits
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.differential_kinematics import (
@@ -55,15 +57,13 @@ Array = NDArray[np.float64]
 SPEED = 0.25
 """Of the tool where nothing else is asked for [m/s]: what a robot may have beside people in manual mode."""
 
-FASTEST = 1.5
-"""The tool's highest speed [m/s], ABB's for this robot."""
-
 TURNING = 1.5
 """Speed of the tool's orientation where nothing else is asked for [rad/s]."""
 
 ZONE = 0.01
 """Corners of a path are rounded from so far before them [m], as RAPID's z10."""
 
+_ROUNDED = 1e-6  # [m] a tool at a wall is not beyond it
 _SHARPEST = 1e-4  # [m] of a corner that is passed without a stop
 _ELBOW_TURNS = tuple(sign * each for each in (0.17, 0.35, 0.7, 1.05, 1.4) for sign in (1.0, -1.0))  # [rad] of the elbow
 _ACCELERATION, _JERK = 2.5, 50.0  # of the tool [m/s²], [m/s³]
@@ -409,6 +409,7 @@ def plan_path(
     turning: float = TURNING,
     zone: float = ZONE,
     acceleration: float = 1.0,
+    within: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
 ) -> ArmPlan:
     """The motion of an arm that stands, along straight lines of its tool through waypoints.
 
@@ -422,14 +423,17 @@ def plan_path(
         turning: the highest speed of its orientation and of the elbow [rad/s].
         zone: corners are rounded from so far before them [m].
         acceleration: factor on accelerations and jerks, above 0 up to 1.
+        within: what the tool keeps wherever it goes: it is not faster than that, whatever ``speed`` is.
 
     Raises:
-        CommandRefused: a value is not finite or out of bounds.
+        CommandRefused: a value is not finite or out of bounds, or the path leads through a wall.
         Unreachable: the arm cannot follow the lines; the sentence says from where on.
     """
     _check(waypoints, speed, turning, zone, acceleration)
+    speed = min(speed, within.speed)
     now = wrist_of(side, start)
     here = Waypoint(tool0_to_body(side, start, tool), now.angle)
+    _check_walls([here, *waypoints], within)
     path = ToolPath([here, *waypoints], speed, turning, zone)
     if path.length == 0.0:
         point = TrajectoryPoint(0.0, start)
@@ -477,6 +481,22 @@ def _check(waypoints: Sequence[Waypoint], speed: float, turning: float, zone: fl
     ):
         if not lowest <= value <= highest:
             raise CommandRefused(f"Path refused: {name} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}.")
+
+
+def _check_walls(waypoints: Sequence[Waypoint], within: ToolLimits) -> None:
+    """Refuse lines through walls. A wall is a plane: between two places on its free side no line and no corner is not.
+
+    A tool that is beyond a wall already may not get further.
+    """
+    for wall in within.walls:
+        places = [each.tool.position for each in waypoints]
+        for number, (before, after) in enumerate(pairwise(places), 1):
+            beyond = -wall.distance(after)
+            if beyond > max(0.0, -wall.distance(before)) + _ROUNDED:
+                raise CommandRefused(
+                    f"Path refused: pose {number} is {beyond * 1e3:.0f} mm beyond the wall {wall.name!r} "
+                    "(tool_limits.walls); choose a pose on its free side, or move the wall in yumi.yaml."
+                )
 
 
 FARTHEST = 3.0

@@ -193,6 +193,14 @@ class SetSpeedScale(Request, frozen=True):
     speed_scale: float
 
 
+class AllowCollision(Request, frozen=True):
+    """Let two parts touch for ``seconds``, slowly; 0 ends it, as does the end of the client's connection."""
+
+    part: str
+    other: str
+    seconds: float
+
+
 AnyRequest = (
     GetState
     | Subscribe
@@ -210,6 +218,7 @@ AnyRequest = (
     | JogTool
     | SwitchControllers
     | SetSpeedScale
+    | AllowCollision
 )
 """All that a driver may be asked for; anything else is refused."""
 
@@ -408,6 +417,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         controllers: of each arm.
         grippers: both; None while one is unknown.
         events: the newest lines of the driver's log.
+        allowed_collisions: pairs of parts that may touch now.
     """
 
     time: float
@@ -428,6 +438,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     controllers: dict[str, tuple[ControllerStatus, ...]]
     grippers: dict[str, GripperReport | None]
     events: tuple[EventReport, ...] = ()
+    allowed_collisions: tuple[str, ...] = ()
 
 
 class BoxReport(msgspec.Struct, frozen=True):

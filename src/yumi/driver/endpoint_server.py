@@ -13,7 +13,7 @@ import socket
 import struct
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import FIRST_EXCEPTION, Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for_futures
 from contextlib import ExitStack, suppress
@@ -30,6 +30,7 @@ from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.endpoint import (
     JOG_HOLDS,
     MAX_REQUEST,
+    AllowCollision,
     Answer,
     AnyRequest,
     Arm,
@@ -117,7 +118,7 @@ class Mover(Protocol):
     def move(
         self,
         goals: Mapping[Side, Position],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         *,
         others_stay: bool = False,
@@ -128,7 +129,7 @@ class Mover(Protocol):
         self,
         goals: Mapping[Side, Position],
         tools: Mapping[Side, Pose],
-        speed: float | None,
+        speed_scale: float | None,
         acceleration: float | None,
         line_speed: float | None,
         *,
@@ -309,6 +310,7 @@ class Handlers:
             arms={side.word: self._arm(side, is_connected=robot.is_connected) for side in Side},
             controllers=self.controllers(),
             grippers={side.word: self._gripper(side) for side in Side},
+            allowed_collisions=robot.allowed_collisions,
         )
 
     def controllers(self) -> dict[str, tuple[ControllerStatus, ...]]:
@@ -408,7 +410,7 @@ class Handlers:
         goals = {
             side: goal for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)) if goal is not None
         }
-        speed, acceleration = request.speed_scale, request.acceleration
+        speed_scale, acceleration = request.speed_scale, request.acceleration
         if request.is_pose and request.speed is not None and not request.is_linear:
             raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
         if not request.is_pose and (request.is_linear or request.speed is not None):
@@ -416,10 +418,10 @@ class Handlers:
 
         def begin() -> Sequence[RunningMotion]:
             if not request.is_pose:
-                return access.mover.move(goals, speed, acceleration, others_stay=True, check=caller.check)
+                return access.mover.move(goals, speed_scale, acceleration, others_stay=True, check=caller.check)
             tools = {side: access.manager.tcp(side) for side in goals}
             return access.mover.move_tools(
-                goals, tools, speed, acceleration, request.speed, is_linear=request.is_linear, check=caller.check
+                goals, tools, speed_scale, acceleration, request.speed, is_linear=request.is_linear, check=caller.check
             )
 
         return self._move(tuple(goals), begin, request.timeout, caller)
@@ -480,6 +482,18 @@ class Handlers:
             self._moving.release()
         return ""
 
+    def allow_collision(self, request: AllowCollision, caller: Caller) -> str:
+        manager, part, other = self._access.manager, request.part, request.other
+        if request.seconds == 0.0:
+            return manager.end_allowed_collision(part, other)
+        return manager.allow_collision(part, other, request.seconds)
+
+    def end_allowed_collisions(self, pairs: Collection[tuple[str, str]]) -> None:
+        """Keep apart what a client has let touch that is not there any more."""
+        for part, other in pairs:
+            with suppress(RobotNotReady):  # without the control process nothing is allowed
+                self._access.manager.end_allowed_collision(part, other)
+
     def end_jog(self, arm: Arm, client: object) -> None:
         """Stop an arm that a client has jogged and asks for no more."""
         for side in sides_of((arm,)):
@@ -534,6 +548,7 @@ HANDLERS: Mapping[type[Request], Callable[[Handlers, Any, Caller], object]] = {
     Jog: Handlers.jog,
     JogTool: Handlers.jog,
     SwitchControllers: Handlers.switch,
+    AllowCollision: Handlers.allow_collision,
 }
 """What may be asked for; nothing else is called for a client."""
 
@@ -545,6 +560,7 @@ _AT_ONCE = (
     SetSpeedScale,
     Jog,
     JogTool,
+    AllowCollision,
 )  # these wait for nothing that others have asked for
 
 _requests = msgspec.json.Decoder(AnyRequest)
@@ -560,6 +576,7 @@ class _Client:
         self.pending = 0
         self.subscription: asyncio.Task[None] | None = None
         self.jogs: dict[Arm, asyncio.TimerHandle] = {}  # what ends them
+        self.allowed: set[tuple[str, str]] = set()  # parts that may touch as long as it is there, or for less
         self._loop = loop
 
     def send(self, answer: Answer) -> None:
@@ -696,6 +713,8 @@ class EndpointServer:
             for timer in client.jogs.values():
                 timer.cancel()
             ends = [self._end_jog(client, arm) for arm in client.jogs]
+            if client.allowed:
+                ends.append(self._end_allowed(client))
             writer.close()
             with suppress(ConnectionError):
                 await writer.wait_closed()
@@ -751,6 +770,8 @@ class EndpointServer:
             answer = _failed(request, error)
         if isinstance(request, Jog | JogTool):
             client.call_soon(self._hold_jog, client, request.arm)
+        if isinstance(request, AllowCollision) and answer.error is None:
+            client.call_soon(self._note_allowed, client, request)
         client.send_soon(answer)
 
     def _hold_jog(self, client: _Client, arm: Arm) -> None:
@@ -761,6 +782,17 @@ class EndpointServer:
             self._end_jog(client, arm)
         else:
             client.jogs[arm] = asyncio.get_running_loop().call_later(JOG_HOLDS, self._end_jog, client, arm)
+
+    def _note_allowed(self, client: _Client, request: AllowCollision) -> None:
+        client.allowed.add((request.part, request.other))
+        if client.is_gone:
+            self._end_allowed(client)
+
+    def _end_allowed(self, client: _Client) -> asyncio.Future[None]:
+        """Keep apart what a client has let touch."""
+        pairs, client.allowed = client.allowed, set()
+        handlers = self._handlers
+        return asyncio.get_running_loop().run_in_executor(self._jog_ends, handlers.end_allowed_collisions, pairs)
 
     def _end_jog(self, client: _Client, arm: Arm) -> asyncio.Future[None]:
         return asyncio.get_running_loop().run_in_executor(self._jog_ends, self._handlers.end_jog, arm, client)

@@ -222,6 +222,10 @@ class Snapshots(Protocol):
     def snapshot(self, side: Side) -> Snapshot: ...
 
 
+_LIMITED = 1.5
+"""What limits an arm is reported once a second while it lasts [s]."""
+
+
 class RobotMonitor:
     """What is known of one robot.
 
@@ -238,6 +242,8 @@ class RobotMonitor:
         on_joints: called with an arm and its joints [rad], (7,), when they were read, on the monitor's thread.
         log: logs the changes.
         reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
+        allowed_collisions: pairs of parts that may touch now, a part of the state.
+        limited: what limited each arm last, and when [s].
     """
 
     def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
@@ -246,6 +252,8 @@ class RobotMonitor:
         self.on_joints: Callable[[Side, Joints], None] = lambda side, position: None
         self.log = StateLog(stops, clock)
         self.reads_joints = False
+        self.allowed_collisions: tuple[str, ...] = ()
+        self.limited: dict[Side, tuple[str, float]] = {}
         self._joints: dict[Side, JointStates] = {}
         self._joints_refused: set[Side] = set()
         self._stops = stops
@@ -533,7 +541,13 @@ class RobotMonitor:
             self._state = replace(self._state if state is None else state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
-        live = replace(state, egm=egm_states(self._loop), speed_scale=self._speed.in_force)
+        live = replace(
+            state,
+            egm=egm_states(self._loop),
+            speed_scale=self._speed.in_force,
+            allowed_collisions=self.allowed_collisions,
+            limited_by=tuple(it for it, at in self.limited.values() if self._clock.now() - at < _LIMITED),
+        )
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
             live = replace(live, cause=stop.cause, stop=stop.id)

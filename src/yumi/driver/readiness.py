@@ -72,6 +72,8 @@ class RobotState:
         reason: why EGM can neither be started nor runs (:mod:`yumi.driver.readiness`); empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
+        allowed_collisions: pairs of parts that may touch now, such as ``left gripper - right gripper``.
+        limited_by: the pairs of parts, with their distances, that keep an arm from getting nearer now.
     """
 
     is_connected: bool = False
@@ -86,6 +88,8 @@ class RobotState:
     reason: str = "the controller does not answer"
     cause: str = ""
     stop: str = ""
+    allowed_collisions: tuple[str, ...] = ()
+    limited_by: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """In one line."""
@@ -98,7 +102,8 @@ class RobotState:
         )
         cause = f"; cause: {self.cause}" if self.cause else ""
         stop = f"; waits for a person to confirm the stop {self.stop}" if self.stop else ""
-        return f"operating mode {mode}; controller {controller}; RAPID {rapid}; {arms}{cause}{stop}"
+        allowed = f"; may touch: {', '.join(self.allowed_collisions)}" if self.allowed_collisions else ""
+        return f"operating mode {mode}; controller {controller}; RAPID {rapid}; {arms}{cause}{stop}{allowed}"
 
     @property
     def is_stopped(self) -> bool:

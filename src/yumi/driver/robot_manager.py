@@ -13,7 +13,14 @@ from functools import partial
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.events import Event, RobotStoppedFollowing, SessionLost
+from yumi.control.events import (
+    AllowedCollisionsChanged,
+    ControlProcessEnded,
+    Event,
+    KeptApart,
+    RobotStoppedFollowing,
+    SessionLost,
+)
 from yumi.control.loop import Commands
 from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
 from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl, Watchdog, WatchdogSettings
@@ -87,7 +94,7 @@ class RobotManager:
         self._egm = EgmControl(bringup, control, clock, default, self.watchdog)
         self._recovery = Recovery(bringup, self._egm, control, clock, self._stops)
         self.automatic_recovery = AutomaticRecovery(self, self._log, recovery)
-        self._control = control
+        self._control, self._clock = control, clock
         self._arms = arms
         self._lost_link: set[Side] = set()  # arms whose datagrams ended without a word of the robot
         self._turn = Lock()  # one change at a time; the robot has one state
@@ -142,6 +149,12 @@ class RobotManager:
     def note(self, event: Event) -> None:
         """Take an event of the control process."""
         self._egm.note(event)
+        if isinstance(event, AllowedCollisionsChanged):
+            self.monitor.allowed_collisions = tuple(f"{part} - {other}" for part, other in event.pairs)
+        elif isinstance(event, KeptApart):
+            self.monitor.limited = {**self.monitor.limited, event.side: (str(event.limited), self._clock.now())}
+        elif isinstance(event, ControlProcessEnded):
+            self.monitor.allowed_collisions = ()
         if isinstance(event, SessionLost) and event.deactivated:
             self._lost_link.add(event.side)
         elif isinstance(event, RobotStoppedFollowing) and event.deactivated:
@@ -416,6 +429,21 @@ class RobotManager:
             f"EGM will start on the {side.word} arm with {tool.total.mass:.3f} kg at [{centre}] mm from tool0: tool "
             f"{tool.load.mass:.3f} kg, payload {tool.payload.mass:.3f} kg"
         )
+
+    def allow_collision(self, part: str, other: str, seconds: float) -> str:
+        """Let two parts touch for a time [s], slowly: see :meth:`yumi.api.robot.Robot.allow_collision`.
+
+        Raises:
+            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves.
+            RobotNotReady: the control process has ended.
+        """
+        self._control.call(Commands.allow_collision, part, other, seconds)
+        return f"{part} and {other} may touch for {seconds:g} s, and the arms are slow as long"
+
+    def end_allowed_collision(self, part: str, other: str) -> str:
+        """Keep two parts apart again; nothing where they are. Raises RobotNotReady."""
+        self._control.call(Commands.end_allowed_collision, part, other)
+        return f"{part} and {other} are kept apart"
 
     def tcp(self, side: Side) -> Pose:
         """The frame of an arm's tool in tool0 [m], by :meth:`set_tool` or the settings."""

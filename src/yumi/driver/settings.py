@@ -10,7 +10,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
-from math import inf
+from math import hypot, inf
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
@@ -19,6 +19,7 @@ import yaml
 
 from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
+from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, WatchdogSettings
 from yumi.driver.recovery import RecoverySettings
@@ -230,6 +231,51 @@ def _vector(values: tuple[float, ...]) -> Vector:
 
 
 @dataclass(frozen=True, slots=True)
+class WallSettings:
+    """A plane behind which the tools stay.
+
+    Attributes:
+        point: on it, in ``yumi_body`` [m], (3,).
+        normal: to the side where the tools may be, of any length, (3,).
+
+    Raises:
+        SettingsError: there are not three values, or the normal has no direction.
+    """
+
+    point: tuple[float, ...] = (0.0, 0.0, 0.0)
+    normal: tuple[float, ...] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        for name in ("point", "normal"):
+            _three(f"tool_limits: a wall's {name}", getattr(self, name))
+        if not 1e-6 < hypot(*self.normal) < inf:
+            raise SettingsError("tool_limits: a wall's normal has no direction; give one such as [0, 0, 1].")
+
+
+@dataclass(frozen=True, slots=True)
+class ToolLimitSettings:
+    """What the tools keep on lines and streams of ``cartesian_controller``; motions in joints are not limited by it.
+
+    Attributes:
+        speed: of the tool's centre point, at most [m/s].
+        walls: behind which it stays, by name.
+    """
+
+    speed: float = bounded(FASTEST, 0.01, FASTEST, "m/s")
+    walls: Mapping[str, WallSettings] = field(default_factory=dict)
+
+    @property
+    def limits(self) -> ToolLimits:
+        """The same for controllers and planners."""
+        walls = []
+        for name, wall in self.walls.items():
+            length = hypot(*wall.normal)
+            x, y, z = wall.normal
+            walls.append(Wall(name, _vector(wall.point), (x / length, y / length, z / length)))
+        return ToolLimits(self.speed, tuple(walls))
+
+
+@dataclass(frozen=True, slots=True)
 class RosSettings:
     """The ROS 2 side.
 
@@ -338,6 +384,7 @@ class Settings:
     watchdog: WatchdogSettings = field(default_factory=WatchdogSettings)
     recovery: RecoverySettings = field(default_factory=RecoverySettings)
     collision: CollisionSettings = field(default_factory=CollisionSettings)
+    tool_limits: ToolLimitSettings = field(default_factory=ToolLimitSettings)
     ros: RosSettings = field(default_factory=RosSettings)
     recorder: RecorderSettings = field(default_factory=RecorderSettings)
 

@@ -44,6 +44,7 @@ from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
 from yumi.control.statistics import StageClock
+from yumi.control.tool_limits import ToolLimits
 from yumi.driver.arm import EgmArm
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
@@ -125,6 +126,7 @@ class Place:
         limits: what the joints may do in the robot's EGM motion.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds.
+        tool_limits: what its tool keeps.
     """
 
     name: str
@@ -134,6 +136,7 @@ class Place:
     limits: JointLimits
     period: float
     speed: SpeedScale
+    tool_limits: ToolLimits = ToolLimits()  # noqa: RUF009 - it is frozen
 
 
 def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
@@ -158,7 +161,12 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
         place.speed,
     ),
     CartesianController.kind: lambda place: CartesianController(
-        place.side, place.buffers.tool_goals, place.buffers.tool_path, place.limits, place.speed
+        place.side,
+        place.buffers.tool_goals,
+        place.buffers.tool_path,
+        place.limits,
+        place.speed,
+        place.tool_limits,
     ),
     JointGoalController.kind: lambda place: JointGoalController(
         place.buffers.point_goals, place.limits, place.period, place.speed
@@ -183,6 +191,7 @@ class EgmPlan:
         prefix: before the names of joints.
         collision: what keeps the arms apart.
         grippers: the modules of each gripper.
+        tool_limits: what the tools keep.
     """
 
     listen: str
@@ -196,6 +205,7 @@ class EgmPlan:
     prefix: str = ""
     collision: CollisionSettings = field(default_factory=lambda: CollisionSettings(enabled=False))
     grippers: Mapping[Side, GripperModules] = field(default_factory=lambda: SERVO_GRIPPERS)
+    tool_limits: ToolLimits = ToolLimits()  # noqa: RUF009 - it is frozen
 
     @property
     def addresses(self) -> Mapping[Side, EgmAddress]:
@@ -226,6 +236,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         prefix=settings.ros.prefix,
         collision=settings.collision,
         grippers={side: settings.gripper.modules(side) for side in Side},
+        tool_limits=settings.tool_limits.limits,
     )
 
 
@@ -253,11 +264,14 @@ def _manager_of(
     limits: JointLimits = YUMI_LIMITS,
     period: float = CYCLE,
     speed: SpeedScale | None = None,
+    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
 ) -> ControllerManager:
     speed = speed or SpeedScale()
 
     def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed))
+        return lambda name: make(
+            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
+        )
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
     return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
@@ -280,13 +294,13 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     for side, own in buffers.items():
         socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
-        manager = _manager_of(side, own, halves, plan.limits, plan.period, speed)
+        manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
         arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other), apart)
         recorder = FlightRecorder(own.flight)
-        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed)
+        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed, collisions)
         arms[side] = ConnectedArm(loop, socket)
     return arms
 

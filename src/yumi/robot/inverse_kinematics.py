@@ -74,6 +74,7 @@ _CELL_MARGIN = 0.75  # a cell may hold a root if zero is nearer to its values th
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
 _CONVERGED = 1e-12  # [m], [rad]: near a singularity a joint is off by a million times more
 _SAME = 1e-7  # [rad]
+_AT_LIMIT = 1e-10  # [rad] a joint that is calculated to be so little beyond its limit is at it
 _ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than 90°
 
 
@@ -544,7 +545,11 @@ def _turns(position: Array, limits: JointLimits) -> Iterator[tuple[float, ...]]:
     """The posture with each full turn of each joint that is within the limits."""
     ranges = zip(position.tolist(), limits.lower, limits.upper, strict=True)
     choices = [
-        [value + turn for turn in (-tau, 0.0, tau) if low - _SAME <= value + turn <= high + _SAME]
+        [
+            min(max(value + turn, low), high)
+            for turn in (-tau, 0.0, tau)
+            if low - _AT_LIMIT <= value + turn <= high + _AT_LIMIT
+        ]
         for value, low, high in ranges
     ]
     yield from product(*choices)

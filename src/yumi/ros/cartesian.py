@@ -1,8 +1,9 @@
 """The Cartesian controllers in ROS: lines to poses, and streams of poses and velocities of the tool.
 
 ======================== ========================== ================================================================
-topic                    type                       what it does
+topic or action          type                       what it does
 ======================== ========================== ================================================================
+<controller>/move_linear yumi_interfaces/MoveLinear moves the tool there on a straight line, and says how that ended
 <controller>/target_pose geometry_msgs/PoseStamped  moves the tool there on a straight line; the arm comes to rest first
 <controller>/servo_pose  geometry_msgs/PoseStamped  the next pose of a stream
 <controller>/servo_twist geometry_msgs/TwistStamped the next velocity of a stream; without one the tool stops
@@ -19,29 +20,41 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from itertools import count
 from math import inf, isfinite
+from threading import Event as Flag
+from threading import Lock
+from time import monotonic
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.callback_groups import ReentrantCallbackGroup
+from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind
 from yumi.control.controllers.cartesian import CartesianController, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING
 from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
+from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import Waypoint, check_pose, plan_path
+from yumi.control.trajectory import ArmPlan
 from yumi.driver.control_process import ControlProcess
-from yumi.errors import CommandRefused, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.frames import read_frames
-from yumi.robot.joints import JointLimits, Pose, Side, Vector, joint_names, joints, prefixed
-from yumi.robot.kinematics import IDENTITY, compose, inverse, rotate
+from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, prefixed
+from yumi.robot.kinematics import IDENTITY, compose, inverse, rotate, tool0_to_body
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.messages import pose_of
 from yumi.ros.topics import CommandTopic
 from yumi.settings import number
 
 _BASE = Pose((0.0, 0.0, 0.0), IDENTITY)
-_FIRST_NUMBER = 2**41  # numbers of these motions, beside those of actions and scripts
+_numbers = count(2**41)  # of these motions, beside those of trajectories and scripts
+_FEEDBACK_PERIOD = 0.1  # [s]
+_STANDS_FOR = 0.02  # [s] an arm whose command does not change for so long stands
+_LAST_STOP = 5.0  # [s] an arm has come to rest by then; it takes a tenth of it
 _YOUNG = 0.01  # [s] no timeout is shorter
 _ASKED_FOR = 1.0  # [s] for so long a timeout that was asked for is believed
 
@@ -191,37 +204,56 @@ class TargetPoseTopic(_ToolTopic):
     """Poses to move to on straight lines."""
 
     topic, type, noun = "target_pose", PoseStamped, "Target"
-    _numbers = count(_FIRST_NUMBER)
     limits: JointLimits
+    within = ToolLimits()
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        side, target = self._side, self._pose(message)
-        call = self._control.call
-        values = {it.parameter.name: it.value for it in call(Commands.list_parameters, side, self.controller)}
+        side = self._side
         if max(map(abs, snapshot.velocity)) > STANDING:
             # The line begins where the arm stands: what it follows now ends first.
-            call(Commands.send_commands, ControllerCommand(side, self.controller, CancelTrajectory()))
+            self.command(CancelTrajectory())
             raise CommandRefused(
                 f"Target refused: the {side.word} arm still moved; it stops now. Send the target again when it stands, "
                 "or a stream to servo_pose."
             )
-        start = call(Commands.commanded_positions, side)[side]
+        self.command(FollowTrajectory(self.plan(message, snapshot), next(_numbers)))
+
+    def plan(self, message: Any, snapshot: Snapshot, speed: float = 0.0, angle: float | None = None) -> ArmPlan:
+        """A line to a PoseStamped, from where the arm stands.
+
+        Args:
+            message: where to.
+            snapshot: of the arm, which must not have been stopped since.
+            speed: of the tool at most [m/s]; 0 takes the controller's.
+            angle: of the elbow at the end [rad]; None keeps it where that is possible.
+
+        Raises:
+            CommandRefused: the pose is none, or cannot be reached on a line; or the arm was stopped meanwhile.
+        """
+        side, target, call = self._side, self._pose(message), self._control.call
+        values = {it.parameter.name: it.value for it in call(Commands.list_parameters, side, self.controller)}
         plan = plan_path(
             side,
-            start,
-            [Waypoint(target)],
+            self.commanded(),
+            [Waypoint(target, angle)],
             self.limits,
             tool=self._frames.tcp(side),
-            speed=number(values, "line.speed"),
+            speed=speed or number(values, "line.speed"),
             turning=number(values, "line.turning"),
             acceleration=number(values, "line.acceleration"),
+            within=self.within,
         )
         if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
             raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
-        call(
-            Commands.send_commands,
-            ControllerCommand(side, self.controller, FollowTrajectory(plan, next(self._numbers))),
-        )
+        return plan
+
+    def commanded(self) -> Joints:
+        """Where the arm is commanded to be [rad], (7,)."""
+        return self._control.call(Commands.commanded_positions, self._side)[self._side]
+
+    def command(self, message: FollowTrajectory | CancelTrajectory) -> None:
+        """Have the controller take a command; raises CommandRefused."""
+        self._control.call(Commands.send_commands, ControllerCommand(self._side, self.controller, message))
 
 
 class ServoPoseTopic(_StreamTopic):
@@ -258,18 +290,187 @@ class ServoTwistTopic(_StreamTopic):
         self._goals.write(twist_goal(snapshot.session, twist, tool, is_in_tool=of_tool is not None, time=time))
 
 
-class CartesianTopics:
-    """All topics of one Cartesian controller; the ends of its lines are logged."""
+class _Line:
+    """A goal of the action that has not ended.
 
-    def __init__(self, node: Any, topics: tuple[_ToolTopic, ...]) -> None:
+    Attributes:
+        number: of its motion.
+        is_over: set when it has ended, or must.
+        is_cancelled: whether its client wants no more of it.
+        end: how the controller ended it; None as long as it has not.
+    """
+
+    def __init__(self) -> None:
+        self.number = next(_numbers)
+        self.is_over = Flag()
+        self.is_cancelled = False
+        self.end: TrajectoryEnded | None = None
+
+
+class _Cancelled(Exception):
+    """The client has cancelled the goal before anything moved."""
+
+
+class MoveLinearAction:
+    """Serves ``<controller>/move_linear``.
+
+    A goal that cannot be met is not rejected, since a rejection has no text: it is aborted at once, with the reason. A
+    newer goal takes the place of one that is under way.
+
+    Args:
+        node: the controller's.
+        side: which arm.
+        control: the control process.
+        target: plans the lines.
+        frames: of the robot.
+        base: the name of its base on ``/tf``.
+    """
+
+    def __init__(
+        self, node: Any, side: Side, control: ControlProcess, target: TargetPoseTopic, frames: RobotFrames, base: str
+    ) -> None:
+        self._side, self._target, self._frames, self._base = side, target, frames, base
+        self._feedback = control.buffers[side].tool_path
+        self._ros_clock, self._log = node.get_clock(), node.get_logger()
+        self._lock = Lock()
+        self._open: dict[Any, _Line] = {}  # by the goal's id
+        self._turn = Lock()  # one goal at a time is planned
+        self._server = ActionServer(
+            node,
+            MoveLinear,
+            f"{target.controller}/move_linear",
+            execute_callback=self._execute,
+            cancel_callback=self._cancel,
+            callback_group=ReentrantCallbackGroup(),
+        )
+
+    def on_event(self, event: object) -> bool:
+        """An event of the controller; whether it was about a goal of the action."""
+        with self._lock:
+            if isinstance(event, ControlProcessEnded):
+                for line in self._open.values():
+                    line.is_over.set()
+            if not isinstance(event, TrajectoryEnded):
+                return False
+            for line in self._open.values():
+                if line.number == event.goal:
+                    line.end = event
+                    line.is_over.set()
+                    return True
+        return False
+
+    def destroy(self) -> None:
+        """End; goals that are open are aborted."""
+        with self._lock:
+            for line in self._open.values():
+                line.is_over.set()
+        self._server.destroy()
+
+    def _cancel(self, handle: Any) -> Any:
+        with self._lock:
+            line = self._open.get(bytes(handle.goal_id.uuid))
+        if line is not None:
+            line.is_cancelled = True
+            try:
+                self._target.command(CancelTrajectory(line.number))
+            except YumiError as error:  # it ends as the arm does
+                self._log.info(f"The line could not be cancelled: {error}")
+        return CancelResponse.ACCEPT
+
+    def _execute(self, handle: Any) -> Any:
+        line, goal = _Line(), bytes(handle.goal_id.uuid)
+        with self._lock:
+            self._open[goal] = line
+        result = MoveLinear.Result()
+        try:
+            with self._turn:
+                plan = self._begin(handle, line)
+            while not line.is_over.wait(_FEEDBACK_PERIOD):
+                self._report(handle, line, plan.spline.end)
+            self._finish(handle, line, result)
+        except _Cancelled:
+            result.message = "Cancelled before the arm moved."
+            handle.canceled()
+        except YumiError as error:
+            result.message = str(error)
+            self._log.warning(result.message)
+            handle.abort()
+        finally:
+            with self._lock:
+                del self._open[goal]
+        result.pose = self._pose()
+        return result
+
+    def _begin(self, handle: Any, line: _Line) -> ArmPlan:
+        """Plan a goal from where the arm comes to rest, and have it followed."""
+        target, ask = self._target, handle.request
+        target.check()
+        for name, value in (("speed", ask.speed), ("arm_angle", ask.arm_angle)):
+            if not isfinite(value) or (name == "speed" and value < 0.0):
+                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number, a speed above 0.")
+        deadline, before = monotonic() + _LAST_STOP, target.commanded()
+        while line.is_over.wait(_STANDS_FOR) or before != (now := target.commanded()):
+            if line.is_over.is_set() or monotonic() > deadline:
+                raise CommandRefused(f"Target refused: the {self._side.word} arm did not come to rest.")
+            target.command(CancelTrajectory())
+            before = now
+        plan = target.plan(ask.target_pose, target.check(), ask.speed, ask.arm_angle if ask.turn_elbow else None)
+        if line.is_cancelled:
+            raise _Cancelled
+        target.command(FollowTrajectory(plan, line.number))
+        if line.is_cancelled:  # between the two
+            target.command(CancelTrajectory(line.number))
+        return plan
+
+    def _report(self, handle: Any, line: _Line, duration: float) -> None:
+        newest = self._feedback.read()
+        if newest is None or newest[1].goal != line.number or not handle.is_active:
+            return
+        time, scale = min(max(newest[1].progress, 0.0), duration), newest[1].scale
+        feedback = MoveLinear.Feedback(pose=self._pose(), progress=time / duration if duration else 1.0)
+        feedback.remaining = (duration - time) / scale if scale > 0.0 else inf
+        handle.publish_feedback(feedback)
+
+    def _finish(self, handle: Any, line: _Line, result: Any) -> None:
+        end = line.end
+        if end is None:
+            raise RobotNotReady("The line was ended: the controller was unloaded, or the control process has ended.")
+        result.message, result.success = end.sentence, end.outcome is Outcome.SUCCEEDED
+        if result.success:
+            handle.succeed()
+        elif end.outcome is Outcome.CANCELED and line.is_cancelled:
+            handle.canceled()
+        else:
+            handle.abort()
+
+    def _pose(self) -> Any:
+        """Of the tool, in the robot's base; empty where it is not known."""
+        message, state = PoseStamped(), self._frames.measured(self._side)
+        if state is not None:
+            message.header.frame_id, message.header.stamp = self._base, self._ros_clock.now().to_msg()
+            pose = tool0_to_body(self._side, state.position, self._frames.tcp(self._side))
+            place, turn = message.pose.position, message.pose.orientation
+            place.x, place.y, place.z = pose.position
+            turn.w, turn.x, turn.y, turn.z = pose.orientation
+        return message
+
+
+class CartesianTopics:
+    """All topics of one Cartesian controller, and its action; the ends of other lines are logged."""
+
+    def __init__(self, node: Any, action: MoveLinearAction, topics: tuple[_ToolTopic, ...]) -> None:
         self._log = node.get_logger()
+        self._action = action
         self._topics = topics
 
     def on_event(self, event: Any) -> None:
-        if isinstance(event, TrajectoryEnded):
+        if not self._action.on_event(event) and isinstance(event, TrajectoryEnded):
             (self._log.info if event.outcome is Outcome.SUCCEEDED else self._log.warning)(str(event))
+        if isinstance(event, ToolLimited):
+            self._log.info(str(event))
 
     def destroy(self) -> None:
+        self._action.destroy()
         for topic in self._topics:
             topic.destroy()
 
@@ -280,13 +481,19 @@ def cartesian_interfaces(
     now: Callable[[], float],
     frames: RobotFrames,
     limits: JointLimits,
+    base: str,
+    within: ToolLimits,
 ) -> Mapping[str, MakeInterface]:
-    """What Cartesian controllers offer, by their type; ``streams`` are nodes for streams alone."""
+    """What Cartesian controllers offer, by their type; ``streams`` are nodes for streams alone, ``base`` a frame.
+
+    Lines keep ``limits`` of the joints, and are planned ``within`` those of the tool.
+    """
 
     def make(node: Any, side: Side, name: str) -> CartesianTopics:
         target = TargetPoseTopic(node, side, control, now, name, frames)
-        target.limits = limits
+        target.limits, target.within = limits, within
         streamed = (kind(streams[side], side, control, now, name, frames) for kind in (ServoPoseTopic, ServoTwistTopic))
-        return CartesianTopics(node, (target, *streamed))
+        action = MoveLinearAction(node, side, control, target, frames, base)
+        return CartesianTopics(node, action, (target, *streamed))
 
     return {CartesianController.kind: make}

@@ -7,7 +7,7 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-r/cartesian_controller         target_pose, servo_pose, servo_twist
+r/cartesian_controller         move_linear, target_pose, servo_pose, servo_twist
 r/yumi_topics                  the command topics of controllers, egm_state, gripper/joint_states,
                                gripper/state, gripper/vacuum_1/pressure and object_picked
 r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog_open, jog_close, stop,
@@ -140,7 +140,15 @@ class RosDriver:
         interfaces = {
             **self._trajectories.interfaces,
             **forward_interfaces(self._streams, control, clock.now),
-            **cartesian_interfaces(self._streams, control, clock.now, frames, limits),
+            **cartesian_interfaces(
+                self._streams,
+                control,
+                clock.now,
+                frames,
+                limits,
+                settings.ros.frames + prefixed("yumi_base"),
+                settings.tool_limits.limits,
+            ),
         }
         self._arms = {
             side: ArmManager(

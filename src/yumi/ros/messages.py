@@ -513,6 +513,8 @@ def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateM
         right_egm=state.egm[Side.RIGHT],
         left_egm=state.egm[Side.LEFT],
         speed_ratio=min(max(state.speed_ratio or 0, 0), _PERCENT),
+        allowed_collisions=state.allowed_collisions,
+        limited_by=state.limited_by,
         last_event=controller_event(state.last_event),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import partial
@@ -38,6 +38,12 @@ GOALS: dict[Side, Joints] = {
     Side.LEFT: joints([radians(value) for value in (-39.0, -104.1, 80.0, 8.0, 31.0, 93.0, 57.0)]),
 }
 """Where the arms go, chain order [rad]."""
+
+MEETING: dict[Side, Joints] = {
+    Side.RIGHT: joints([radians(value) for value in (107, -111, -76, 39, -166, 113, -128)]),
+    Side.LEFT: joints([radians(value) for value in (-106, -105, 78, 38, 161, 111, 124)]),
+}
+"""Both tools at the same place in front of the robot, chain order [rad]: no arm gets there beside the other one."""
 
 CLOSE_ENOUGH = radians(0.1)
 """An arm has arrived when every joint is this near to its goal [rad]."""
@@ -193,11 +199,19 @@ class MoveAndGrab:
         progress: shows the steps.
         check: called again and again while waiting; raises when the task must end.
         confirm: asks a person who sees the robot whether it may go on after the stop of this sentence.
+        approaches: whether the arms are sent into each other at the end, so that the driver holds them: for a virtual
+            robot alone, whose driver keeps the arms apart (``collision.enabled``).
     """
 
     def __init__(
-        self, progress: Progress, check: Callable[[], None], confirm: Callable[[str], bool] = lambda _: False
+        self,
+        progress: Progress,
+        check: Callable[[], None],
+        confirm: Callable[[str], bool] = lambda _: False,
+        *,
+        approaches: bool = False,
     ) -> None:
+        self._approaches = approaches
         self.reports = {side: ArmReport() for side in Side}
         self._progress = progress
         self._check = check
@@ -239,6 +253,8 @@ class MoveAndGrab:
         self._wait(lambda: arm.stands and arm.pose is not None, _STATE, f"A pose of the {LIFTED.word} tool at rest")
         low = arm.pose
         self._despite_stops(lambda: self._lift(low))
+        if self._approaches:
+            self._despite_stops(self._approach)
         for side, report in self.reports.items():
             report.grip = grips[side]
             report.missed = (self._arms[side].missed or 0) - missed[side]
@@ -364,6 +380,40 @@ class MoveAndGrab:
         off = max(dist(place[:2], (x, y)) for place in arm.places[begin:])
         self._progress.note(f"the tool was at most {off * 1e3:.2f} mm off the line")
         self._activate(arm, _POINTS, _LINES)
+
+    def _approach(self) -> None:
+        """Send both arms towards the same place, see that they are held before they meet, and send them back."""
+        self._progress.step("send both arms towards the same place: the driver holds them before they meet")
+        both = [side.word for side in Side]
+
+        def go_to(goals: Mapping[Side, Joints]) -> None:
+            for side, arm in self._arms.items():
+                arm.goals.publish(JointState(name=list(joint_names(side)), position=list(goals[side])))
+
+        def pairs() -> list[str]:
+            """Of parts of both arms, what limits them now."""
+            return [pair for pair in self._state.limited_by if all(word in pair for word in both)]
+
+        def check_commanded() -> None:
+            for side, arm in self._arms.items():
+                if not arm.is_commanded:
+                    raise GoalNotReached(f"The {side.word} arm was stopped on its way to the other one.")
+
+        def are_held() -> bool:
+            check_commanded()
+            return bool(pairs()) and all(arm.stands for arm in self._arms.values())
+
+        def are_back() -> bool:
+            check_commanded()
+            return all(arm.error() < CLOSE_ENOUGH for arm in self._arms.values())
+
+        timeout = MOVE_TIMEOUT / self._state.speed_scale
+        go_to(MEETING)
+        self._wait(are_held, timeout, "The driver's holding of the arms")
+        for pair in pairs():
+            self._progress.note(f"held: {pair}; the driver lets them no nearer (collision.margin)")
+        go_to(GOALS)
+        self._wait(are_back, timeout, "The arms' way back")
 
     def _activate(self, arm: _Arm, controller: str, other: str) -> None:
         """Have one controller command an arm in place of another; it may already."""

@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover, SetMode
 from yumi_interfaces.srv import (
+    AllowCollision,
     LoadModule,
     ReadSignal,
     ReadVariable,
@@ -92,6 +93,11 @@ class RobotManagerServices:
             manager.panel.write_variable(request.task, request.module, request.name, request.value)
             return f"{request.task}/{request.module}/{request.name} is {request.value}"
 
+        def allow_collision(request: Any) -> str:
+            if request.seconds == 0.0:
+                return manager.end_allowed_collision(request.part, request.other)
+            return manager.allow_collision(request.part, request.other, request.seconds)
+
         triggers: dict[str, tuple[_Group, Callable[[], str]]] = {
             "robot_is_ready": (_Group.READ, manager.check_ready),
             "get_state": (_Group.READ, manager.describe),
@@ -119,6 +125,7 @@ class RobotManagerServices:
             ),
             "set_payload": (SetPayload, lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload))),
             "write_signal": (WriteSignal, write_signal),
+            "allow_collision": (AllowCollision, allow_collision),
             "write_variable": (WriteVariable, write_variable),
         }
         reads: dict[str, tuple[Any, Callable[[Any], str]]] = {

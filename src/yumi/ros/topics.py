@@ -139,7 +139,8 @@ class CommandTopic(ABC):
         """How long ago the sender made ``message`` [s]; 0 where its stamp does not say."""
         return 0.0
 
-    def _accept(self, message: Any, time: float) -> None:
+    def check(self) -> Snapshot:
+        """See that a matching controller commands the arm; what is known of it. Raises CommandRefused."""
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
             raise CommandRefused(
@@ -152,6 +153,10 @@ class CommandTopic(ABC):
             raise CommandRefused(
                 f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first: {how}."
             )
+        return snapshot
+
+    def _accept(self, message: Any, time: float) -> None:
+        snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
         self.put(message, snapshot, time, is_new=self._given_in != now)
         self._given_in = now

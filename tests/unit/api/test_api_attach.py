@@ -591,3 +591,24 @@ def test_all_clients_are_served_while_an_arm_comes_to_rest_for_a_jog(driver: Fak
         is_served.set()
         poll_until(lambda: bool(served))
     assert (served, driver.manager.asked) == ([True], ["stop"])
+
+
+PAIR = "right gripper", "left gripper"
+
+
+def test_collision_is_allowed_as_long_as_the_block_lasts(driver: FakeDriver) -> None:
+    with attach() as attached:
+        with attached.allow_collision(*PAIR, seconds=5.0):
+            assert attached.state.allowed_collisions == ("right gripper - left gripper",)
+        assert attached.state.allowed_collisions == ()
+
+
+def test_collision_that_a_client_has_allowed_ends_with_its_connection(driver: FakeDriver) -> None:
+    with attach() as attached, attach() as other:
+        attached.allow_collision(*PAIR, seconds=60.0)
+        attached.close()
+        poll_until(lambda: not other.state.allowed_collisions)
+        other.allow_collision(*PAIR, seconds=60.0)
+        with pytest.raises(CommandRefused, match="there is no shelf"):
+            other.allow_collision("shelf", "left arm", seconds=1.0)
+        assert other.state.allowed_collisions

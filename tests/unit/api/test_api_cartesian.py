@@ -25,6 +25,7 @@ from yumi.api.cartesian import (
 from yumi.api.cartesian import Path as ToolPathOfArm
 from yumi.api.motion import GOAL_CONTROLLER
 from yumi.api.robot import Arm
+from yumi.control.tool_limits import ToolLimits
 from yumi.control.tool_path import SPEED, TURNING, Waypoint
 from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
@@ -90,7 +91,7 @@ def test_both_arms_end_at_the_same_time() -> None:
         x, y, z = (here := tool0_to_body(side, start)).position
         goal = Waypoint(Pose((x, y, z + ways[side]), here.orientation))
         paths[side] = ToolPathOfArm(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
-    plans = planned(paths, YUMI_LIMITS)(starts)
+    plans = planned(paths, YUMI_LIMITS, ToolLimits())(starts)
     assert plans[Side.RIGHT].spline.end == pytest.approx(plans[Side.LEFT].spline.end)
     assert plans[Side.RIGHT].spline.last.time == plans[Side.RIGHT].spline.end
 
@@ -131,7 +132,7 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
 def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     paths: dict[Side, ToolPathOfArm] = {}
 
-    def refuse(asked: dict[Side, ToolPathOfArm], limits: object) -> None:
+    def refuse(asked: dict[Side, ToolPathOfArm], *limits: object) -> None:
         paths.update(asked)
         raise CommandRefused("Enough.")
 

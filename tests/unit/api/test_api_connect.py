@@ -37,8 +37,8 @@ def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, w
     [
         ({"address": ""}, "'' is not an address; give a host name or IPv4 address"),
         ({"address": "robot:http"}, "'robot:http' is not an address; give a host name or IPv4 address"),
-        ({"speed": 0.0}, "connect: speed is 0.0; allowed is above 0 up to 1"),
-        ({"speed": nan}, "connect: speed is nan; allowed is above 0 up to 1"),
+        ({"default_speed_scale": 0.0}, "connect: default_speed_scale is 0.0; allowed is above 0 up to 1"),
+        ({"default_speed_scale": nan}, "connect: default_speed_scale is nan; allowed is above 0 up to 1"),
         ({"acceleration": 1.1}, "connect: acceleration is 1.1; allowed is above 0 up to 1"),
         ({"speed_scale": 0.0}, "connect: robot: speed_scale is 0; allowed is 0.01 to 1"),
         ({"arms": "middle"}, "connect: arms is 'middle'; name 'right', 'left' or both"),
@@ -70,7 +70,7 @@ def test_connect_takes_a_factor_on_all_speeds() -> None:
 
 
 def test_connect_gives_the_shares_to_the_goal_controllers() -> None:
-    for entries in controllers_for(settings_for(NOBODY), speed=0.3, acceleration=0.7).values():
+    for entries in controllers_for(settings_for(NOBODY), default_speed_scale=0.3, acceleration=0.7).values():
         (values,) = [entry.values for entry in entries if entry.name == "joint_goal_controller"]
         assert (values["speed_scale"], values["acceleration_scale"]) == (0.3, 0.7)
         assert values["top_speed"] == pytest.approx(pi)  # MaxSpeedDeviation of the delivered settings
@@ -111,8 +111,8 @@ def test_robot_needs_a_goal_for_one_arm_at_least() -> None:
 
 def test_connect_async_takes_the_same_options() -> None:
     assert isinstance(yumi.connect_async(NOBODY, arms="left"), AsyncRobot)
-    with pytest.raises(SettingsError, match="speed is 2"):
-        yumi.connect_async(NOBODY, speed=2.0)
+    with pytest.raises(SettingsError, match="default_speed_scale is 2"):
+        yumi.connect_async(NOBODY, default_speed_scale=2.0)
 
 
 def test_degrees_become_radians_and_back() -> None:

@@ -73,7 +73,7 @@ class Parent(Source):
 class Arm:
     """An arm that takes 100 ms for a cycle, and fails at the first if it is broken."""
 
-    state = None
+    state = collisions = None
 
     def __init__(self, clock: ManualClock, parent: Parent, *, is_broken: bool) -> None:
         self.manager = SimpleNamespace(deactivate_commanding=self._deactivate)

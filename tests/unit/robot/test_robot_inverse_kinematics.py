@@ -81,6 +81,16 @@ def test_postures_of_a_pose_contain_the_one_it_was_made_from(side: Side, count: 
             tell(f"{(perf_counter() - begin) / done * 1e3:.1f} ms each")
 
 
+@pytest.mark.parametrize(("beyond", "count"), [(0.0, 1), (8e-9, 0), (-8e-9, 1)])
+def test_no_posture_is_beyond_a_limit_by_ever_so_little(beyond: float, count: int) -> None:
+    limit = YUMI_LIMITS.lower[4]
+    position = (-0.7951414, 0.5308771, -0.2870791, -1.7514163, limit - beyond, 0.8505248, 1.0)
+    pose = tool0_to_body(Side.LEFT, position)
+    found = postures(Side.LEFT, pose, arm_angle(Side.LEFT, position))
+    assert all(YUMI_LIMITS.outside(each) is None for each in found)
+    assert sum(np.max(np.abs(np.subtract(each, position))) < 1e-6 for each in found) == count
+
+
 def test_many_poses_at_once_have_the_postures_of_each_alone() -> None:
     side, positions = Side.LEFT, [position for _, position in random_postures(3, 6)]
     poses = [tool0_to_body(side, position) for position in positions]

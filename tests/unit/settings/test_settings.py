@@ -7,6 +7,7 @@ import pytest
 
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.tool_limits import ToolLimits, Wall
 from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
 from yumi.errors import SettingsError
 from yumi.robot.description import SERVO_GRIPPERS
@@ -119,7 +120,18 @@ def test_controllers_are_refused_with_a_sentence(file: Path, text: str, sentence
 def test_every_setting_in_the_delivered_file_is_explained_by_its_class() -> None:
     text = (config_folder() / "yumi.yaml").read_text()
     groups = re.findall(r"^(\w+):$", text, re.MULTILINE)
-    assert groups == ["robot", "egm", "egm_motion", "gripper", "watchdog", "recovery", "collision", "ros", "recorder"]
+    assert groups == [
+        "robot",
+        "egm",
+        "egm_motion",
+        "gripper",
+        "watchdog",
+        "recovery",
+        "collision",
+        "tool_limits",
+        "ros",
+        "recorder",
+    ]
 
 
 def test_overridden_settings_keep_the_others() -> None:
@@ -152,6 +164,15 @@ def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> No
     assert "right needle" not in model.arms[Side.RIGHT].names
 
 
+def test_walls_have_normals_of_length_one(tmp_path: Path) -> None:
+    file = tmp_path / "yumi.yaml"
+    file.write_text("tool_limits: {speed: 0.5, walls: {window: {point: [0.6, 0, 0], normal: [-2, 0, 0]}}}")
+    limits = read_settings(file).tool_limits.limits
+    assert limits == ToolLimits(0.5, (Wall("window", (0.6, 0.0, 0.0), (-1.0, 0.0, 0.0)),))
+    assert limits.walls[0].distance((0.5, 1.0, 1.0)) == pytest.approx(0.1)
+    assert read_settings().tool_limits.limits == ToolLimits(1.5)
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -163,6 +184,10 @@ def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> No
             "boxes: table has no setting 'extent'; it has: position",
         ),
         ("collision: {boxes: {table: {size: wide}}}", "size is 'wide'; it must be a list of numbers."),
+        ("tool_limits: {speed: 2.0}", "tool_limits: speed is 2; allowed is 0.01 to 1.5 m/s."),
+        ("tool_limits: {walls: {window: {point: [1, 2]}}}", "a wall's point has 2 values; give x, y, z."),
+        ("tool_limits: {walls: {window: {normal: [0, 0, 0]}}}", "a wall's normal has no direction"),
+        ("tool_limits: {walls: [window]}", "tool_limits: walls needs a mapping of names, it has ['window']."),
         ("collision: {right_tools: {needle: {radius: 0}}}", "radius is 0; allowed is 0.001 to 0.5 m."),
     ],
 )

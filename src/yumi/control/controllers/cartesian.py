@@ -10,7 +10,7 @@ them down; a joint at the end of its range stays there, and the elbow gives way 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import dist, hypot, inf, isnan, nan, pi, tau
+from math import dist, hypot, inf, isnan, nan, pi, sqrt, tau
 from typing import NamedTuple
 
 from yumi.control.controller import UNKNOWN, Buffer, GoalKind
@@ -19,6 +19,7 @@ from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTra
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import Setpoint, SpeedMotion, ramp_speed, speed_to_stop
 from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tracking import TargetPredictor, TrackingFilter
 from yumi.control.trajectory import ResultCode
 from yumi.robot.differential_kinematics import (
@@ -38,6 +39,7 @@ from yumi.robot.joints import (
     Pose,
     Quaternion,
     Side,
+    Vector,
     joints,
 )
 from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, rotation_vector, tool0_to_body
@@ -123,6 +125,9 @@ _PERIODS = 2.2  # without a pose for so many of its periods a stream has ended
 _LEARNING = 0.2  # weight of one interval in the learned period
 _QUIET = 1.0  # [s] after which a stream that rests has ended
 _MOST_LOCKED = 3
+_SHARE = 0.8  # of the tool's limit on streams: joints that catch up with their target come to more for a moment
+_ROOM = 0.002  # [m] a stream leads the tool so near to a wall
+_CREEPING = 1e-5  # [m] a tool beyond a wall may be led along it
 _FARTHEST_TURN = pi / 2  # [rad] the target's orientation counts from itself again beyond that
 
 
@@ -150,15 +155,25 @@ class _Stream:
     """
 
     def __init__(
-        self, side: Side, tool: Joints, start: Setpoint, limits: JointLimits, tool_limits: JointLimits, stiffness: float
+        self,
+        side: Side,
+        tool: Joints,
+        start: Setpoint,
+        limits: JointLimits,
+        tool_limits: JointLimits,
+        stiffness: float,
+        within: ToolLimits,
     ) -> None:
         self._side = side
+        self._within = within
+        self.wall = ""  # that holds the tool now
         self.tool = tool
         self._tool, self._to_tool0 = pose_of(tool), inverse(pose_of(tool))
         self._limits = limits
         self._tool_limits = tool_limits
         self.predictor, self._filter = TargetPredictor(tool_limits), TrackingFilter(tool_limits)
         self._filter.stiffness = stiffness
+        self._strength, self._jerk = tool_limits.acceleration[0], tool_limits.jerk[0]
         self._weakest_joint = min(limits.acceleration), min(limits.jerk)
         self._joints = SpeedMotion(limits)
         self._joints.go_on(start.position, start.velocity)
@@ -257,6 +272,7 @@ class _Stream:
         if dt > 0.0:
             if hypot(*self._target[3:6]) > _FARTHEST_TURN:
                 self._anchor_here()
+            self.wall = ""
             before = self._pose, self._target[6]
             self._now = wrist_of(self._side, self._joints.position)
             if self._is_twist:
@@ -264,7 +280,8 @@ class _Stream:
             else:
                 target = self.predictor.at(state.time, delay)
                 self._target, self._rates, _ = self._filter.step(target, dt, scale)
-            velocity = self._follow(before, dt, scale)
+                self._target = self._behind_walls(self._target, before[0].position, dt)
+            velocity = self._within_limits(self._follow(before, dt, scale), dt, scale)
         else:
             velocity = self._velocity
         command = self._joints.step(state, velocity, 1.0)
@@ -281,6 +298,38 @@ class _Stream:
         x, y, z, u, v, w, _ = self._target
         return Pose((x, y, z), multiply(self._anchor, quaternion_of((u, v, w))))
 
+    def _behind_walls(self, target: Joints, before: Sequence[float], dt: float) -> Joints:
+        """A target ``dt`` [s] after ``before`` that can stop before each wall, and is no further beyond one."""
+        x, y, z, *others = target
+        place: Vector = (x, y, z)
+        is_held = False
+        for wall in self._within.walls * 2:  # what is moved away from one wall may come to be beyond another one
+            last = wall.distance(before)
+            nearest = last - dt * speed_to_stop(last - _ROOM, 0.5 * self._strength, 0.5 * self._jerk)
+            missing = nearest - wall.distance(place)
+            if missing > 0.0:
+                place, self.wall, is_held = wall.moved(place, missing), wall.name, True
+        return joints([*place, *others]) if is_held else target
+
+    def _within_limits(self, speeds: Joints, dt: float, scale: float) -> Joints:
+        """Speeds of the joints at which the tool is not too fast, and can stop before each wall [rad/s]."""
+        side, position, within = self._side, self._joints.position, self._within
+        here = tool0_to_body(side, position, self._tool).position
+        after = joints([p + _SMALL * speed for p, speed in zip(position, speeds, strict=True)])
+        there = tool0_to_body(side, after, self._tool).position
+        velocity = [(b - a) / _SMALL for a, b in zip(here, there, strict=True)]
+        share = min(1.0, scale * _SHARE * within.speed / max(hypot(*velocity), 1e-9))
+        speeds = speeds if share == 1.0 else joints([share * speed for speed in speeds])
+        if not within.walls:
+            return speeds
+        # Joints that catch up with their target may overshoot it: where they would come to rest decides.
+        end = tool0_to_body(side, self._joints.rest_after(speeds, dt), self._tool).position
+        for wall in within.walls:
+            if wall.distance(end) < min(0.5 * _ROOM, wall.distance(here) - _CREEPING):
+                self.wall = wall.name
+                return ZERO
+        return speeds
+
     def _move_target(self, dt: float, timeout: float, now: float, scale: float) -> None:
         """A velocity moves the target, as far as the tool keeps up with it."""
         goal, limits = self._goal, self._tool_limits
@@ -290,6 +339,11 @@ class _Stream:
         if goal.is_in_tool:
             orientation = self._pose.orientation
             linear, angular = rotate(orientation, linear), rotate(orientation, angular)
+        for wall in self._within.walls:
+            fastest = speed_to_stop(wall.distance(self._target) - _ROOM, 0.5 * self._strength, 0.5 * self._jerk)
+            too_fast = wall.towards(linear) - fastest
+            if too_fast > 0.0:
+                linear, self.wall = wall.moved(linear, too_fast), wall.name
         # Too much is too much in the same direction.
         slower = self._calm * min(
             scale * limits.velocity[0] / max(hypot(*linear), 1e-9),
@@ -308,6 +362,7 @@ class _Stream:
         x, y, z, *_, angle = self._target
         turned = multiply(quaternion_of((wx, wy, wz), dt), self._pose.orientation)
         target = self._numbers(Pose((x + dt * vx, y + dt * vy, z + dt * vz), turned), angle + dt * bend)
+        target = self._behind_walls(target, self._target, dt)
         here = self._numbers(tool0_to_body(self._side, self._joints.position, self._tool), self._now.angle)
         leads = zip(target, here, _LEAD, strict=True)
         self._target = joints([max(at - most, min(at + most, to)) for to, at, most in leads])
@@ -383,6 +438,7 @@ class CartesianController(JointTrajectoryController):
         feedback: where others see how it follows a line.
         limits: what the joints may do.
         speed: the factor on the arm's speed.
+        within: what the tool keeps on streams; lines are planned within it.
     """
 
     kind = "yumi_controllers/CartesianController"
@@ -395,8 +451,12 @@ class CartesianController(JointTrajectoryController):
         feedback: Buffer[TrajectoryFeedback],
         limits: JointLimits = YUMI_LIMITS,
         speed: SpeedScale | None = None,
+        within: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
     ) -> None:
         super().__init__(side, feedback, limits, speed)
+        self._within = within
+        self._held_by, self._held_at = "", -inf
+        self._limited: list[ToolLimited] = []
         self._goals = goals
         self._number = 0
         self._values: Values = {each.name: each.default for each in _PARAMETERS}
@@ -428,9 +488,19 @@ class CartesianController(JointTrajectoryController):
             state, number(values, "tracking.delay"), number(values, "twist.timeout"), self._speed.value
         )
         self._is_judged = False
+        if stream.wall:
+            if stream.wall != self._held_by or state.time - self._held_at > _QUIET:
+                self._limited.append(ToolLimited(stream.wall))
+            self._held_by, self._held_at = stream.wall, state.time
         if stream.is_over(state.time):
             self._rest_at(self._position)
         return command
+
+    def take_reports(self) -> Sequence[object]:
+        reports = super().take_reports()
+        if self._limited:
+            reports, self._limited = [*reports, *self._limited], []
+        return reports
 
     def _take(self, goal: ToolGoal, state: ArmState) -> None:
         stream, values = self._source, self._values
@@ -440,6 +510,9 @@ class CartesianController(JointTrajectoryController):
                 start = start.scaled(self._pace)
             self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A stream of the tool has replaced this motion.")
             speed, turning = number(values, "tool.speed"), number(values, "tool.turning")
+            # Poses are followed in each direction alone.
+            directions = 1.0 if goal.is_twist else sqrt(3.0)
+            speed = min(speed, _SHARE * self._within.speed / directions)
             strength, jerk = number(values, "tool.acceleration"), number(values, "tool.jerk")
             hard, harder = _RADIANS_PER_METRE * strength, _RADIANS_PER_METRE * jerk
             far = (1e6,) * JOINT_COUNT
@@ -451,7 +524,13 @@ class CartesianController(JointTrajectoryController):
                 (jerk, jerk, jerk, harder, harder, harder, harder),
             )
             stream = _Stream(
-                self._side, goal.tool, start, self._limits, tool_limits, number(values, "tracking.stiffness")
+                self._side,
+                goal.tool,
+                start,
+                self._limits,
+                tool_limits,
+                number(values, "tracking.stiffness"),
+                self._within,
             )
             stream.predictor.memory = number(values, "tracking.memory")
             stream.silence = number(values, "tracking.silence")

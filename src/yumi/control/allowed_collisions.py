@@ -1,0 +1,112 @@
+"""Contact on purpose: pairs of parts that may touch for a while, slowly, where the collision limiter is on.
+
+MoveIt's word: an allowed collision matrix. An entry here ends by itself, and as long as there is one no arm is faster
+than :data:`CONTACT_SPEED_SCALE`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Protocol
+
+from yumi.control.collisions import CollisionLimiter
+from yumi.control.events import AllowedCollisionsChanged
+from yumi.control.limiter import FULL
+from yumi.errors import CommandRefused
+from yumi.robot.joints import Side
+
+CONTACT_SPEED_SCALE = 0.1
+"""No arm is faster than this share of its speeds while a collision is allowed."""
+
+LONGEST = 60.0
+"""A collision is allowed for so long at most [s]; asked for again, the time begins anew."""
+
+Pair = tuple[str, str]
+
+
+class Arm(Protocol):
+    """What is needed of an arm's loop."""
+
+    @property
+    def is_moving(self) -> bool:
+        """Whether the arm is commanded to move."""
+
+    def cap_speed(self, highest: float) -> None:
+        """Let no speed scale be higher."""
+
+
+class AllowedCollisions:
+    """The pairs of parts that may touch now.
+
+    Args:
+        arms: both.
+        collisions: what keeps them apart; None where nothing does.
+        now: the time [s].
+    """
+
+    def __init__(self, arms: Sequence[Arm], collisions: CollisionLimiter | None, now: Callable[[], float]) -> None:
+        self._arms, self._collisions, self._now = arms, collisions, now
+        self._until: dict[Pair, float] = {}
+        self._first_end = inf
+        self._events: list[AllowedCollisionsChanged] = []
+
+    def allow(self, part: str, other: str, seconds: float) -> None:
+        """Let two parts touch for a time [s]; the same pair again begins anew.
+
+        Raises:
+            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves.
+        """
+        if self._collisions is None:
+            raise CommandRefused(
+                "There is nothing to allow: nothing keeps the arms apart, as collision.enabled is false in the "
+                "driver's settings."
+            )
+        if not 0.0 < seconds <= LONGEST:  # NaN too
+            raise CommandRefused(
+                f"Collision not allowed: the time is {seconds:g} s; give more than 0, up to {LONGEST:g} s."
+            )
+        if not self._collisions.pairs_of(part, other):
+            raise CommandRefused(
+                f"Collision not allowed: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; "
+                "name them as the log does: 'right gripper', 'left gripper', 'right arm' (all of it), 'body', or a "
+                "declared box."
+            )
+        if not self._until and any(arm.is_moving for arm in self._arms):
+            raise CommandRefused(
+                "Collision not allowed: an arm moves, and contact is for slow motions; wait until both arms stand."
+            )
+        known = _pair(part, other) in self._until
+        self._until[_pair(part, other)] = self._now() + seconds
+        self._first_end = min(self._until.values())
+        if not known:
+            self._permit()
+
+    def end(self, part: str, other: str) -> None:
+        """Keep two parts apart again; nothing where they are."""
+        if self._until.pop(_pair(part, other), None) is not None:
+            self._permit()
+
+    def take_events(self) -> Sequence[AllowedCollisionsChanged]:
+        """End what has lasted its time, and return what has changed since the last call."""
+        if self._now() >= self._first_end:
+            now = self._now()
+            self._until = {pair: until for pair, until in self._until.items() if until > now}
+            self._permit()
+        if not self._events:
+            return ()
+        events, self._events = self._events, []
+        return events
+
+    def _permit(self) -> None:
+        assert self._collisions is not None  # else nothing is allowed
+        self._first_end = min(self._until.values(), default=inf)
+        self._collisions.permit(*self._until)
+        for arm in self._arms:
+            arm.cap_speed(CONTACT_SPEED_SCALE if self._until else FULL)
+        self._events.append(AllowedCollisionsChanged(Side.RIGHT, tuple(self._until)))
+
+
+def _pair(part: str, other: str) -> Pair:
+    """In one order, whichever is named first."""
+    return (part, other) if part <= other else (other, part)
