@@ -10,7 +10,7 @@ import re
 import secrets
 from base64 import b64decode, b64encode
 from binascii import Error as Base64Error
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import md5
 from hmac import compare_digest
@@ -39,19 +39,20 @@ class HttpRequest:
     headers: Headers = ()
     body: bytes = b""
     peer: str = ""
+    _values: dict[str, list[str]] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, value in self.headers:  # once: several are looked up for each request
+            self._values.setdefault(name.lower(), []).append(value)
 
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
-        wanted = name.lower()
-        for key, value in self.headers:
-            if key.lower() == wanted:
-                return value
-        return None
+        values = self._values.get(name.lower())
+        return values[0] if values else None
 
-    def header_values(self, name: str) -> tuple[str, ...]:
+    def header_values(self, name: str) -> Sequence[str]:
         """All values of ``name`` in any case."""
-        wanted = name.lower()
-        return tuple([value for key, value in self.headers if key.lower() == wanted])
+        return self._values.get(name.lower(), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,18 +215,21 @@ class SessionTable:
 
     def find(self, request_cookies: Mapping[str, str], now: float) -> Session | None:
         """The session a request belongs to, by its session cookie."""
-        self._forget_idle(now)
-        return self._sessions.get(request_cookies.get(SESSION_COOKIE, ""))
+        session = self._sessions.get(request_cookies.get(SESSION_COOKIE, ""))
+        if session is not None and _is_idle(session, now):
+            self.close(session)
+            return None
+        return session
 
     def find_by_connection(self, request_cookies: Mapping[str, str]) -> Session | None:
         """The session of a connection cookie; a small number proves nothing: check the digest first."""
         number = request_cookies.get(CONNECTION_COOKIE)
         return next((each for each in self._sessions.values() if number in each.connections.values()), None)
 
-    def alive(self, now: float) -> tuple[str, ...]:
+    def alive(self, now: float) -> Collection[str]:
         """The ids of the sessions that have not expired."""
         self._forget_idle(now)
-        return tuple(self._sessions)
+        return self._sessions.keys()
 
     def keep_alive(self, id: str, now: float) -> None:
         """Note that a session is in use without a request."""
@@ -272,6 +276,9 @@ class SessionTable:
         return (set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
 
     def _forget_idle(self, now: float) -> None:
-        idle = [each for each in self._sessions.values() if now - each.last_used > IDLE_LIFE]
-        for session in idle:
+        for session in [each for each in self._sessions.values() if _is_idle(each, now)]:
             self.close(session)
+
+
+def _is_idle(session: Session, now: float) -> bool:
+    return now - session.last_used > IDLE_LIFE

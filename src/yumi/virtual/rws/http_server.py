@@ -212,7 +212,7 @@ class HttpServer:
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         # Only the head is read so far: a request that may not enter is answered without its body.
-        headers = tuple((name, value) for name, value in request.headers.items())
+        headers = tuple(request.headers.items())
         transport = request.transport
         host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
         incoming = HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")
@@ -233,10 +233,7 @@ class HttpServer:
         if answer is None:
             cut_off(request.transport)
             return web.Response()
-        response = web.Response(status=answer.status, body=answer.body or None)
-        for name, value in answer.headers:
-            response.headers.add(name, value)
-        return response
+        return web.Response(status=answer.status, body=answer.body or None, headers=answer.headers)
 
     def _abort_all(self) -> None:
         server = self._runner.server
