@@ -29,10 +29,13 @@ the [table that directs its requests](../explanation/decisions/0038-table-of-web
 resource also has `?action=show`, the forms of its actions, and takes `json=1`.
 
 Beside the status of success there are 400 for a value or state that does not fit, 401 without login, 403 for what the
-mode, another client's mastership or the state forbids, 404 for what is not there, 405 for another method, 409 for what
-is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and 507 when its limits
-are reached. An operation whose status is 400 or 403 is known and always refused, with the reason. *M* means that the
-mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a parameter may have.
+mode, a missing grant, another client's mastership or the state forbids, 404 for what is not there, 405 for another
+method, 409 for what is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and
+507 when its limits are reached. An operation whose status is 400 or 403 is known and always refused, with the reason.
+*M* means that the mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a
+parameter may have. Without its grant (ABB: User Authorization System) an operation is refused with 403 and code
+-1073445867; a reduction of the speed needs its grant only from 100 % in automatic mode; `bstart` needs `UAS_RESTORE`,
+and `istart`, `pstart` and `xstart` need `UAS_SYSTEM_ADMINISTRATION`.
 """
 
 
@@ -52,8 +55,8 @@ def page() -> str:
     every = [operation for _, each in ordered for operation in each]
     lines.append(f"| All | {_counts(every)} |")
     for name, each in ordered:
-        lines += ["", f"## {name}", "", "| Operation | In the URL | In the body | Status | Mastership |"]
-        lines.append("|---|---|---|--:|---|")
+        lines += ["", f"## {name}", "", "| Operation | In the URL | In the body | Status | Mastership | Grant |"]
+        lines.append("|---|---|---|--:|---|---|")
         lines += map(_line, each)
     return "\n".join(lines) + "\n"
 
@@ -73,7 +76,8 @@ def _line(operation: Operation) -> str:
         letter = "M" if operation.needs_mastership else "m"
         mastership = f"{letter} {operation.needs_mastership or operation.respects_mastership}"
     status = f"{operation.success}: {operation.lacks}" if operation.lacks else str(operation.success)
-    cells = (target, _parameters(operation.query), _parameters(operation.values), status, mastership)
+    grant = "" if operation.needs_grant is None else f"`{operation.needs_grant.value}`"
+    cells = (target, _parameters(operation.query), _parameters(operation.values), status, mastership, grant)
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -30,7 +30,7 @@ from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.documents import decode_form, first_value
-from yumi.rws.types import EventType
+from yumi.rws.types import GRANTS, EventType, Grant
 from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
@@ -171,6 +171,7 @@ class VirtualController:
         rws_port: port of the HTTP server, 0 for any.
         user: user name that may log in.
         password: its password.
+        granted: what the user may do.
         host: address to listen on.
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
@@ -185,6 +186,7 @@ class VirtualController:
         rws_port: int,
         user: str,
         password: str,
+        granted: Collection[Grant] = GRANTS,
         host: str,
         speed: float = 1.0,
         is_started: bool = False,
@@ -200,7 +202,9 @@ class VirtualController:
         self._server = HttpServer(
             self._handle, host=host, port=rws_port, body_limit=self._body_limit, prepare=self._prepare
         )
-        self._service = RwsService(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
+        self._service = RwsService(
+            self.world.controller, user=user, password=password, granted=granted, hang_up=self._server.hang_up
+        )
         self._faults = FaultInjection(self.world, self._service)
         self._background, self._planning = Background(), Background("planning")
         self._last_fault = ""
@@ -330,8 +334,8 @@ class VirtualController:
 
         The answer then finds it done, and raises its errors again.
         """
-        query = request.target.partition("?")[2].split("&")
-        if request.method != "POST" or not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
+        query = request.target.partition("?")[2].split("&") if request.method == "POST" else ()
+        if not {_LOAD_MODULE, _SET_SYMBOL, _RESET_PP} & set(query):
             return None
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 
 from yumi.rws.documents import Argument, Form, Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Event
 from yumi.virtual.rws.files import path_of_file
@@ -125,9 +125,21 @@ _DOMAIN_QUERY: Values = {
 }
 OPERATIONS = (
     Operation("GET", "/rw/elog", get_domains, query={**_LANG, "resource": ("count",)}),
-    Operation("POST", "/rw/elog", lambda controller, _: controller.events.clear(), "clearall"),
+    Operation(
+        "POST",
+        "/rw/elog",
+        lambda controller, _: controller.events.clear(),
+        "clearall",
+        needs_grant=Grant.EVENTLOG_CLEAR,
+    ),
     Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202),
     Operation("GET", "/rw/elog/{domain}", get_messages, query=_DOMAIN_QUERY),
-    Operation("POST", "/rw/elog/{domain}", lambda controller, call: controller.events.clear(_number(call)), "clear"),
+    Operation(
+        "POST",
+        "/rw/elog/{domain}",
+        lambda controller, call: controller.events.clear(_number(call)),
+        "clear",
+        needs_grant=Grant.EVENTLOG_CLEAR,
+    ),
     Operation("GET", "/rw/elog/{domain}/{number}", get_message, query=_LANG),
 )

@@ -9,14 +9,15 @@ from __future__ import annotations
 import logging
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import lru_cache
 from math import inf
 from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError, SettingsError
 from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, decode_form
-from yumi.rws.types import Code
+from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.rws import configuration, ctrl, dialogs, event_log, files, io, motion, panel, rapid, symbols, system
@@ -63,7 +64,8 @@ log = logging.getLogger(__name__)
 class RwsService:
     """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
 
-    ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every connection to the server.
+    ``granted`` is what the user may do; ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every
+    connection to the server.
     """
 
     def __init__(
@@ -72,6 +74,7 @@ class RwsService:
         *,
         user: str,
         password: str,
+        granted: Collection[Grant] = GRANTS,
         make_secret: Callable[[], str] = secrets.token_hex,
         hang_up: Callable[[], None] = lambda: None,
     ) -> None:
@@ -81,7 +84,7 @@ class RwsService:
         self._sessions = SessionTable(make_secret)
         self._nonce_secret = make_secret()[:16]
         self._nonces = 0
-        self._users = Users()
+        self._users = Users(granted)
         self._mastership = Mastership(self._users)
         self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages)
@@ -109,7 +112,8 @@ class RwsService:
         if isinstance(reply, Upgrade):
             return reply
         is_last = (request.header("Connection") or "").lower() == "close"
-        return replace(reply, headers=(*reply.headers, ("Connection", "close" if is_last else "Keep-Alive")))
+        headers = (*reply.headers, ("Connection", "close" if is_last else "Keep-Alive"))
+        return HttpReply(reply.status, headers, reply.body)
 
     def may_enter(self, request: HttpRequest, now: float) -> bool:
         """Whether a request belongs to a session, or has credentials that open one."""
@@ -201,17 +205,14 @@ class RwsService:
     # Answering
 
     def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
-        path, _, query = request.target.partition("?")
-        # A sub-property behind ``;`` shows in the page of its resource anyway.
-        segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
+        segments, query = _parts(request.target)
         host = request.header("Host") or ""
-        full_host = host if re.search(r":\d+$", host) else f"{host}:80"
         call = Call(
             request.method,
             segments,
-            decode_form(query),
+            query,
             session=session.id,
-            host=full_host,
+            host=_with_port(host),
             privilege=self._users.privilege(session.id),
         )
         form = Form.JSON if call.option("json") == "1" else Form.XHTML
@@ -228,6 +229,7 @@ class RwsService:
         except SettingsError as error:
             failure = invalid(str(error))
         except Exception:  # whatever a client sends, the controller goes on
+            path = request.target.partition("?")[0]
             log.exception("%s %s met a fault of the virtual controller", call.method, path)
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
         status = failure.document(segments[1] if len(segments) > 1 else "rw")
@@ -236,19 +238,21 @@ class RwsService:
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         """Check a call against the table, carry it out, and show its result in the client's format."""
-        pairs: Pairs = ()
-        if call.method != "PUT" or call.path[:1] != ("fileservice",):  # which is a file
-            kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
-            if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
-                raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
-            pairs = decode_form(request.body.decode("utf-8", "replace"))
-        call = replace(call, content=request.body, form=pairs)
+        if request.body:
+            pairs: Pairs = ()
+            if call.method != "PUT" or call.path[:1] != ("fileservice",):  # which is a file
+                kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
+                if kind != FORM_TYPE:  # only a body that is there must have its type
+                    raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
+                pairs = decode_form(request.body.decode("utf-8", "replace"))
+            call = replace(call, content=request.body, form=pairs)
         answer: Answer
         is_group = call.path[:1] == ("subscription",) and len(call.path) > 1  # which shows its values
         if call.method == "GET" and call.option("action") == "show" and not is_group:
             operation, answer = None, self._forms(call)
         else:
             operation, call = self._router.find(call)
+            self._users.check(operation, self._controller, call)
             self._mastership.check(operation, call.session)
             operation.check_values(call)
             answer = operation.handler(self._controller, call)
@@ -260,7 +264,8 @@ class RwsService:
         status = 200 if operation is None else operation.success
         if answer is None:
             return HttpReply(status, () if status == NO_CONTENT else (("Content-Type", form.value),))
-        page = replace(answer, base=f"http://{request.header('Host') or ''}{answer.base}")
+        base = f"http://{request.header('Host') or ''}{answer.base}"
+        page = Page(answer.title, base, answer.states, answer.links)
         return HttpReply(status, (("Content-Type", form.value),), write_page(page, form))
 
     def _forms(self, call: Call) -> Page:
@@ -273,6 +278,21 @@ class RwsService:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
         return resource(call.path[0], "/", "/".join(call.path), *states)
+
+
+@lru_cache(1024)
+def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:
+    """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
+
+    A sub-property shows in the page of its resource anyway.
+    """
+    path, _, query = target.partition("?")
+    return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
+
+
+@lru_cache(64)
+def _with_port(host: str) -> str:
+    return host if re.search(r":\d+$", host) else f"{host}:80"
 
 
 def _cookies(request: HttpRequest) -> dict[str, str]:

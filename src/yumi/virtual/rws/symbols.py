@@ -18,7 +18,7 @@ from yumi.rapid.program import LoadedModule, UserRoutine
 from yumi.rapid.task import Task
 from yumi.rapid.types import Variable
 from yumi.rws.documents import Form, Page, State
-from yumi.rws.types import Code, RapidValue, decode
+from yumi.rws.types import Code, Grant, RapidValue, decode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
@@ -512,7 +512,15 @@ _MODULE_QUERY: Values = {
 OPERATIONS = (
     Operation("GET", _MODULES, get_modules, query=_OF_TASK),
     Operation("GET", _MODULES, refuse_positions, resource="mod-possible-all", status=400),
-    Operation("POST", _MODULES, refuse_positions, "modify-all-position", _POSITIONS, status=400),
+    Operation(
+        "POST",
+        _MODULES,
+        refuse_positions,
+        "modify-all-position",
+        _POSITIONS,
+        status=400,
+        needs_grant=Grant.RAPID_MODPOS,
+    ),
     Operation("GET", _MODULE, get_module, query=_MODULE_QUERY),
     Operation("GET", _MODULE, get_module_text, resource="module-text", query=_OF_TASK),
     Operation("GET", _MODULE, get_module_changes, resource="change-count", query=_OF_TASK),
@@ -520,17 +528,52 @@ OPERATIONS = (
     Operation("GET", _MODULE, get_sync_status, resource="syncper-status", query=_OF_TASK),
     Operation("GET", _MODULE, get_symbol_at, resource="module-symbol", query={**_OF_TASK, "row": (), "col": ()}),
     Operation("GET", _MODULE, refuse_positions, resource="mod-possible", query=_RANGE, status=400),
-    Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK),
-    Operation("POST", _MODULE, set_text_range, "set-text-range", _TEXT, "rapid"),
-    Operation("POST", _MODULE, set_module_text, "set-module-text", {"text": ()}, "rapid", query=_OF_TASK, status=200),
-    Operation("POST", _MODULE, refuse_positions, "modify-position", _POSITIONS, query=_OF_TASK, status=400),
+    Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK, needs_grant=Grant.BACKUP),
+    Operation("POST", _MODULE, set_text_range, "set-text-range", _TEXT, "rapid", needs_grant=Grant.RAPID_EDIT),
+    Operation(
+        "POST",
+        _MODULE,
+        set_module_text,
+        "set-module-text",
+        {"text": ()},
+        "rapid",
+        query=_OF_TASK,
+        status=200,
+        needs_grant=Grant.RAPID_EDIT,
+    ),
+    Operation(
+        "POST",
+        _MODULE,
+        refuse_positions,
+        "modify-position",
+        _POSITIONS,
+        query=_OF_TASK,
+        status=400,
+        needs_grant=Grant.RAPID_MODPOS,
+    ),
     Operation("GET", f"{_MODULE}/routine", get_routine_at, query={**_OF_TASK, "row": (), "column": ()}),
     Operation("GET", "/rw/rapid/modules/{task}/{module}/routines", get_routines),
     Operation("GET", "/rw/rapid/symbols", get_symbols),
     Operation("POST", "/rw/rapid/symbols", search, "search-symbols", _SEARCH, status=200),
     Operation("GET", _SYMBOL, get_symbol, query={"value": ("raw",)}),
-    Operation("POST", _SYMBOL, set_symbol, "set", {"value": ()}, respects_mastership="rapid"),
-    Operation("POST", _SYMBOL, set_initial_value, "setInitValue", {"value": ()}, respects_mastership="rapid"),
+    Operation(
+        "POST",
+        _SYMBOL,
+        set_symbol,
+        "set",
+        {"value": ()},
+        respects_mastership="rapid",
+        needs_grant=Grant.RAPID_CURRVALUE,
+    ),
+    Operation(
+        "POST",
+        _SYMBOL,
+        set_initial_value,
+        "setInitValue",
+        {"value": ()},
+        respects_mastership="rapid",
+        needs_grant=Grant.RAPID_EDIT,
+    ),
     Operation("POST", "/rw/rapid/symbol/data", validate, "validate", {"task": (), "value": (), "datatype": ()}),
     Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
 )
