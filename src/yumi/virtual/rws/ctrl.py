@@ -104,7 +104,7 @@ def _shown_time(controller: Irc5) -> str:
 
 
 def get_clock(controller: Irc5, call: Call) -> Page:
-    links = (entry("ctrl-timezone-li", "timezone", "clock/timezone"), entry("ctrl-timeserver-li", "timeserver"))
+    links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = State("ctrl-clock-info", "clock", {"datetime": _shown_time(controller)})
     return resource("ctrl", _BASE, "clock", state, *links)
 
@@ -305,9 +305,9 @@ def check_restore(controller: Irc5, call: Call) -> Page:
 
 
 def get_backup_info(controller: Irc5, call: Call) -> Page:
-    path = _backup_path(call, call.option("backup-path") or "")
-    fields = {"system-name": check_backup(controller, path)}
-    return resource("ctrl", "/ctrl/backup/", "info", State("ctrl-backup-info", "info", fields))
+    asked = call.option("backup-path") or ""
+    fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
+    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", State("ctrl-backup-info", "info", fields))
 
 
 def get_compress(controller: Irc5, call: Call) -> Page:
@@ -378,7 +378,8 @@ def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
 
 
 def get_systems(controller: Irc5, call: Call) -> Page:
-    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", controller.identity.system_name))
+    name = controller.identity.system_name
+    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
 
 
 def get_one_system(controller: Irc5, call: Call) -> Page:

@@ -60,7 +60,8 @@ def get_messages(controller: Irc5, call: Call) -> Page:
     size = min(call.number_option("limit", _PAGE), _PAGE)
     number = max(call.number_option("start", 1), 1)
     shown = ordered[(number - 1) * size : number * size]
-    more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(ordered) else None
+    asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
+    more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
     states = (_message("elog-message-li", domain, event, call) for event in shown)
     return resource("Elog", _BASE, str(domain), *states, next_href=more)
 

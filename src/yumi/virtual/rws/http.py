@@ -71,7 +71,8 @@ class HttpReply:
 OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
-_REQUIRED = ("username", "realm", "nonce", "uri", "response", "nc", "cnonce")
+_REQUIRED = ("username", "realm", "nonce", "uri", "response")
+_WITH_QOP = ("nc", "cnonce")
 _PARAMS = re.compile(r";[^/]*$")  # of the last segment of a path
 _PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
@@ -96,7 +97,10 @@ class Challenge:
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """What a client answers in ``Authorization``; ``nc`` stays text, the controller does not count it."""
+    """What a client answers in ``Authorization``; ``nc`` stays text, the controller does not count it.
+
+    Without ``qop``, as in RFC 2069, which Appweb accepts, ``nc`` and ``cnonce`` are empty.
+    """
 
     user: str
     realm: str
@@ -117,10 +121,13 @@ def read_credentials(header: str) -> Credentials:
     if scheme.lower() != "digest":
         raise ProtocolError(f"Robot Web Services logs in with HTTP digest, not with {scheme!r}.")
     found = {key.lower(): re.sub(r"\\(.)", r"\1", quoted) or bare for key, quoted, bare in _PARAMETER.findall(rest)}
-    missing = [name for name in _REQUIRED if name not in found]
+    required = (*_REQUIRED, *(_WITH_QOP if "qop" in found else ()))
+    missing = [name for name in required if name not in found]
     if missing:
         raise ProtocolError(f"The digest header lacks {', '.join(missing)}.")
-    return Credentials(*(found[name] for name in _REQUIRED))
+    user, realm, nonce, uri, response = (found[name] for name in _REQUIRED)
+    nc, cnonce = (found[name] if "qop" in found else "" for name in _WITH_QOP)
+    return Credentials(user, realm, nonce, uri, response, nc, cnonce)
 
 
 def is_genuine(credentials: Credentials, *, user: str, password: str, method: str, target: str) -> bool:
@@ -134,7 +141,8 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     if credentials.realm != REALM or unquote(credentials.uri) not in meant:
         return False
     secret = _md5(f"{user}:{credentials.realm}:{password}")
-    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth"
+    has_qop = credentials.nc or credentials.cnonce
+    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth" if has_qop else credentials.nonce
     expected = _md5(f"{secret}:{count}:" + _md5(f"{method}:{credentials.uri}"))
     same_user = compare_digest(_bytes(credentials.user), _bytes(user))
     return compare_digest(_bytes(credentials.response.lower()), _bytes(expected)) and same_user
@@ -173,7 +181,7 @@ def set_cookie(name: str, value: str) -> str:
 def read_cookies(headers: Iterable[str]) -> dict[str, str]:
     """The cookies of a request, from all its ``Cookie`` values."""
     pairs = (part.partition("=") for header in headers for part in header.split(";"))
-    return {name.strip(): value.strip() for name, _, value in pairs if name.strip()}
+    return {name.strip(): value.strip().strip('"') for name, _, value in pairs if name.strip()}
 
 
 MAX_SESSIONS = 70

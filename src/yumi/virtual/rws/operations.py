@@ -41,6 +41,8 @@ class Failure(YumiError):
     def document(self, service: str) -> Status:
         """The error document, its message in the controller's shape (reference/rws.md §3.4)."""
         sentence = str(self).rstrip(".")
+        if service == "fileservice":
+            return Status(int(self.code), f"{sentence} {int(self.code)} -1")
         message = f"rws_resource_{service}.cpp[1] {sentence} code:{int(self.code)} icode:-1"
         return Status(int(self.code), message)
 
@@ -260,12 +262,12 @@ class Router:
             raise Failure(404, Code.FAIL, f"there is no resource {path}")
         if status:
             raise Failure(405, Code.NOTIMPL, f"{call.method} is not possible on {path}")
-        action, wanted = call.option("action"), call.option("resource")
+        action, wanted = call.option("action"), call.option("resource") or None  # an empty one is none
         fitting = [each for each in alternatives if each.action == action]
         if call.method != "POST":  # an action of POST changes something; elsewhere an unknown one is ignored
             fitting = fitting or [each for each in alternatives if each.action is None]
         if not fitting:
-            raise invalid(f"{path} does not have the action {action!r}")
+            raise invalid(f"{path} {'needs an action' if action is None else f'does not have the action {action!r}'}")
         for operation in sorted(fitting, key=lambda each: each.resource != wanted):
             if operation.resource == wanted or (operation.resource is None and "resource" in operation.query):
                 return operation, replace(call, names=names)
@@ -296,7 +298,7 @@ class Router:
 
 def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
     """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
-    links = (Link("self", href), Link("action", f"{href}?action=show"))
+    links = (Link("self", href), Link("action", f"{href}{'&' if '?' in href else '?'}action=show"))
     more = () if next_href is None else (Link("next", next_href),)
     return Page(title, base, states, links + more)
 

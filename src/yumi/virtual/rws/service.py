@@ -108,12 +108,7 @@ class RwsService:
         if self._controller.is_restarting:
             return None
         busy = _plain(503, "The controller is busy.")
-        reply = busy if now < self._busy_until else self._authorized(request, now)
-        if isinstance(reply, Upgrade):
-            return reply
-        is_last = (request.header("Connection") or "").lower() == "close"
-        headers = (*reply.headers, ("Connection", "close" if is_last else "Keep-Alive"))
-        return HttpReply(reply.status, headers, reply.body)
+        return busy if now < self._busy_until else self._authorized(request, now)
 
     def may_enter(self, request: HttpRequest, now: float) -> bool:
         """Whether a request belongs to a session, or has credentials that open one."""
@@ -232,8 +227,9 @@ class RwsService:
             path = request.target.partition("?")[0]
             log.exception("%s %s met a fault of the virtual controller", call.method, path)
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
-        status = failure.document(segments[1] if len(segments) > 1 else "rw")
-        body = write_status(status, form, base=f"http://{host}/")
+        service = next((part for part in segments if part != "rw"), "rw")
+        title = "Error" if service == "fileservice" else "rw"
+        body = write_status(failure.document(service), form, base=f"http://{host}/", title=title)
         return HttpReply(failure.status, (("Content-Type", form.value),), body)
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
