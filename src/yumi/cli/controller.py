@@ -88,7 +88,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     "--without-grant",
     "missing_grants",
     multiple=True,
-    type=click.Choice([each.value for each in GRANTS], case_sensitive=False),
+    type=click.Choice([each.value for each in GRANTS]),
     metavar="GRANT",
     help="What the user may not do, such as UAS_IO_WRITE: it is refused with 403. May be repeated.",
 )

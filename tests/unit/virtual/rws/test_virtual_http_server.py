@@ -261,7 +261,7 @@ def received(*parts: bytes, until: bytes = b"", limit: int = 1000) -> bytes:
     ("request_line", "header", "connection"),
     [
         (GET, b"Connection: close\r\n", b"close"),
-        (GET, b"connection: TE, close\r\n", b"close"),
+        (GET, b"connection: X-Hop, close\r\n", b"close"),
         (GET, b"", b"Keep-Alive"),
         (b"GET /rw HTTP/1.0\r\nHost: robot\r\n", b"", b"close"),
         (b"GET /rw HTTP/1.0\r\nHost: robot\r\n", b"Connection: keep-alive\r\n", b"Keep-Alive"),
