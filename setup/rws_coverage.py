@@ -30,10 +30,13 @@ the [table that directs its requests](../explanation/decisions/0038-table-of-web
 resource also has `?action=show`, the forms of its actions, and takes `json=1`.
 
 Beside the status of success there are 400 for a value or state that does not fit, 401 without login, 403 for what the
-mode, another client's mastership or the state forbids, 404 for what is not there, 405 for another method, 409 for what
-is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and 507 when its limits
-are reached. An operation whose status is 400 or 403 is known and always refused, with the reason. *M* means that the
-mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a parameter may have.
+mode, a missing grant, another client's mastership or the state forbids, 404 for what is not there, 405 for another
+method, 409 for what is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and
+507 when its limits are reached. An operation whose status is 400 or 403 is known and always refused, with the reason.
+*M* means that the mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a
+parameter may have. Without its grant (ABB: User Authorization System) an operation is refused with 403 and code
+-1073445867; a reduction of the speed needs its grant only from 100 % in automatic mode; `bstart` needs `UAS_RESTORE`,
+and `istart`, `pstart` and `xstart` need `UAS_SYSTEM_ADMINISTRATION`.
 
 *RWS 2.0* is what `yumi controller --robotware 7` calls the operation: *same* where method and path are the same,
 nothing where it has none; {second} operations of 2.0 are answered as {first} of these
@@ -65,9 +68,9 @@ def page() -> str:
     for operation in operations():
         services.setdefault(operation.service, []).append(operation)
     second = second_names()
-    head = _HEAD.format(second=sum(map(len, second.values())), first=len(second))
+    introduction = _HEAD.format(second=sum(map(len, second.values())), first=len(second))
     lines = [
-        head,
+        introduction,
         "| Service | Operations | Answered | Refused | Not there | In RWS 2.0 |",
         "|---|--:|--:|--:|--:|--:|",
     ]
@@ -76,8 +79,13 @@ def page() -> str:
     every = [operation for _, each in ordered for operation in each]
     lines.append(f"| All | {_counts(every, second)} |")
     for name, each in ordered:
-        lines += ["", f"## {name}", "", "| Operation | In the URL | In the body | Status | Mastership | RWS 2.0 |"]
-        lines.append("|---|---|---|--:|---|---|")
+        lines += [
+            "",
+            f"## {name}",
+            "",
+            "| Operation | In the URL | In the body | Status | Mastership | Grant | RWS 2.0 |",
+        ]
+        lines.append("|---|---|---|--:|---|---|---|")
         lines += [_line(operation, second.get(_key(operation), [])) for operation in each]
     return "\n".join(lines) + "\n"
 
@@ -101,8 +109,9 @@ def _line(operation: Operation, second: Sequence[str]) -> str:
         letter = "M" if operation.needs_mastership else "m"
         mastership = f"{letter} {operation.needs_mastership or operation.respects_mastership}"
     status = f"{operation.success}: {operation.lacks}" if operation.lacks else str(operation.success)
+    grant = "" if operation.needs_grant is None else f"`{operation.needs_grant.value}`"
     parameters = (_parameters(operation.query), _parameters(operation.values))
-    cells = (f"`{_target(operation)}`", *parameters, status, mastership, ", ".join(second))
+    cells = (f"`{_target(operation)}`", *parameters, status, mastership, grant, ", ".join(second))
     return f"| {' | '.join(cells)} |".replace("|  |", "| |").replace("|  |", "| |")
 
 

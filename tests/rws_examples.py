@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from math import degrees
 
@@ -10,7 +10,7 @@ from digest_client import authorization
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.kinematics import tool0_to_body
 from yumi.rws.documents import FORM_TYPE
-from yumi.rws.types import OperatingMode
+from yumi.rws.types import GRANTS, Grant, OperatingMode
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
@@ -291,15 +291,19 @@ class Example:
     form: str = ""
     before: tuple[str, ...] = ()
 
-    def send(self, session: Session, form: str = "") -> HttpReply:
-        """Send it after its setups; ``form`` is ``json`` for JSON."""
+    def send(self, session: Session, form: str = "", granted: Collection[Grant] = GRANTS) -> HttpReply:
+        """Send it after its setups; ``form`` is ``json`` for JSON, and ``granted`` what the user may do by then."""
         session.reset()
         for name in self.before:
             session.prepare(name)
         target, body = self.target, self.form
         for name, value in _made(session).items():
             target, body = target.replace(f"{{{name}}}", value), body.replace(f"{{{name}}}", value)
-        return session.show(self.method, target, body, form)
+        session.service._users.granted = granted
+        try:
+            return session.show(self.method, target, body, form)
+        finally:
+            session.service._users.granted = GRANTS
 
 
 def example(line: str) -> Example:

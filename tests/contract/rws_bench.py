@@ -38,6 +38,7 @@ class PlainTask:
 
     entry = "main"
     call_stack = ()
+    is_empty = False
     library = Library()
     program = None
 

@@ -16,12 +16,15 @@ from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection
 from yumi.rws.client import RwsClient
 from yumi.rws.events import EXECUTION, SPEED_RATIO, Change, Interruption
-from yumi.rws.transport import ConnectionLost
+from yumi.rws.transport import AnswerTimeout, ConnectionLost
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
 
 SHARE = 0.2
 """Of the requests, something happens to so many."""
+
+KINDS = ("dropped", "lost", "too late", "busy", "forgotten", "restarted")
+"""A reset before the controller has the request, a reset and a timeout after it, 503, 401, and a restart."""
 
 
 class Unreliable(MemoryHttp):
@@ -31,6 +34,7 @@ class Unreliable(MemoryHttp):
         happened: how often each.
         sessions: those that the client may hold: given to it, and not forgotten by the controller since.
         most: the largest number of them at a time.
+        share: of the requests, something happens to so many.
     """
 
     def __init__(self, controller: PlainController, clock: ManualClock, seed: int) -> None:
@@ -38,14 +42,14 @@ class Unreliable(MemoryHttp):
         self.happened: Counter[str] = Counter()
         self.sessions: set[str] = set()
         self.most = 0
+        self.share = SHARE
         self._random = Random(seed)
         self._clock = clock
 
     def handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
-        kinds = ("dropped", "lost", "busy", "forgotten", "restarted")
-        kind = self._random.choice(kinds) if self._random.random() < SHARE else ""
+        kind = self._random.choice(KINDS) if self._random.random() < self.share else ""
         # An answer to a login that is lost leaves a session that no client can know of: RWS has no way to end it.
-        if kind == "lost" and request.header("Authorization"):
+        if kind in ("lost", "too late") and request.header("Authorization"):
             kind = "dropped"
         self.happened[kind] += 1
         if kind == "dropped":
@@ -63,6 +67,8 @@ class Unreliable(MemoryHttp):
             self.most = max(self.most, len(self.sessions))
         if kind == "lost":
             raise ConnectionLost("The connection was reset.")
+        if kind == "too late":
+            raise AnswerTimeout("The answer did not end in time.")
         return reply
 
     def _forget(self) -> None:
@@ -73,12 +79,16 @@ class Unreliable(MemoryHttp):
 
 
 @pytest.mark.parametrize("requests", [short(400), long(10_000, seconds=300)])
-def test_client_never_has_more_than_one_session(requests: int) -> None:
+def test_client_has_one_session_and_watches_on_whatever_happens(requests: int) -> None:
     clock = ManualClock()
     controller = PlainController()
     http = Unreliable(controller, clock, seed=7)
     client = RwsClient(http, clock=clock)
-    done = 0
+    http.share = 0.0
+    changes = client.watch([SPEED_RATIO])
+    next(changes)  # the first subscription is not tried again
+    http.share = SHARE
+    seen, interruptions, done = "", 0, 0
     for number in range(requests):
         with suppress(NoConnection, ControllerRefused):
             if number % 3:
@@ -87,8 +97,15 @@ def test_client_never_has_more_than_one_session(requests: int) -> None:
                 client.set_speed_ratio(number % 100)
                 assert controller.speed_ratio == number % 100
             done += 1
-    assert min(http.happened[kind] for kind in ("dropped", "lost", "busy", "forgotten", "restarted")) > requests / 100
+        clock.advance(0.3)  # more than there is between two events
+        http.advance()
+        while number % 10 == 0 and seen != str(controller.speed_ratio):  # were the change lost, this would not end
+            item = next(changes)
+            interruptions += isinstance(item, Interruption)
+            seen = item.fields["speedratio"] if isinstance(item, Change) else ""
+    assert min(http.happened[kind] for kind in KINDS) > requests / 100
     assert http.most == 1
+    assert interruptions > requests / 100
     assert done > 0.7 * requests
 
 

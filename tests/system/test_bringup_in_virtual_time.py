@@ -8,12 +8,13 @@ import pytest
 
 from system.virtual_time_bench import System
 from yumi.driver.bringup import Bringup, EgmAddress
+from yumi.driver.commissioning.doctor import NEEDED_GRANTS
 from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
-from yumi.errors import RobotNotReady, SettingsError
+from yumi.errors import ControllerRefused, RobotNotReady, SettingsError
 from yumi.rapid.errors import UnknownSymbol
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.types import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode
 
 
 @pytest.fixture
@@ -201,3 +202,15 @@ def test_tool_and_presync_of_the_settings_reach_the_robot() -> None:
 def test_settings_that_are_no_rapid_values_are_refused(name: str, text: str) -> None:
     with pytest.raises(SettingsError, match=f"egm_motion: {name} is .*; it must be a RAPID (tooldata|pose) such as"):
         EgmMotionSettings(**{name: text})
+
+
+def test_user_with_the_grants_the_doctor_asks_for_can_bring_the_robot_up(system: System) -> None:
+    system.adapter._users.granted = tuple(NEEDED_GRANTS)
+    system.start_egm()
+
+
+@pytest.mark.parametrize("missing", NEEDED_GRANTS, ids=lambda each: each.name)
+def test_robot_cannot_be_brought_up_without_a_grant_the_doctor_asks_for(system: System, missing: Grant) -> None:
+    system.adapter._users.granted = [each for each in GRANTS if each is not missing]
+    with pytest.raises(ControllerRefused, match="the user lacks the grant for it; log in as another user"):
+        system.start_egm()

@@ -40,6 +40,18 @@ def test_controller_takes_its_password_from_the_environment_and_neither_shows_no
     assert secret not in log.read_text()
 
 
+def test_controller_refuses_what_its_user_was_not_granted(tmp_path: Path) -> None:
+    arguments = ["controller", "--rws-port", "0", "--without-grant", "UAS_IO_WRITE"]
+    with (
+        Command("controller", arguments, tmp_path / "log") as command,
+        RwsClient(command.wait_until_ready(PATIENCE).rpartition("/")[2]) as client,
+    ):
+        assert "UAS_IO_WRITE" not in client.grants()
+        with pytest.raises(ControllerRefused, match="the user lacks the grant for it"):
+            client.set_signal("custom_DO_0", 1)
+        client.set_motors(True)
+
+
 @pytest.fixture
 def client(address: str) -> Iterator[RwsClient]:
     with RwsClient(address) as client:

@@ -23,7 +23,7 @@ from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNot
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import TaskInfo
-from yumi.rws.types import CollisionState, ControllerState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.fault_names import Fault, Way
@@ -133,7 +133,7 @@ def wrong_password(robot: Robot) -> None:
 
 def ungranted(robot: Robot) -> None:
     users = robot.transport.adapter._users
-    users.granted = tuple(name for name in users.granted if name != "UAS_RAPID_CURRVALUE")
+    users.granted = frozenset(users.granted) - {Grant.RAPID_CURRVALUE}
 
 
 def many_sessions(robot: Robot) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Iterator
 from http.client import HTTPConnection, HTTPResponse
 
@@ -45,6 +47,14 @@ def proof(response: HTTPResponse, password: str = PASSWORD, target: str = RESOUR
     return authorization(challenge, user=USER, password=password, method="GET", uri=target)
 
 
+def read_challenge(response: HTTPResponse) -> dict[str, str]:
+    return dict(re.findall(r'(\w+)="([^"]*)"', response.headers["WWW-Authenticate"]))
+
+
+def md5(text: str) -> str:
+    return hashlib.md5(text.encode(), usedforsecurity=False).hexdigest()
+
+
 def set_cookies(response: HTTPResponse) -> list[str]:
     return response.headers.get_all("Set-Cookie") or []
 
@@ -70,6 +80,27 @@ def test_right_password_gets_session_cookie_first_and_connection_cookie_last(
     assert response.status == 200
     assert [line.partition("=")[0] for line in set_cookies(response)] == ["-http-session-", "ABBCX"]
     assert all(line.endswith("; path=/; httponly") for line in set_cookies(response))
+
+
+def test_client_may_log_in_as_before_qop(connection: HTTPConnection) -> None:
+    challenge = read_challenge(ask(connection))
+    user = md5(f"{USER}:{challenge['realm']}:{PASSWORD}")
+    fields = {
+        "username": USER,
+        "realm": challenge["realm"],
+        "nonce": challenge["nonce"],
+        "uri": RESOURCE,
+        "response": md5(f"{user}:{challenge['nonce']}:{md5(f'GET:{RESOURCE}')}"),
+    }
+    header = "Digest " + ", ".join(f'{name}="{text}"' for name, text in fields.items())
+    assert ask(connection, Authorization=header.replace(fields["response"], "0" * 32)).status == 401
+    assert ask(connection, Authorization=header).status == 200
+
+
+def test_cookies_may_be_quoted(connection: HTTPConnection) -> None:
+    cookies = cookie(*set_cookies(ask(connection, Authorization=proof(ask(connection)))))
+    name, _, value = cookies.partition("; ")[0].partition("=")
+    assert ask(connection, Cookie=f'$Version=1; {name}="{value}"; $Path="/"').status == 200
 
 
 def test_wrong_password_is_challenged_again(connection: HTTPConnection) -> None:

@@ -253,7 +253,7 @@ def test_event_log_is_paged_by_page_number(client: httpx.Client, controller: Pla
         controller.events.append(10000 + number, f"event {number}")
     page = client.get("/rw/elog/0?lang=en&start=2&limit=2&json=1")
     assert [state["title"] for state in states(page)] == ["event 3", "event 2"]
-    assert page.json()["_links"]["next"]["href"] == "0?start=3&limit=2&json=1"
+    assert page.json()["_links"]["next"]["href"] == "0?lang=en&start=3&limit=2&json=1"
 
 
 def test_single_event_and_cleared_log(client: httpx.Client, controller: PlainController) -> None:

@@ -15,6 +15,7 @@ from yumi.driver.settings import MAX_PORT, RobotSettings
 from yumi.process.supervision import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
+from yumi.rws.types import GRANTS
 from yumi.virtual.controller.fault_names import Fault, FaultKind, Way
 
 _WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
@@ -90,6 +91,14 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 @click.option("--speed", type=_SPEED, default=1.0, show_default=True, help="Times real time.")
 @click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite).")
 @click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@click.option(
+    "--without-grant",
+    "missing_grants",
+    multiple=True,
+    type=click.Choice([each.value for each in GRANTS]),
+    metavar="GRANT",
+    help="What the user may not do, such as UAS_IO_WRITE: it is refused with 403. May be repeated.",
+)
 @password_options
 @until_stdin_closes_option
 def controller(
@@ -117,6 +126,7 @@ def controller(
     speed: float,
     show: bool,
     user: str,
+    missing_grants: tuple[str, ...],
     password: str | None,
     until_stdin_closes: bool,
 ) -> None:
@@ -156,6 +166,7 @@ def controller(
         rws_port=rws_port,
         user=user,
         password=chosen,
+        granted=[each for each in GRANTS if each.value not in missing_grants],
         host=listen,
         speed=speed,
         is_started=start,

@@ -206,6 +206,11 @@ class Task:
         syntaxes = ((module.name, module.syntax) for module in self.program.modules.values())
         return tuple(ModuleInfo(name, each.is_system, each.filename, each.text) for name, each in syntaxes)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no module is loaded."""
+        return not self.program.modules
+
     def load(self, text: str, filename: str, *, replace: bool = False) -> str:
         """Load a module, in the place of one of the same name if it may; returns its name.
 

@@ -105,6 +105,56 @@ class EventType(IntEnum):
     ERROR = 3
 
 
+class Grant(Enum):
+    """What a user may do (ABB: User Authorization System); the value is the name in ``/users/grants``.
+
+    Reading needs no grant, except of files.
+    """
+
+    FULL_ACCESS = "UAS_FULL_ACCESS"
+    """All others."""
+
+    BACKUP = "UAS_BACKUP"
+    """Back up; save modules, programs and system parameters."""
+
+    CALIBRATE = "UAS_CALIBRATE"
+    CFG_WRITE = "UAS_CFG_WRITE"
+    CONTROLLER_PROPERTIES_WRITE = "UAS_CONTROLLER_PROPERTIES_WRITE"
+    """Set the controller's name and clock."""
+
+    EVENTLOG_CLEAR = "UAS_EVENTLOG_CLEAR"
+    FTP_READ = "UAS_FTP_READ"
+    FTP_WRITE = "UAS_FTP_WRITE"
+    """Write to the controller's disks."""
+
+    IO_WRITE = "UAS_IO_WRITE"
+    RAPID_CURRVALUE = "UAS_RAPID_CURRVALUE"
+    """Write data of programs."""
+
+    RAPID_DEBUG = "UAS_RAPID_DEBUG"
+    """Move the program pointer to a routine or line, select tasks, ask for write access (mastership)."""
+
+    RAPID_EDIT = "UAS_RAPID_EDIT"
+    RAPID_EXECUTE = "UAS_RAPID_EXECUTE"
+    """Start programs and move the program pointer to main; a stop needs no grant."""
+
+    RAPID_LOADPROGRAM = "UAS_RAPID_LOADPROGRAM"
+    RAPID_MODPOS = "UAS_RAPID_MODPOS"
+    REMOTE_LOGIN = "UAS_REMOTE_LOGIN"
+    REMOTE_WARMSTART = "UAS_REMOTE_WARMSTART"
+    RESTORE = "UAS_RESTORE"
+    REVOLUTION_COUNTER_UPDATE = "UAS_REVOLUTION_COUNTER_UPDATE"
+    SPEED_DECREASE = "UAS_SPEED_DECREASE"
+    """Reduce the speed from 100 % in automatic mode."""
+
+    SYSTEM_ADMINISTRATION = "UAS_SYSTEM_ADMINISTRATION"
+    """Install and select systems, and restart with another state than the present one."""
+
+
+GRANTS = tuple(each for each in Grant if each is not Grant.FULL_ACCESS)
+"""All, each by its own name."""
+
+
 class Code(IntEnum):
     """Return codes of the controller that a client meets; names as in ABB's table."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import gc
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import replace
@@ -29,7 +29,7 @@ from yumi.rapid.parser import parse_expression, parse_module
 from yumi.rapid.task import Task
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
-from yumi.rws.types import EventType
+from yumi.rws.types import GRANTS, EventType, Grant
 from yumi.virtual.controller.egm_network import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
@@ -172,6 +172,7 @@ class VirtualController:
         rws_port: port of the HTTP server, 0 for any.
         user: user name that may log in.
         password: its password.
+        granted: what the user may do.
         host: address to listen on.
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
@@ -187,6 +188,7 @@ class VirtualController:
         rws_port: int,
         user: str,
         password: str,
+        granted: Collection[Grant] = GRANTS,
         host: str,
         speed: float = 1.0,
         is_started: bool = False,
@@ -209,7 +211,9 @@ class VirtualController:
             tls=self_signed_context(host) if is_robotware_7 else None,
         )
         service = RwsService2 if is_robotware_7 else RwsService
-        self._service = service(self.world.controller, user=user, password=password, hang_up=self._server.hang_up)
+        self._service = service(
+            self.world.controller, user=user, password=password, granted=granted, hang_up=self._server.hang_up
+        )
         self._faults = FaultInjection(self.world, self._service)
         self._background, self._planning = Background(), Background("planning")
         self._last_fault = ""

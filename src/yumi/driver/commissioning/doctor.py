@@ -21,7 +21,7 @@ from yumi.errors import ControllerRefused, LoginRefused, ProtocolError, RobotNot
 from yumi.robot.joints import CYCLE, Joints, Side
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
-from yumi.rws.types import CollisionState, ControllerState, ExecutionState, OperatingMode
+from yumi.rws.types import CollisionState, ControllerState, ExecutionState, Grant, OperatingMode
 
 NEWEST_ROBOTWARE = 6
 """RobotWare 7 has Robot Web Services 2, another protocol."""
@@ -37,12 +37,12 @@ _LOAD = "load the RAPID modules of this package: yumi install"
 _INSTALL = "yumi install"
 _DOMAINS = ("cfg", "rapid")
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
-_ALL_GRANTS = "UAS_FULL_ACCESS"
-_NEEDED_GRANTS = {
-    "UAS_RAPID_EXECUTE": "start and stop programs",
-    "UAS_RAPID_CURRVALUE": "write RAPID data",
-    "UAS_IO_WRITE": "write signals",
+NEEDED_GRANTS = {
+    Grant.RAPID_EXECUTE: "start programs",
+    Grant.RAPID_CURRVALUE: "write RAPID data",
+    Grant.IO_WRITE: "write signals",
 }
+"""What the user of the driver needs, and for what; `yumi install` needs more."""
 _NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
 _WORST_LOSS = 0.001
 _WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
@@ -198,8 +198,8 @@ def _masterships(client: RwsClient) -> list[Finding]:
 def _grants(client: RwsClient) -> list[Finding]:
     """What the user may do; a controller that does not say it in ABB's words is not judged."""
     grants = set(client.grants())
-    missing = [f"{name} ({what})" for name, what in _NEEDED_GRANTS.items() if name not in grants]
-    if not missing or _ALL_GRANTS in grants or not any(name.startswith("UAS_") for name in grants):
+    missing = [f"{each.value} ({what})" for each, what in NEEDED_GRANTS.items() if each.value not in grants]
+    if not missing or Grant.FULL_ACCESS.value in grants or not any(name.startswith("UAS_") for name in grants):
         return [Finding("grants", Verdict.OK, f"the user has {len(grants)}")]
     remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user"
     return [Finding("grants", Verdict.PROBLEM, f"the user lacks {', '.join(missing)}", remedy)]

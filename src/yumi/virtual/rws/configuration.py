@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from yumi.errors import SettingsError
 from yumi.rws.cfg_files import read_cfg
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
 from yumi.virtual.rws.files import path_of_file
@@ -277,18 +277,28 @@ _PAGES: Values = {"start": (), "limit": ()}
 _OF_INSTANCES: Values = {"operation": ("0", "1"), "cfgdomain": (), "cfgtype": (), "instances": (), "instancescount": ()}
 OPERATIONS = (
     Operation("GET", "/rw/cfg", get_domains),
-    Operation("POST", "/rw/cfg", load, "load", _FILE, needs_mastership="cfg"),
+    Operation("POST", "/rw/cfg", load, "load", _FILE, needs_mastership="cfg", needs_grant=Grant.CFG_WRITE),
     Operation("POST", "/rw/cfg", validate, "validate", _FILE, status=200),
     Operation("POST", "/rw/cfg", validate_removal, "validate-inst-at-del", {"name": ()}),
     Operation("POST", "/rw/cfg", validate_instances, "validate-instances", _OF_INSTANCES),
     Operation("POST", "/rw/cfg", refuse_keyless, "keyless", {"state": ("run",)}, status=403),
     Operation("GET", "/rw/cfg/{domain}", get_types, query=_PAGES),
-    Operation("POST", "/rw/cfg/{domain}", save, "saveas", {"filepath": (), "save-mode": ()}),
-    Operation("POST", "/rw/cfg/{domain}", reset_domain, "reset", needs_mastership="cfg", status=200),
+    Operation("POST", "/rw/cfg/{domain}", save, "saveas", {"filepath": (), "save-mode": ()}, needs_grant=Grant.BACKUP),
+    Operation(
+        "POST",
+        "/rw/cfg/{domain}",
+        reset_domain,
+        "reset",
+        needs_mastership="cfg",
+        status=200,
+        needs_grant=Grant.CFG_WRITE,
+    ),
     Operation("GET", _TYPE, get_type),
     Operation("GET", f"{_TYPE}/attributes", get_attributes),
     Operation("GET", f"{_TYPE}/instances", get_instances, query=_PAGES),
-    Operation("POST", f"{_TYPE}/instances", reset_instances, "reset", needs_mastership="cfg"),
+    Operation(
+        "POST", f"{_TYPE}/instances", reset_instances, "reset", needs_mastership="cfg", needs_grant=Grant.CFG_WRITE
+    ),
     Operation(
         "POST",
         f"{_TYPE}/instances",
@@ -297,8 +307,9 @@ OPERATIONS = (
         {"name": ()},
         needs_mastership="cfg",
         status=201,
+        needs_grant=Grant.CFG_WRITE,
     ),
     Operation("GET", _INSTANCE, get_instance),
-    Operation("POST", _INSTANCE, set_instance, "set", needs_mastership="cfg"),
-    Operation("DELETE", _INSTANCE, remove_instance, needs_mastership="cfg"),
+    Operation("POST", _INSTANCE, set_instance, "set", needs_mastership="cfg", needs_grant=Grant.CFG_WRITE),
+    Operation("DELETE", _INSTANCE, remove_instance, needs_mastership="cfg", needs_grant=Grant.CFG_WRITE),
 )

@@ -13,7 +13,7 @@ from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 from yumi.errors import RapidError, SettingsError
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.backup import check_backup, restore_backup, write_backup
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
@@ -104,7 +104,7 @@ def _shown_time(controller: Irc5) -> str:
 
 
 def get_clock(controller: Irc5, call: Call) -> Page:
-    links = (entry("ctrl-timezone-li", "timezone", "clock/timezone"), entry("ctrl-timeserver-li", "timeserver"))
+    links = (entry(f"ctrl-{name}-li", name, f"clock/{name}") for name in ("timezone", "timeserver"))
     state = State("ctrl-clock-info", "clock", {"datetime": _shown_time(controller)})
     return resource("ctrl", _BASE, "clock", state, *links)
 
@@ -305,9 +305,9 @@ def check_restore(controller: Irc5, call: Call) -> Page:
 
 
 def get_backup_info(controller: Irc5, call: Call) -> Page:
-    path = _backup_path(call, call.option("backup-path") or "")
-    fields = {"system-name": check_backup(controller, path)}
-    return resource("ctrl", "/ctrl/backup/", "info", State("ctrl-backup-info", "info", fields))
+    asked = call.option("backup-path") or ""
+    fields = {"system-name": check_backup(controller, _backup_path(call, asked))}
+    return resource("ctrl", "/ctrl/backup/", f"info?backup-path={asked}", State("ctrl-backup-info", "info", fields))
 
 
 def get_compress(controller: Irc5, call: Call) -> Page:
@@ -378,7 +378,8 @@ def save_diagnostics(controller: Irc5, call: Call) -> HttpReply:
 
 
 def get_systems(controller: Irc5, call: Call) -> Page:
-    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", controller.identity.system_name))
+    name = controller.identity.system_name
+    return resource("ctrl", _BASE, "system", entry("ctrl-system-li", name, f"system/{name}"))
 
 
 def get_one_system(controller: Irc5, call: Call) -> Page:
@@ -445,11 +446,22 @@ _SAFETY = "/ctrl/safety"
 _VIRTUAL_TIME = "/ctrl/virtualtime"
 OPERATIONS = (
     Operation("GET", "/ctrl", get_controller),
-    Operation("POST", "/ctrl", restart, values={"restart-mode": _RESTARTS}, status=200),
-    Operation("POST", "/ctrl", set_language, "set-lang", {"lang": _LANGUAGES}),
+    Operation(
+        "POST", "/ctrl", restart, values={"restart-mode": _RESTARTS}, status=200, needs_grant=Grant.REMOTE_WARMSTART
+    ),
+    Operation(
+        "POST", "/ctrl", set_language, "set-lang", {"lang": _LANGUAGES}, needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE
+    ),
     Operation("GET", "/ctrl/${variable}", get_environment),
     Operation("GET", "/ctrl/identity", get_identity),
-    Operation("PUT", "/ctrl/identity", set_identity, values={"ctrl-name": (), "ctrl-id": ()}, status=204),
+    Operation(
+        "PUT",
+        "/ctrl/identity",
+        set_identity,
+        values={"ctrl-name": (), "ctrl-id": ()},
+        status=204,
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
+    ),
     Operation("GET", _CLOCK, get_clock),
     Operation(
         "PUT",
@@ -457,15 +469,36 @@ OPERATIONS = (
         set_clock,
         values={f"sys-clock-{part}": () for part in ("year", "month", "day", "hour", "min", "sec")},
         status=204,
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
     ),
     Operation("GET", f"{_CLOCK}/timezone", get_timezone),
-    Operation("POST", f"{_CLOCK}/timezone", set_timezone, values={"timezone": ()}),
-    Operation("POST", f"{_CLOCK}/timezone", set_timezone, "set-timezone", {"timezone": ()}),
+    Operation(
+        "POST",
+        f"{_CLOCK}/timezone",
+        set_timezone,
+        values={"timezone": ()},
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
+    ),
+    Operation(
+        "POST",
+        f"{_CLOCK}/timezone",
+        set_timezone,
+        "set-timezone",
+        {"timezone": ()},
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
+    ),
     Operation("GET", f"{_CLOCK}/timeserver", get_timeserver),
     Operation(
         "GET", f"{_CLOCK}/timeserver", get_server_time, resource="servertime", query={"server-ip": ()}, status=400
     ),
-    Operation("POST", f"{_CLOCK}/timeserver", set_timeserver, "set-timeserver", {"timeserver": ()}),
+    Operation(
+        "POST",
+        f"{_CLOCK}/timeserver",
+        set_timeserver,
+        "set-timeserver",
+        {"timeserver": ()},
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
+    ),
     Operation("GET", _NETWORK, get_network),
     Operation(
         "POST",
@@ -484,7 +517,15 @@ OPERATIONS = (
     Operation("GET", _BACKUP, get_backup),
     Operation("GET", _BACKUP, get_backup_state, "backupstate"),
     Operation("GET", _BACKUP, check_restore, "check-restore", query={"backup": (), "ignore": ()}),
-    Operation("POST", _BACKUP, back_up, "backup", {"backup": (), "archive": _TRUTH}, status=_ACCEPTED),
+    Operation(
+        "POST",
+        _BACKUP,
+        back_up,
+        "backup",
+        {"backup": (), "archive": _TRUTH},
+        status=_ACCEPTED,
+        needs_grant=Grant.BACKUP,
+    ),
     Operation(
         "POST",
         _BACKUP,
@@ -498,20 +539,60 @@ OPERATIONS = (
             "include-ss": _TRUTH,
             "include": ("cfg", "modules", "all"),
         },
+        needs_grant=Grant.RESTORE,
     ),
     Operation("GET", f"{_BACKUP}/info", get_backup_info, query={"backup-path": ()}),
     Operation("GET", "/progress", get_progress_list),
     Operation("GET", "/progress/{job}", get_progress),
     Operation("GET", "/ctrl/compress", get_compress),
-    Operation("POST", "/ctrl/compress", compress, "comp", {"srcpath": (), "dstpath": ()}, status=_ACCEPTED),
-    Operation("POST", "/ctrl/compress", decompress, "dcomp", {"srcpath": (), "dstpath": ()}, status=_ACCEPTED),
+    Operation(
+        "POST",
+        "/ctrl/compress",
+        compress,
+        "comp",
+        {"srcpath": (), "dstpath": ()},
+        status=_ACCEPTED,
+        needs_grant=Grant.FTP_WRITE,
+    ),
+    Operation(
+        "POST",
+        "/ctrl/compress",
+        decompress,
+        "dcomp",
+        {"srcpath": (), "dstpath": ()},
+        status=_ACCEPTED,
+        needs_grant=Grant.FTP_WRITE,
+    ),
     Operation("GET", "/ctrl/diagnostics", get_diagnostics),
-    Operation("POST", "/ctrl/diagnostics", save_diagnostics, "save", {"dstpath": ()}, status=_ACCEPTED),
+    Operation(
+        "POST",
+        "/ctrl/diagnostics",
+        save_diagnostics,
+        "save",
+        {"dstpath": ()},
+        status=_ACCEPTED,
+        needs_grant=Grant.FTP_WRITE,
+    ),
     Operation("GET", _SYSTEM, get_systems, query={"type": ("selected",)}),
     Operation("GET", f"{_SYSTEM}/{{system}}", get_one_system),
-    Operation("POST", f"{_SYSTEM}/{{system}}", rename_system, "rename", {"newname": ()}, status=201),
-    Operation("POST", f"{_SYSTEM}/{{system}}", activate_system, "activate", status=409),
-    Operation("DELETE", f"{_SYSTEM}/{{system}}", delete_system, status=400),
+    Operation(
+        "POST",
+        f"{_SYSTEM}/{{system}}",
+        rename_system,
+        "rename",
+        {"newname": ()},
+        status=201,
+        needs_grant=Grant.SYSTEM_ADMINISTRATION,
+    ),
+    Operation(
+        "POST",
+        f"{_SYSTEM}/{{system}}",
+        activate_system,
+        "activate",
+        status=409,
+        needs_grant=Grant.SYSTEM_ADMINISTRATION,
+    ),
+    Operation("DELETE", f"{_SYSTEM}/{{system}}", delete_system, status=400, needs_grant=Grant.SYSTEM_ADMINISTRATION),
     Operation("GET", "/ctrl/options", get_options, status=204),
     Operation("GET", "/ctrl/options/{option:.+}", get_option),
     Operation("GET", "/ctrl/compatible", get_compatible),

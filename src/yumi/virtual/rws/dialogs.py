@@ -38,14 +38,15 @@ def get_parameters(controller: Irc5, call: Call) -> Page:
     """What the question shows, and the parameter that takes the answer."""
     values = _values(_named(controller, call.names["stack"]))
     states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
-    return resource("rapid", f"{_BASE}uiinstr/active/", "params", *states)
+    return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
 
 
 def get_parameter(controller: Irc5, call: Call) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
     for name, value in _values(_named(controller, stack)).items():
         if name.lower() == parameter.lower():
-            return resource("rapid", f"{_BASE}uiinstr/active/", "param", State("rap-uiparam", name, {"value": value}))
+            state = State("rap-uiparam", name, {"value": value})
+            return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
     raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
 
 

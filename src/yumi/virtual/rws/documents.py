@@ -9,8 +9,8 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
+from functools import lru_cache
 from xml.sax.saxutils import escape
 
 from yumi.rws.documents import XMLNS, Form, Link, Page, State, Status
@@ -106,26 +106,30 @@ def _html(title: str, base: str, content: str) -> str:
 
 
 def _item(state: State) -> str:
-    spans = "".join(_span(name, text) for name, text in state.fields.items())
+    spans = "".join([_span(name, text) for name, text in state.fields.items()])
     arguments = "".join(
         f'<span class="arg{number}" type="{_escaped(argument.type)}">{_escaped(argument.value)}</span>'
         for number, argument in enumerate(state.arguments, start=1)
     )
     children = f"<ul>{''.join(map(_item, state.children))}</ul>" if state.children else ""
-    head = f'<li class="{_escaped(state.type)}" title="{_escaped(state.title)}">'
+    head = f'<li class="{_escaped_name(state.type)}" title="{_escaped(state.title)}">'
     return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
 
 
 def _anchors(links: tuple[Link, ...]) -> str:
-    return "".join(f'<a href="{_escaped(link.href)}" rel="{_escaped(link.rel)}"/>' for link in links)
+    return "".join([f'<a href="{_escaped(link.href)}" rel="{_escaped_name(link.rel)}"/>' for link in links])
 
 
 def _span(name: str, text: str) -> str:
-    return f'<span class="{_escaped(name)}">{_escaped(text)}</span>'
+    return f'<span class="{_escaped_name(name)}">{_escaped(text)}</span>'
 
 
 def _escaped(text: str) -> str:
     return text if _PLAIN.fullmatch(text) else escape(_ILLEGAL.sub("\ufffd", text), _ENTITIES)
+
+
+_escaped_name = lru_cache(1024)(_escaped)
+"""For types, names of fields and relations: there are few, and each page has many of them."""
 
 
 # JSON
@@ -154,8 +158,11 @@ _LISTS = {
 _NUMBERS = ("lvalue", "pvalue")
 
 
+_ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
+
+
 def _dump(value: object) -> bytes:
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
+    return _ENCODER.encode(value).encode("utf-8", "replace")
 
 
 def _json_state(state: State) -> dict[str, object]:
@@ -164,15 +171,20 @@ def _json_state(state: State) -> dict[str, object]:
     if state.links:
         result["_links"] = _json_links(state.links)
     for name, text in state.fields.items():
-        result[names.get(name, name)] = text
-        with suppress(ValueError):
-            if name in _NUMBERS:
-                result[names.get(name, name)] = int(text) if text.lstrip("-").isdecimal() else float(text)
+        result[names.get(name, name)] = _number(text) if name in _NUMBERS else text
     if state.arguments:
         result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
     if state.children:
         result[_LISTS.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
     return result
+
+
+def _number(text: str) -> float | str:
+    """The number a text is; the text where it is none."""
+    try:
+        return int(text) if text.lstrip("-").isdecimal() else float(text)
+    except ValueError:
+        return text
 
 
 def _json_links(links: tuple[Link, ...]) -> dict[str, dict[str, str]]:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from datetime import datetime, timezone
 
 from yumi.rws.documents import Argument, Form, Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Event
 from yumi.virtual.rws.files import path_of_file
@@ -60,7 +60,8 @@ def get_messages(controller: Irc5, call: Call) -> Page:
     size = min(call.number_option("limit", _PAGE), _PAGE)
     number = max(call.number_option("start", 1), 1)
     shown = ordered[(number - 1) * size : number * size]
-    more = f"{domain}?start={number + 1}&limit={size}" if number * size < len(ordered) else None
+    asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
+    more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
     states = (_message("elog-message-li", domain, event, call) for event in shown)
     return resource("Elog", _BASE, str(domain), *states, next_href=more)
 
@@ -125,9 +126,21 @@ _DOMAIN_QUERY: Values = {
 }
 OPERATIONS = (
     Operation("GET", "/rw/elog", get_domains, query={**_LANG, "resource": ("count",)}),
-    Operation("POST", "/rw/elog", lambda controller, _: controller.events.clear(), "clearall"),
+    Operation(
+        "POST",
+        "/rw/elog",
+        lambda controller, _: controller.events.clear(),
+        "clearall",
+        needs_grant=Grant.EVENTLOG_CLEAR,
+    ),
     Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202),
     Operation("GET", "/rw/elog/{domain}", get_messages, query=_DOMAIN_QUERY),
-    Operation("POST", "/rw/elog/{domain}", lambda controller, call: controller.events.clear(_number(call)), "clear"),
+    Operation(
+        "POST",
+        "/rw/elog/{domain}",
+        lambda controller, call: controller.events.clear(_number(call)),
+        "clear",
+        needs_grant=Grant.EVENTLOG_CLEAR,
+    ),
     Operation("GET", "/rw/elog/{domain}/{number}", get_message, query=_LANG),
 )

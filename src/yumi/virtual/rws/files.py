@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime, timezone
 
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import CAPACITY, DEVICES, File
@@ -119,10 +119,10 @@ _ACTIONS: Values = {
     "fs-overwrite": ("true", "false"),
 }
 OPERATIONS = (
-    Operation("GET", "/fileservice", get_devices),
-    Operation("GET", _PATH, get),
-    Operation("HEAD", _PATH, head),
-    Operation("PUT", _PATH, put),
-    Operation("POST", _PATH, create_copy_or_rename, values=_ACTIONS),
-    Operation("DELETE", _PATH, delete),
+    Operation("GET", "/fileservice", get_devices, needs_grant=Grant.FTP_READ),
+    Operation("GET", _PATH, get, needs_grant=Grant.FTP_READ),
+    Operation("HEAD", _PATH, head, needs_grant=Grant.FTP_READ),
+    Operation("PUT", _PATH, put, needs_grant=Grant.FTP_WRITE),
+    Operation("POST", _PATH, create_copy_or_rename, values=_ACTIONS, needs_grant=Grant.FTP_WRITE),
+    Operation("DELETE", _PATH, delete, needs_grant=Grant.FTP_WRITE),
 )

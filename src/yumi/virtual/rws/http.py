@@ -10,7 +10,7 @@ import re
 import secrets
 from base64 import b64decode, b64encode
 from binascii import Error as Base64Error
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import md5
 from hmac import compare_digest
@@ -39,19 +39,20 @@ class HttpRequest:
     headers: Headers = ()
     body: bytes = b""
     peer: str = ""
+    _values: dict[str, list[str]] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name, value in self.headers:  # once: several are looked up for each request
+            self._values.setdefault(name.lower(), []).append(value)
 
     def header(self, name: str) -> str | None:
         """The first value of ``name`` in any case, or None."""
-        wanted = name.lower()
-        for key, value in self.headers:
-            if key.lower() == wanted:
-                return value
-        return None
+        values = self._values.get(name.lower())
+        return values[0] if values else None
 
-    def header_values(self, name: str) -> tuple[str, ...]:
+    def header_values(self, name: str) -> Sequence[str]:
         """All values of ``name`` in any case."""
-        wanted = name.lower()
-        return tuple([value for key, value in self.headers if key.lower() == wanted])
+        return self._values.get(name.lower(), ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,8 @@ class HttpReply:
 OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
-_REQUIRED = ("username", "realm", "nonce", "uri", "response", "nc", "cnonce")
+_REQUIRED = ("username", "realm", "nonce", "uri", "response")
+_WITH_QOP = ("nc", "cnonce")
 _PARAMS = re.compile(r";[^/]*$")  # of the last segment of a path
 _PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
@@ -95,7 +97,10 @@ class Challenge:
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """What a client answers in ``Authorization``; ``nc`` stays text, the controller does not count it."""
+    """What a client answers in ``Authorization``; ``nc`` stays text, the controller does not count it.
+
+    Without ``qop``, as in RFC 2069, which Appweb accepts, ``nc`` and ``cnonce`` are empty.
+    """
 
     user: str
     realm: str
@@ -116,10 +121,13 @@ def read_credentials(header: str) -> Credentials:
     if scheme.lower() != "digest":
         raise ProtocolError(f"Robot Web Services logs in with HTTP digest, not with {scheme!r}.")
     found = {key.lower(): re.sub(r"\\(.)", r"\1", quoted) or bare for key, quoted, bare in _PARAMETER.findall(rest)}
-    missing = [name for name in _REQUIRED if name not in found]
+    required = (*_REQUIRED, *(_WITH_QOP if "qop" in found else ()))
+    missing = [name for name in required if name not in found]
     if missing:
         raise ProtocolError(f"The digest header lacks {', '.join(missing)}.")
-    return Credentials(*(found[name] for name in _REQUIRED))
+    user, realm, nonce, uri, response = (found[name] for name in _REQUIRED)
+    nc, cnonce = (found[name] if "qop" in found else "" for name in _WITH_QOP)
+    return Credentials(user, realm, nonce, uri, response, nc, cnonce)
 
 
 def is_genuine(credentials: Credentials, *, user: str, password: str, method: str, target: str) -> bool:
@@ -133,7 +141,8 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     if credentials.realm != REALM or unquote(credentials.uri) not in meant:
         return False
     secret = _md5(f"{user}:{credentials.realm}:{password}")
-    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth"
+    has_qop = credentials.nc or credentials.cnonce
+    count = f"{credentials.nonce}:{credentials.nc}:{credentials.cnonce}:auth" if has_qop else credentials.nonce
     expected = _md5(f"{secret}:{count}:" + _md5(f"{method}:{credentials.uri}"))
     same_user = compare_digest(_bytes(credentials.user), _bytes(user))
     return compare_digest(_bytes(credentials.response.lower()), _bytes(expected)) and same_user
@@ -172,7 +181,7 @@ def set_cookie(name: str, value: str) -> str:
 def read_cookies(headers: Iterable[str]) -> dict[str, str]:
     """The cookies of a request, from all its ``Cookie`` values."""
     pairs = (part.partition("=") for header in headers for part in header.split(";"))
-    return {name.strip(): value.strip() for name, _, value in pairs if name.strip()}
+    return {name.strip(): value.strip().strip('"') for name, _, value in pairs if name.strip()}
 
 
 MAX_SESSIONS = 70
@@ -214,18 +223,21 @@ class SessionTable:
 
     def find(self, request_cookies: Mapping[str, str], now: float) -> Session | None:
         """The session a request belongs to, by its session cookie."""
-        self._forget_idle(now)
-        return self._sessions.get(request_cookies.get(SESSION_COOKIE, ""))
+        session = self._sessions.get(request_cookies.get(SESSION_COOKIE, ""))
+        if session is not None and _is_idle(session, now):
+            self.close(session)
+            return None
+        return session
 
     def find_by_connection(self, request_cookies: Mapping[str, str]) -> Session | None:
         """The session of a connection cookie; a small number proves nothing: check the digest first."""
         number = request_cookies.get(CONNECTION_COOKIE)
         return next((each for each in self._sessions.values() if number in each.connections.values()), None)
 
-    def alive(self, now: float) -> tuple[str, ...]:
+    def alive(self, now: float) -> Collection[str]:
         """The ids of the sessions that have not expired."""
         self._forget_idle(now)
-        return tuple(self._sessions)
+        return self._sessions.keys()
 
     def keep_alive(self, id: str, now: float) -> None:
         """Note that a session is in use without a request."""
@@ -272,6 +284,9 @@ class SessionTable:
         return (set_cookie(SESSION_COOKIE, session.id), connection) if is_new else (connection,)
 
     def _forget_idle(self, now: float) -> None:
-        idle = [each for each in self._sessions.values() if now - each.last_used > IDLE_LIFE]
-        for session in idle:
+        for session in [each for each in self._sessions.values() if _is_idle(each, now)]:
             self.close(session)
+
+
+def _is_idle(session: Session, now: float) -> bool:
+    return now - session.last_used > IDLE_LIFE

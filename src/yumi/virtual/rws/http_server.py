@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 import socket
 import ssl
 import struct
@@ -112,6 +113,7 @@ BodyLimit = Callable[[HttpRequest], int]
 Preparation = Callable[[HttpRequest], "Future[object] | None"]
 """Begins long work that a request needs; the handler is called when it is done. None for none."""
 
+_ORIGIN = re.compile(r"https?://[^/?]*", re.IGNORECASE)
 _MAX_BODY = 64 * 1024 * 1024
 _KEEP_ALIVE = 300.0  # [s]
 _HANG_UP_DELAY = 0.02  # [s]
@@ -217,10 +219,13 @@ class HttpServer:
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         # Only the head is read so far: a request that may not enter is answered without its body.
-        headers = tuple((name, value) for name, value in request.headers.items())
-        transport = request.transport
-        host, port, *_ = (transport.get_extra_info("peername") if transport is not None else None) or ("", 0)
-        incoming = HttpRequest(request.method, request.raw_path, headers, b"", f"{host}:{port}")
+        headers = tuple(request.headers.items())
+        if "Host" not in request.headers:  # of HTTP/1.0; documents name the address that was asked
+            headers += (("Host", _address(request, "sockname")),)
+        target = request.raw_path
+        if not target.startswith("/"):  # through a proxy: the whole URL
+            target = _ORIGIN.sub("", target) or "/"
+        incoming = HttpRequest(request.method, target, headers, b"", _address(request, "peername"))
         if request.can_read_body:
             incoming = replace(incoming, body=await _body(request, self._body_limit(incoming)))
         preparation = self._prepare(incoming)
@@ -238,10 +243,9 @@ class HttpServer:
         if answer is None:
             cut_off(request.transport)
             return web.Response()
-        response = web.Response(status=answer.status, body=answer.body or None)
-        for name, value in answer.headers:
-            response.headers.add(name, value)
-        return response
+        connection = "Keep-Alive" if request.keep_alive else "close"  # said in both cases, as a controller does
+        headers = (*answer.headers, ("Connection", connection))
+        return web.Response(status=answer.status, body=answer.body or None, headers=headers)
 
     def _abort_all(self) -> None:
         server = self._runner.server
@@ -249,8 +253,17 @@ class HttpServer:
             cut_off(connection.transport)
 
 
+def _address(request: web.BaseRequest, end: str) -> str:
+    """Host and port of one end of a request's connection: ``peername`` or ``sockname``."""
+    transport = request.transport
+    host, port, *_ = (transport.get_extra_info(end) if transport is not None else None) or ("", 0)
+    return f"{host}:{port}"
+
+
 async def _body(request: web.BaseRequest, limit: int) -> bytes:
     """The body, if it is within the limit; the server discards what is not read.
+
+    A client that waits for permission to send it (``Expect: 100-continue``) gets it only if the body is wanted.
 
     Raises:
         HTTPRequestEntityTooLarge: it is longer.
@@ -258,6 +271,9 @@ async def _body(request: web.BaseRequest, limit: int) -> bytes:
     if limit == 0:
         return b""
     body, length = bytearray(), request.content_length or 0
+    if length <= limit and request.headers.get("Expect", "").lower() == "100-continue":
+        await request.writer.write(b"HTTP/1.1 100 Continue\r\n\r\n")
+        request.writer.output_size = 0  # that was not the answer
     while length <= limit:
         part = await request.content.readany()
         if not part:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from yumi.rws.documents import Link, Page, Pairs, State, first_value
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Signal, path_of, printed
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, not_there, resource
@@ -448,9 +448,14 @@ OPERATIONS = (
     Operation("POST", "/rw/iosystem/networks", search_networks, "search", {"name": (), "state": ()}, status=200),
     Operation("GET", _NETWORK, get_network),
     Operation("GET", _NETWORK, get_network_config, resource="config", query=_CONFIG),
-    Operation("POST", _NETWORK, set_network, "set", {"lstate": ("start", "stop")}),
+    Operation("POST", _NETWORK, set_network, "set", {"lstate": ("start", "stop")}, needs_grant=Grant.IO_WRITE),
     Operation(
-        "POST", _NETWORK, configure_network, "config", {"config-type": ("BITS", "GROUPS", "BOTH", "SCAN", "UNITS")}
+        "POST",
+        _NETWORK,
+        configure_network,
+        "config",
+        {"config-type": ("BITS", "GROUPS", "BOTH", "SCAN", "UNITS")},
+        needs_grant=Grant.IO_WRITE,
     ),
     Operation("GET", "/rw/iosystem/devices", get_devices),
     Operation(
@@ -471,14 +476,14 @@ OPERATIONS = (
     Operation("GET", f"{_PROFINET}/alarms", not_there, lacks=_NO_PROFINET),
     Operation("GET", _DEVICE, get_device),
     Operation("GET", _DEVICE, get_device_config, resource="config", query=_CONFIG),
-    Operation("POST", _DEVICE, set_device, "set", {"lstate": ("enable", "disable")}),
-    Operation("POST", _DEVICE, refuse_data, "set-inputdata", _DATA, status=400),
-    Operation("POST", _DEVICE, refuse_data, "set-outputdata", _DATA, status=400),
+    Operation("POST", _DEVICE, set_device, "set", {"lstate": ("enable", "disable")}, needs_grant=Grant.IO_WRITE),
+    Operation("POST", _DEVICE, refuse_data, "set-inputdata", _DATA, status=400, needs_grant=Grant.IO_WRITE),
+    Operation("POST", _DEVICE, refuse_data, "set-outputdata", _DATA, status=400, needs_grant=Grant.IO_WRITE),
     Operation("GET", _SIGNALS, get_signals, query=_PAGES),
     Operation("POST", _SIGNALS, search_signals, "signal-search", _CONDITIONS, query=_PAGES, status=200),
     Operation("POST", _SIGNALS, search_signals, "signal-searchex", _CONDITIONS, query=_PAGES, status=200),
-    Operation("POST", _SIGNALS, unblock_signals, "unblock-signal"),
+    Operation("POST", _SIGNALS, unblock_signals, "unblock-signal", needs_grant=Grant.IO_WRITE),
     Operation("GET", f"{_SIGNALS}/{{signal:.+}}", get_signal),
     Operation("GET", f"{_SIGNALS}/{{signal:.+}}", get_signal_config, resource="config", query=_CONFIG),
-    Operation("POST", f"{_SIGNALS}/{{signal:.+}}", set_signal, "set", _WRITE),
+    Operation("POST", f"{_SIGNALS}/{{signal:.+}}", set_signal, "set", _WRITE, needs_grant=Grant.IO_WRITE),
 )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
 
 from yumi.rapid.devices import LONGEST_MESSAGE, MOST_MESSAGES, Message
@@ -86,7 +86,7 @@ class MessageService:
             Operation("DELETE", path, self.delete),
         )
 
-    def keep(self, sessions: Sequence[str]) -> None:
+    def keep(self, sessions: Collection[str]) -> None:
         """Forget the queues of all other sessions."""
         for queue in [queue for queue in self._queues.values() if queue.session not in sessions]:
             self._forget(queue)

@@ -21,7 +21,7 @@ from yumi.robot.joints import (
 )
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.rws.documents import Link, Page, State, first_value
-from yumi.rws.types import Code, decode
+from yumi.rws.types import Code, Grant, decode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.maintenance import Supervision
 from yumi.virtual.controller.units import MechanicalUnit
@@ -735,8 +735,24 @@ OPERATIONS = (
         respects_mastership="motion",
     ),
     Operation("GET", _NON_MOTION, get_non_motion),
-    Operation("POST", _NON_MOTION, set_non_motion, "set-mode", {"mode": ("ON", "OFF")}, respects_mastership="motion"),
-    Operation("POST", _NON_MOTION, set_non_motion, "set", {"mode": ("ON", "OFF")}, respects_mastership="motion"),
+    Operation(
+        "POST",
+        _NON_MOTION,
+        set_non_motion,
+        "set-mode",
+        {"mode": ("ON", "OFF")},
+        respects_mastership="motion",
+        needs_grant=Grant.RAPID_DEBUG,
+    ),
+    Operation(
+        "POST",
+        _NON_MOTION,
+        set_non_motion,
+        "set",
+        {"mode": ("ON", "OFF")},
+        respects_mastership="motion",
+        needs_grant=Grant.RAPID_DEBUG,
+    ),
     Operation("GET", "/rw/motionsystem/mechunits", get_units),
     Operation("GET", _UNIT, get_unit, query={"resource": (), "continue-on-err": ("0", "1")}),
     Operation("GET", _UNIT, get_lead_through, resource="lead-through"),
@@ -749,8 +765,18 @@ OPERATIONS = (
         {"status": ("active", "inactive")},
         respects_mastership="motion",
     ),
-    Operation("POST", _UNIT, refuse_calibration, "fine-calibrate", {"axis": ()}, status=400),
-    Operation("POST", _UNIT, refuse_calibration, "update-revcounter", {"axis": ()}, status=400),
+    Operation(
+        "POST", _UNIT, refuse_calibration, "fine-calibrate", {"axis": ()}, status=400, needs_grant=Grant.CALIBRATE
+    ),
+    Operation(
+        "POST",
+        _UNIT,
+        refuse_calibration,
+        "update-revcounter",
+        {"axis": ()},
+        status=400,
+        needs_grant=Grant.REVOLUTION_COUNTER_UPDATE,
+    ),
     Operation("POST", _UNIT, set_position, "mechunit-position", {"rob_joint": (), "ext_joint": ()}, status=400),
     Operation("POST", _UNIT, pose_from_joints, "CalcPoseFromJoints", _FORWARD, status=200),
     Operation("POST", _UNIT, pose_from_joints, "CalcRobTFromJoints", _FORWARD, status=200),
@@ -763,13 +789,30 @@ OPERATIONS = (
     Operation("GET", f"{_UNIT}/jointtarget", get_joint_target, query={"ignore": ("0", "1")}),
     Operation("GET", f"{_UNIT}/calibrationinfo", get_calibration),
     Operation("GET", f"{_UNIT}/baseframe", get_base_frame),
-    Operation("POST", f"{_UNIT}/baseframe", set_base_frame, "set", _FRAME, respects_mastership="cfg", status=202),
+    Operation(
+        "POST",
+        f"{_UNIT}/baseframe",
+        set_base_frame,
+        "set",
+        _FRAME,
+        respects_mastership="cfg",
+        status=202,
+        needs_grant=Grant.CALIBRATE,
+    ),
     Operation("GET", f"{_UNIT}/axes", get_axes),
     Operation("GET", _AXIS, get_axis),
     Operation("GET", _AXIS, get_axis_pose, resource="axis-pose"),
-    Operation("POST", _AXIS, refuse_axis, "set-axispose", _FRAME, status=400),
-    Operation("POST", _AXIS, refuse_axis, "update-commutate", status=400),
-    Operation("POST", _AXIS, refuse_axis, "update-syncrevcounter", {"syncType": ("1",)}, status=400),
+    Operation("POST", _AXIS, refuse_axis, "set-axispose", _FRAME, status=400, needs_grant=Grant.CALIBRATE),
+    Operation("POST", _AXIS, refuse_axis, "update-commutate", status=400, needs_grant=Grant.CALIBRATE),
+    Operation(
+        "POST",
+        _AXIS,
+        refuse_axis,
+        "update-syncrevcounter",
+        {"syncType": ("1",)},
+        status=400,
+        needs_grant=Grant.REVOLUTION_COUNTER_UPDATE,
+    ),
     Operation("GET", f"{_UNIT}/smbdata", get_smb_data),
     Operation(
         "POST",
@@ -778,7 +821,16 @@ OPERATIONS = (
         "set",
         {"type": ("robot-to-controller", "controller-to-robot")},
         status=400,
+        needs_grant=Grant.CALIBRATE,
     ),
-    Operation("POST", f"{_UNIT}/smbdata", refuse_calibration, "clear", {"type": ("robot", "controller")}, status=400),
+    Operation(
+        "POST",
+        f"{_UNIT}/smbdata",
+        refuse_calibration,
+        "clear",
+        {"type": ("robot", "controller")},
+        status=400,
+        needs_grant=Grant.CALIBRATE,
+    ),
     Operation("GET", f"{_UNIT}/motorcalib", get_motor_calibration),
 )

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import isfinite, nan
 from typing import NamedTuple, cast
 
@@ -15,12 +16,13 @@ from yarl import URL
 
 from yumi.errors import YumiError
 from yumi.rws.documents import Link, Page, Pairs, State, Status, first_value
-from yumi.rws.types import Code
+from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.rws.http import HttpReply
 
 _MOST_DIGITS = 12
+_MOST_PATHS = 1024  # whose operations are remembered: finding one takes longer than most answers
 
 
 class Failure(YumiError):
@@ -39,6 +41,8 @@ class Failure(YumiError):
     def document(self, service: str) -> Status:
         """The error document, its message in the controller's shape (reference/rws.md §3.4)."""
         sentence = str(self).rstrip(".")
+        if service == "fileservice":
+            return Status(int(self.code), f"{sentence} {int(self.code)} -1")
         message = f"rws_resource_{service}.cpp[1] {sentence} code:{int(self.code)} icode:-1"
         return Status(int(self.code), message)
 
@@ -101,7 +105,7 @@ class Call:
 
     def option(self, name: str) -> str | None:
         """A parameter in the URL, or None."""
-        return first_value(self.query, name)
+        return first_value(self.query, name) if self.query else None
 
     def number_option(self, name: str, default: int) -> int:
         """A parameter in the URL that is a whole number from 0.
@@ -175,6 +179,7 @@ class Operation:
         resource: the ``resource`` in the URL; an operation whose ``query`` has it answers all without their own line.
         query: the parameters in the URL beside these two, and what each may be.
         status: of HTTP where the call succeeds; 0 for the usual one of the method.
+        needs_grant: what the user must be granted; None for what everybody may do.
         lacks: hardware or option that this robot does not have; such a call is answered with 404.
     """
 
@@ -189,6 +194,7 @@ class Operation:
     query: Values = field(default_factory=dict)
     status: int = 0
     lacks: str = ""
+    needs_grant: Grant | None = None
 
     @property
     def success(self) -> int:
@@ -242,6 +248,7 @@ class Router:
             if not alternatives:
                 resource.add_route(operation.method, _no_handler)
             alternatives.append(operation)
+        self._resolve = lru_cache(_MOST_PATHS)(self._resolve_once)
 
     def find(self, call: Call) -> tuple[Operation, Call]:
         """The operation, and the call with the values of its placeholders.
@@ -250,28 +257,20 @@ class Router:
             Failure: 404 for an unknown path, 405 for a method, 400 for an action it does not have.
         """
         path = "/" + "/".join(call.path)
-        target = _Target(call.method, URL.build(path=path))
-        try:
-            # The router's coroutine waits for nothing, so that its first step is its last.
-            self._dispatcher.resolve(cast("web.Request", target)).send(None)
-        except StopIteration as result:
-            match: web.UrlMappingMatchInfo = result.value
-        if match.http_exception is not None:
-            if match.http_exception.status == web.HTTPNotFound.status_code:
-                raise Failure(404, Code.FAIL, f"there is no resource {path}")
+        status, alternatives, names = self._resolve(call.method, path)
+        if status == web.HTTPNotFound.status_code:
+            raise Failure(404, Code.FAIL, f"there is no resource {path}")
+        if status:
             raise Failure(405, Code.NOTIMPL, f"{call.method} is not possible on {path}")
-        resource = match.route.resource
-        assert resource is not None, "all routes are added to resources"
-        alternatives = self._operations[call.method, resource.canonical]
-        action, wanted = call.option("action"), call.option("resource")
+        action, wanted = call.option("action"), call.option("resource") or None  # an empty one is none
         fitting = [each for each in alternatives if each.action == action]
         if call.method != "POST":  # an action of POST changes something; elsewhere an unknown one is ignored
             fitting = fitting or [each for each in alternatives if each.action is None]
         if not fitting:
-            raise invalid(f"{path} does not have the action {action!r}")
+            raise invalid(f"{path} {'needs an action' if action is None else f'does not have the action {action!r}'}")
         for operation in sorted(fitting, key=lambda each: each.resource != wanted):
             if operation.resource == wanted or (operation.resource is None and "resource" in operation.query):
-                return operation, replace(call, names=dict(match))
+                return operation, replace(call, names=names)
         raise invalid(f"{path} does not have the resource {wanted!r}")
 
     def actions(self, call: Call) -> Sequence[Operation]:
@@ -279,19 +278,27 @@ class Router:
         path = "/" + "/".join(call.path)
         found: list[Operation] = []
         for method in ("POST", "PUT", "DELETE"):
-            try:
-                target = _Target(method, URL.build(path=path))
-                self._dispatcher.resolve(cast("web.Request", target)).send(None)
-            except StopIteration as result:
-                match: web.UrlMappingMatchInfo = result.value
-                if match.http_exception is None and match.route.resource is not None:
-                    found += self._operations[method, match.route.resource.canonical]
+            found += self._resolve(method, path)[1]
         return found
+
+    def _resolve_once(self, method: str, path: str) -> tuple[int, Sequence[Operation], Mapping[str, str]]:
+        """Status of an error or 0, the operations of a method and path, and the values of the placeholders."""
+        target = _Target(method, URL.build(path=path))
+        try:
+            # The router's coroutine waits for nothing, so that its first step is its last.
+            self._dispatcher.resolve(cast("web.Request", target)).send(None)
+        except StopIteration as result:
+            match: web.UrlMappingMatchInfo = result.value
+        if match.http_exception is not None:
+            return match.http_exception.status, (), {}
+        resource = match.route.resource
+        assert resource is not None, "all routes are added to resources"
+        return 0, self._operations[method, resource.canonical], dict(match)
 
 
 def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
     """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
-    links = (Link("self", href), Link("action", f"{href}?action=show"))
+    links = (Link("self", href), Link("action", f"{href}{'&' if '?' in href else '?'}action=show"))
     more = () if next_href is None else (Link("next", next_href),)
     return Page(title, base, states, links + more)
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Mapping
 
 from yumi.rws.documents import Page, State
-from yumi.rws.types import Code, OperatingMode
+from yumi.rws.types import Code, Grant, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws import ctrl
 from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
@@ -90,8 +90,17 @@ def select_mode(controller: Irc5, call: Call) -> None:
 
 OPERATIONS = (
     Operation("GET", "/rw/panel", get_panel),
-    Operation("POST", "/rw/panel", ctrl.restart, "restart", {"restart-mode": _RESTARTS}),
-    Operation("POST", "/rw/panel", ctrl.set_language, "setlang", {"lang-code": ()}),
+    Operation(
+        "POST", "/rw/panel", ctrl.restart, "restart", {"restart-mode": _RESTARTS}, needs_grant=Grant.REMOTE_WARMSTART
+    ),
+    Operation(
+        "POST",
+        "/rw/panel",
+        ctrl.set_language,
+        "setlang",
+        {"lang-code": ()},
+        needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
+    ),
     *(Operation("GET", f"/rw/panel/{name}", get_value) for name in VALUES),
     Operation(
         "POST",
@@ -105,5 +114,12 @@ OPERATIONS = (
     Operation("GET", "/rw/panel/opmode", get_lock_state, resource="lock-state"),
     Operation("POST", "/rw/panel/opmode", lock, "lock", {"pin": (), "permanent": ("0", "1")}),
     Operation("POST", "/rw/panel/opmode", unlock, "unlock", {"pin": ()}),
-    Operation("POST", "/rw/panel/speedratio", set_speed_ratio, "setspeedratio", {"speed-ratio": ()}),
+    Operation(
+        "POST",
+        "/rw/panel/speedratio",
+        set_speed_ratio,
+        "setspeedratio",
+        {"speed-ratio": ()},
+        needs_grant=Grant.SPEED_DECREASE,
+    ),
 )

@@ -9,14 +9,15 @@ from __future__ import annotations
 import logging
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from functools import lru_cache
 from math import inf
 from urllib.parse import unquote
 
 from yumi.errors import ProtocolError, RapidError, SettingsError
 from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, decode_form
-from yumi.rws.types import Code
+from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.rws import configuration, ctrl, dialogs, event_log, files, io, motion, panel, rapid, symbols, system
@@ -63,7 +64,8 @@ log = logging.getLogger(__name__)
 class RwsService:
     """Answers requests for ``controller`` from clients that know ``user`` and ``password``.
 
-    ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every connection to the server.
+    ``granted`` is what the user may do; ``make_secret`` gives 64 random hexadecimal digits; ``hang_up`` breaks every
+    connection to the server.
 
     Attributes:
         scheme, default_port: of its addresses.
@@ -83,6 +85,7 @@ class RwsService:
         *,
         user: str,
         password: str,
+        granted: Collection[Grant] = GRANTS,
         make_secret: Callable[[], str] = secrets.token_hex,
         hang_up: Callable[[], None] = lambda: None,
     ) -> None:
@@ -92,7 +95,7 @@ class RwsService:
         self._sessions = SessionTable(make_secret)
         self._nonce_secret = make_secret()[:16]
         self._nonces = 0
-        self._users = Users()
+        self._users = Users(granted)
         self._mastership = Mastership(self._users, self.domains)
         self._messages = MessageService(controller)
         self._subscriptions = Subscriptions(self._mastership, self._users, self._messages, self.rules)
@@ -119,11 +122,7 @@ class RwsService:
         if self._controller.is_restarting:
             return None
         busy = _plain(503, "The controller is busy.")
-        reply = busy if now < self._busy_until else self._authorized(request, now)
-        if isinstance(reply, Upgrade):
-            return reply
-        is_last = (request.header("Connection") or "").lower() == "close"
-        return replace(reply, headers=(*reply.headers, ("Connection", "close" if is_last else "Keep-Alive")))
+        return busy if now < self._busy_until else self._authorized(request, now)
 
     def may_enter(self, request: HttpRequest, now: float) -> bool:
         """Whether a request belongs to a session, or has credentials that open one."""
@@ -229,7 +228,7 @@ class RwsService:
         call = replace(
             _call(request),
             session=session.id,
-            host=host if re.search(r":\d+$", host) else f"{host}:{self.default_port}",
+            host=_with_port(host, self.default_port),
             privilege=self._users.privilege(session.id),
         )
         form = Form.XHTML
@@ -249,9 +248,10 @@ class RwsService:
         except Exception:  # whatever a client sends, the controller goes on
             log.exception("%s %s met a fault of the virtual controller", call.method, request.target.partition("?")[0])
             failure = Failure(400, Code.FAIL, "a fault of the virtual controller")
-        status = failure.document(call.path[1] if len(call.path) > 1 else "rw")
+        service = next((part for part in call.path if part != "rw"), "rw")
+        title = "Error" if service == "fileservice" else "rw"
         content_type = (("Content-Type", self._content_type(form)),)
-        return HttpReply(failure.status, content_type, self._status(status, form, host))
+        return HttpReply(failure.status, content_type, self._status(failure.document(service), form, host, title))
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         """Check a call against the table, carry it out, and show its result in the client's format."""
@@ -261,6 +261,7 @@ class RwsService:
             operation, answer = None, self._forms(call)
         else:
             operation, call = self._router.find(call)
+            self._users.check(operation, self._controller, call)
             self._check_mastership(operation, call)
             operation.check_values(call)
             answer = operation.handler(self._controller, call)
@@ -304,10 +305,11 @@ class RwsService:
         return form.value
 
     def _page(self, page: Page, form: Form, host: str) -> bytes:
-        return write_page(replace(page, base=f"{self.scheme}://{host}{page.base}"), form)
+        base = f"{self.scheme}://{host}{page.base}"
+        return write_page(Page(page.title, base, page.states, page.links), form)
 
-    def _status(self, status: Status, form: Form, host: str) -> bytes:
-        return write_status(status, form, base=f"{self.scheme}://{host}/")
+    def _status(self, status: Status, form: Form, host: str, title: str) -> bytes:
+        return write_status(status, form, base=f"{self.scheme}://{host}/", title=title)
 
     def _forms(self, call: Call) -> Page:
         """What can be done with a resource, as a form for each of its actions."""
@@ -321,11 +323,24 @@ class RwsService:
         return resource(call.path[0], "/", "/".join(call.path), *states)
 
 
+@lru_cache(1024)
+def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:
+    """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
+
+    A sub-property shows in the page of its resource anyway.
+    """
+    path, _, query = target.partition("?")
+    return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
+
+
 def _call(request: HttpRequest) -> Call:
-    """The head of a request; a sub-property behind ``;`` shows in the page of its resource anyway."""
-    path, _, query = request.target.partition("?")
-    segments = tuple(unquote(part).partition(";")[0] for part in path.split("/") if part)
-    return Call(request.method, segments, decode_form(query))
+    """The head of a request."""
+    return Call(request.method, *_parts(request.target))
+
+
+@lru_cache(64)
+def _with_port(host: str, port: int) -> str:
+    return host if re.search(r":\d+$", host) else f"{host}:{port}"
 
 
 def _cookies(request: HttpRequest) -> dict[str, str]:

@@ -8,7 +8,7 @@ client connects.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Protocol
@@ -578,7 +578,7 @@ class Subscriptions:
         groups = self._groups.values()
         return {group.session for group in groups if group.channel is not None and group.channel.is_open}
 
-    def keep(self, sessions: Sequence[str]) -> None:
+    def keep(self, sessions: Collection[str]) -> None:
         """Forget the groups of all other sessions, and those whose client has left."""
         for group in tuple(self._groups.values()):
             channel = group.channel

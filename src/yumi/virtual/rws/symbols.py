@@ -18,7 +18,7 @@ from yumi.rapid.program import LoadedModule, UserRoutine
 from yumi.rapid.task import Task
 from yumi.rapid.types import Variable
 from yumi.rws.documents import Form, Page, State
-from yumi.rws.types import Code, RapidValue, decode
+from yumi.rws.types import Code, Grant, RapidValue, decode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
@@ -53,6 +53,11 @@ def _module(controller: Irc5, call: Call) -> tuple[Task, LoadedModule]:
     return task, module
 
 
+def _module_page(task: Task, module: LoadedModule, state: State) -> Page:
+    """A page of a module; its address names the task, without which there is no such module."""
+    return resource("rapid", f"{_BASE}modules/", f"{module.name}?task={task.name}", state)
+
+
 def get_modules(controller: Irc5, call: Call) -> Page:
     task = find_task(controller, call.option("task") or "")
     states = (
@@ -75,19 +80,19 @@ def get_module(controller: Irc5, call: Call) -> Page:
     if call.option("text") is not None:
         row, column = _search(text, call.option("text") or "", call)
         fields = {"Row": str(row), "Column": str(column)}
-        return resource("rapid", f"{_BASE}modules/", name, State("rap-text-position", name, fields))
+        return _module_page(task, module, State("rap-text-position", name, fields))
     if call.option("endrow") is not None:
         begin, end = _range(text, call)
         state = State("rap-mod-text", name, {"text": text[begin:end]})
-        return resource("rapid", f"{_BASE}modules/", name, state)
+        return _module_page(task, module, state)
     if call.option("startrow") is not None:
-        return resource("rapid", f"{_BASE}modules/", name, _object(task, module, call))
+        return _module_page(task, module, _object(task, module, call))
     fields = {
         "modname": name,
         "filename": module.syntax.filename.rpartition("/")[2],
         "attribute": " ".join(sorted(each.lower().removesuffix("ule") for each in module.syntax.attributes)),
     }
-    return resource("rapid", f"{_BASE}modules/", name, State("rap-module", name, fields))
+    return _module_page(task, module, State("rap-module", name, fields))
 
 
 def _offset(text: str, row: int, column: int) -> int:
@@ -161,7 +166,7 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
         "module-length": str(len(module.syntax.text)),
     }
     state = State("rap-module-text", module.name, fields)
-    return resource("rapid", f"{_BASE}modules/", module.name, state)
+    return _module_page(task, module, state)
 
 
 @functools.lru_cache(maxsize=32)
@@ -173,7 +178,7 @@ def quoted(text: str) -> str:
 def get_module_changes(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     state = State("rap-module-changecount", module.name, {"count": str(controller.program_changes(task.name))})
-    return resource("rapid", f"{_BASE}modules/", module.name, state)
+    return _module_page(task, module, state)
 
 
 def get_extension(controller: Irc5, call: Call) -> Page:
@@ -184,14 +189,14 @@ def get_extension(controller: Irc5, call: Call) -> Page:
         "max-num-of-col": str(max(map(len, lines), default=0)),
         "count": str(controller.program_changes(task.name)),
     }
-    return resource("rapid", f"{_BASE}modules/", module.name, State("rap-module-extension", module.name, fields))
+    return _module_page(task, module, State("rap-module-extension", module.name, fields))
 
 
 def get_sync_status(controller: Irc5, call: Call) -> Page:
     """Whether the text has the present values of its persistents."""
-    _, module = _module(controller, call)
+    task, module = _module(controller, call)
     state = State("rap-syncper-status", module.name, {"syncperstatus": "0"})
-    return resource("rapid", f"{_BASE}modules/", module.name, state)
+    return _module_page(task, module, state)
 
 
 def save_module(controller: Irc5, call: Call) -> None:
@@ -258,7 +263,12 @@ def get_routine_at(controller: Irc5, call: Call) -> Page:
     state = _routine_state(task, found)
     names = ("name", "symtyp", "named", "local", "npar")
     fields = {name: state.fields[name] for name in names}
-    return resource("rapid", f"{_BASE}modules/{module.name}/", "routine", State("rap-routine-prop", found.name, fields))
+    return resource(
+        "rapid",
+        f"{_BASE}modules/{module.name}/",
+        f"routine?task={task.name}&row={row}",
+        State("rap-routine-prop", found.name, fields),
+    )
 
 
 def get_symbol_at(controller: Irc5, call: Call) -> Page:
@@ -279,7 +289,7 @@ def get_symbol_at(controller: Irc5, call: Call) -> Page:
     }
     fields |= {name: state.fields[name] for name in ("linked", "local", "typurl", "dattyp", "ndim")}
     state = State("rap-module-symbol", found.name, {"version": "1", **fields, "heap": "false", "refcount": "1"})
-    return resource("rapid", f"{_BASE}modules/", module.name, state)
+    return _module_page(task, module, state)
 
 
 def refuse_positions(controller: Irc5, call: Call) -> Page:
@@ -512,7 +522,15 @@ _MODULE_QUERY: Values = {
 OPERATIONS = (
     Operation("GET", _MODULES, get_modules, query=_OF_TASK),
     Operation("GET", _MODULES, refuse_positions, resource="mod-possible-all", status=400),
-    Operation("POST", _MODULES, refuse_positions, "modify-all-position", _POSITIONS, status=400),
+    Operation(
+        "POST",
+        _MODULES,
+        refuse_positions,
+        "modify-all-position",
+        _POSITIONS,
+        status=400,
+        needs_grant=Grant.RAPID_MODPOS,
+    ),
     Operation("GET", _MODULE, get_module, query=_MODULE_QUERY),
     Operation("GET", _MODULE, get_module_text, resource="module-text", query=_OF_TASK),
     Operation("GET", _MODULE, get_module_changes, resource="change-count", query=_OF_TASK),
@@ -520,17 +538,52 @@ OPERATIONS = (
     Operation("GET", _MODULE, get_sync_status, resource="syncper-status", query=_OF_TASK),
     Operation("GET", _MODULE, get_symbol_at, resource="module-symbol", query={**_OF_TASK, "row": (), "col": ()}),
     Operation("GET", _MODULE, refuse_positions, resource="mod-possible", query=_RANGE, status=400),
-    Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK),
-    Operation("POST", _MODULE, set_text_range, "set-text-range", _TEXT, "rapid"),
-    Operation("POST", _MODULE, set_module_text, "set-module-text", {"text": ()}, "rapid", query=_OF_TASK, status=200),
-    Operation("POST", _MODULE, refuse_positions, "modify-position", _POSITIONS, query=_OF_TASK, status=400),
+    Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK, needs_grant=Grant.BACKUP),
+    Operation("POST", _MODULE, set_text_range, "set-text-range", _TEXT, "rapid", needs_grant=Grant.RAPID_EDIT),
+    Operation(
+        "POST",
+        _MODULE,
+        set_module_text,
+        "set-module-text",
+        {"text": ()},
+        "rapid",
+        query=_OF_TASK,
+        status=200,
+        needs_grant=Grant.RAPID_EDIT,
+    ),
+    Operation(
+        "POST",
+        _MODULE,
+        refuse_positions,
+        "modify-position",
+        _POSITIONS,
+        query=_OF_TASK,
+        status=400,
+        needs_grant=Grant.RAPID_MODPOS,
+    ),
     Operation("GET", f"{_MODULE}/routine", get_routine_at, query={**_OF_TASK, "row": (), "column": ()}),
     Operation("GET", "/rw/rapid/modules/{task}/{module}/routines", get_routines),
     Operation("GET", "/rw/rapid/symbols", get_symbols),
     Operation("POST", "/rw/rapid/symbols", search, "search-symbols", _SEARCH, status=200),
     Operation("GET", _SYMBOL, get_symbol, query={"value": ("raw",)}),
-    Operation("POST", _SYMBOL, set_symbol, "set", {"value": ()}, respects_mastership="rapid"),
-    Operation("POST", _SYMBOL, set_initial_value, "setInitValue", {"value": ()}, respects_mastership="rapid"),
+    Operation(
+        "POST",
+        _SYMBOL,
+        set_symbol,
+        "set",
+        {"value": ()},
+        respects_mastership="rapid",
+        needs_grant=Grant.RAPID_CURRVALUE,
+    ),
+    Operation(
+        "POST",
+        _SYMBOL,
+        set_initial_value,
+        "setInitValue",
+        {"value": ()},
+        respects_mastership="rapid",
+        needs_grant=Grant.RAPID_EDIT,
+    ),
     Operation("POST", "/rw/rapid/symbol/data", validate, "validate", {"task": (), "value": (), "datatype": ()}),
     Operation("GET", "/rw/rapid/symbol/properties/RAPID/{symbol:.+}", get_symbol_properties),
 )

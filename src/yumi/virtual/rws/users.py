@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code
+from yumi.rws.types import GRANTS, Code, Grant, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, resource
@@ -21,29 +21,15 @@ Domains = Mapping[str, str]
 OWN_DOMAINS: Domains = {"cfg": "cfg", "motion": "motion", "rapid": "rapid"}
 """Those of RobotWare 6."""
 
+_FULL_SPEED = 100  # [%]
 _POLL_LIFE = 10.0
 """A request for the privilege ends when its client does not poll for this long [s]."""
 
 PENDANT_TIME = 1.0
 """The operator at the FlexPendant, whom this controller does not have, grants a request after this time [s]."""
 
-GRANTS = (
-    "UAS_BACKUP",
-    "UAS_CALIBRATION",
-    "UAS_CFG_WRITE",
-    "UAS_CONTROLLER_PROPERTIES_WRITE",
-    "UAS_IO_WRITE",
-    "UAS_RAPID_CURRVALUE",
-    "UAS_RAPID_DEBUG",
-    "UAS_RAPID_EDIT",
-    "UAS_RAPID_EXECUTE",
-    "UAS_RAPID_LOADPROGRAM",
-    "UAS_RAPID_MODPOS",
-    "UAS_REMOTE_LOGIN",
-    "UAS_RESTORE",
-    "UAS_SPEED_DECREASE",
-)
-"""What the one user of this controller may do."""
+_RESTARTS = {"restart": Grant.REMOTE_WARMSTART, "shutdown": Grant.REMOTE_WARMSTART, "bstart": Grant.RESTORE}
+"""By the mode of a restart; all others change which system runs, or its state."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +71,15 @@ class Users:
     """The users of all sessions, and who may write in manual mode (RMMP).
 
     Attributes:
-        granted: what every user may do, as is shown; it is not enforced.
+        granted: what the user may do; everything else that needs a grant is refused.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, granted: Collection[Grant] = GRANTS) -> None:
         self._users: dict[str, User] = {}
         self._counted = 0
         self._request: _Request | None = None
         self._now = -inf
-        self.granted = GRANTS
+        self.granted = granted
         self.operations = (
             Operation("GET", "/users", self.get_users, query={"user-type": ("self",)}),
             Operation(
@@ -134,7 +120,7 @@ class Users:
         held = self._request
         return "none" if held is None else f"{self.of(held.session).uid} {held.privilege} {held.status}"
 
-    def keep(self, sessions: Sequence[str], now: float) -> None:
+    def keep(self, sessions: Collection[str], now: float) -> None:
         """Forget all other sessions; grant what has waited long enough, and drop what is no longer polled."""
         self._now = now
         self._users = {session: user for session, user in self._users.items() if session in sessions}
@@ -188,7 +174,24 @@ class Users:
         self._users[call.session] = replace(own, locale=locale)
 
     def get_grants(self, controller: Irc5, call: Call) -> Page:
-        return resource("ROBAPI2 User", _BASE, "grants", *(State("user-grant", name, {}) for name in self.granted))
+        names = [each.value for each in Grant if each in self.granted]
+        return resource("ROBAPI2 User", _BASE, "grants", *(State("user-grant", name, {}) for name in names))
+
+    def check(self, operation: Operation, controller: Irc5, call: Call) -> None:
+        """Refuse an operation that the user is not granted.
+
+        Raises:
+            Failure: 403.
+        """
+        needed = operation.needs_grant
+        if needed is Grant.REMOTE_WARMSTART:
+            needed = _RESTARTS.get(call.parameter("restart-mode", "restart"), Grant.SYSTEM_ADMINISTRATION)
+        if needed is Grant.SPEED_DECREASE and (
+            controller.mode is not OperatingMode.AUTO or controller.speed_ratio < _FULL_SPEED
+        ):
+            return
+        if needed is not None and needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
+            raise Failure(403, Code.UAS_REJECT, f"the user lacks the grant {needed.value}")
 
     def get_rmmp(self, controller: Irc5, call: Call) -> Page:
         held = self._request
@@ -261,14 +264,14 @@ class Mastership:
         path = "/rw/mastership/{domain}"
         self.operations = (
             Operation("GET", "/rw/mastership", self.get_domains),
-            Operation("POST", "/rw/mastership", self.request_all, "request"),
+            Operation("POST", "/rw/mastership", self.request_all, "request", needs_grant=Grant.RAPID_DEBUG),
             Operation("POST", "/rw/mastership", self.release_all, "release"),
             Operation("GET", path, self.get_domain),
-            Operation("POST", path, self.request, "request"),
+            Operation("POST", path, self.request, "request", needs_grant=Grant.RAPID_DEBUG),
             Operation("POST", path, self.release, "release"),
         )
 
-    def keep(self, sessions: Sequence[str]) -> None:
+    def keep(self, sessions: Collection[str]) -> None:
         """Release what all other sessions hold."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder in sessions}
 

@@ -513,9 +513,11 @@ class RwsService2(RwsService):
         second = Page(page.title, f"{self.scheme}://{host}{page.base}", states, links)
         return write_hal(second) if form is Form.JSON else write_page(second, form)
 
-    def _status(self, status: Status, form: Form, host: str) -> bytes:
+    def _status(self, status: Status, form: Form, host: str, title: str) -> bytes:
         base = f"{self.scheme}://{host}/"
-        return write_hal_status(status, base) if form is Form.JSON else write_status(status, form, base=base)
+        if form is Form.JSON:
+            return write_hal_status(status, base)
+        return write_status(status, form, base=base, title=title)
 
     def _second_state(self, state: State, base: str) -> State:
         return replace(

@@ -228,3 +228,80 @@ def test_web_socket_whose_handshake_is_wrong_is_not_open() -> None:
         end.sendall(HANDSHAKE.replace(b"Sec-WebSocket-Key", b"Sec-Key"))
         assert end.recv(4096).startswith(b"HTTP/1.1 400 ")
     assert [channel.is_open for channel in channels] == [False]
+
+
+GET = b"GET /rw HTTP/1.1\r\nHost: robot\r\n"
+POST = b"POST /rw HTTP/1.1\r\nHost: robot\r\n"
+
+
+def echoed(request: HttpRequest) -> HttpReply:
+    """What was understood of a request."""
+    text = f"{request.method} {request.target} {request.header('host')} {request.body.decode()}"
+    return HttpReply(200, (("Content-Type", "text/plain"),), text.encode())
+
+
+def received(*parts: bytes, until: bytes = b"", limit: int = 1000) -> bytes:
+    """What the server sends until these bytes or the end; each part is sent when the one before has been answered."""
+    with HttpServer(echoed, port=0, body_limit=lambda request: limit) as server, closing(connected(server)) as client:
+        client.settimeout(5.0)
+        data = b""
+        for part in parts:
+            client.sendall(part)
+            while part is not parts[-1] and b"\r\n\r\n" not in data:
+                data += client.recv(4096)
+        while not (until and until in data):
+            more = client.recv(4096)
+            if not more:
+                break
+            data += more
+        return data.replace(server.address.encode(), b"ADDRESS")
+
+
+@pytest.mark.parametrize(
+    ("request_line", "header", "connection"),
+    [
+        (GET, b"Connection: close\r\n", b"close"),
+        (GET, b"connection: X-Hop, close\r\n", b"close"),
+        (GET, b"", b"Keep-Alive"),
+        (b"GET /rw HTTP/1.0\r\nHost: robot\r\n", b"", b"close"),
+        (b"GET /rw HTTP/1.0\r\nHost: robot\r\n", b"Connection: keep-alive\r\n", b"Keep-Alive"),
+    ],
+)
+def test_answer_says_whether_the_connection_stays(request_line: bytes, header: bytes, connection: bytes) -> None:
+    stays = connection == b"Keep-Alive"
+    data = received(request_line + header + b"\r\n", until=b"GET /rw robot" if stays else b"")
+    assert data.count(b"Connection: " + connection + b"\r\n") == 1
+    assert data.lower().count(b"connection:") == 1
+
+
+def test_client_of_http_1_0_without_host_is_told_the_address_it_has_called() -> None:
+    assert received(b"GET /rw HTTP/1.0\r\n\r\n").endswith(b"GET /rw ADDRESS ")
+
+
+def test_target_may_be_a_whole_url_as_proxies_send_it() -> None:
+    data = received(GET.replace(b"/rw", b"http://robot:80/rw/panel?json=1") + b"\r\n", until=b"robot ")
+    assert data.endswith(b"GET /rw/panel?json=1 robot ")
+
+
+def test_client_that_waits_for_permission_to_send_its_body_gets_it() -> None:
+    head = POST + b"Content-Length: 5\r\nExpect: 100-continue\r\n\r\n"
+    data = received(head, b"value", until=b"robot value")
+    assert data.startswith(b"HTTP/1.1 100 Continue\r\n\r\nHTTP/1.1 200 OK\r\n")
+
+
+def test_body_that_is_not_wanted_is_not_asked_for() -> None:
+    data = received(POST + b"Content-Length: 5\r\nExpect: 100-continue\r\n\r\n", until=b"robot ", limit=0)
+    assert b"100 Continue" not in data
+
+
+def test_body_may_come_in_chunks() -> None:
+    chunks = b"2\r\nva\r\n3\r\nlue\r\n0\r\n\r\n"
+    data = received(POST + b"Transfer-Encoding: chunked\r\n\r\n" + chunks, until=b"robot value")
+    assert data.endswith(b"POST /rw robot value")
+
+
+def test_requests_may_come_before_the_answers_to_earlier_ones() -> None:
+    targets = [b"/rw/panel", b"/rw/rapid", b"/rw/cfg"]
+    data = received(b"".join(GET.replace(b"/rw", each) + b"\r\n" for each in targets), until=b"/rw/cfg robot ")
+    places = [data.index(b"GET " + each) for each in targets]
+    assert places == sorted(places)

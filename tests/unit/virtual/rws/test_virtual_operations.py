@@ -56,7 +56,7 @@ def test_placeholders_have_the_text_of_the_path(path: str, names: dict[str, str]
         ("GET", "/rw/thing/x/parts", None, 404, "there is no resource /rw/thing/x/parts"),
         ("PUT", "/rw/thing", None, 405, "PUT is not possible on /rw/thing"),
         ("HEAD", "/rw/thing", None, 405, "HEAD is not possible on /rw/thing"),
-        ("POST", "/rw/thing", None, 400, "/rw/thing does not have the action None"),
+        ("POST", "/rw/thing", None, 400, "/rw/thing needs an action"),
         ("POST", "/rw/thing", "jump", 400, "/rw/thing does not have the action 'jump'"),
     ],
 )

@@ -5,11 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections import Counter
+from collections.abc import Iterable, Iterator
+from urllib.parse import urljoin, urlsplit
 
 import pytest
 
 from rws_examples import EXAMPLES, Example, Session
-from yumi.rws.documents import decode_form, read_page, read_status
+from yumi.rws.documents import Link, State, decode_form, read_page, read_status
 from yumi.virtual.rws.documents import _FIELD_NAMES, _TYPES
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Operation
@@ -76,3 +78,29 @@ def test_every_operation_has_an_example(session: Session) -> None:
     found = Counter(id(operation_of(session, example)) for example in EXAMPLES)
     missing = [each for each in session.service.operations if id(each) not in found]
     assert [(each.method, each.path, each.action, each.resource) for each in missing] == []
+
+
+def links(states: Iterable[State]) -> Iterator[Link]:
+    for state in states:
+        yield from state.links
+        yield from links(state.children)
+
+
+NOT_NOW = ("/subscription", "/rw/rapid/modules", "/rw/rapid/uiinstr/active", "/users/rmmp/poll")
+"""Named by other pages, and readable with a number, a task, a question of a program, and a request for RMMP."""
+
+
+@pytest.mark.parametrize(
+    "example", [each for each in EXAMPLES if each.method == "GET"], ids=lambda each: f"{each.method} {each.target}"
+)
+def test_links_of_a_page_lead_to_resources(session: Session, example: Example) -> None:
+    reply = example.send(session)
+    if reply.status != 200 or b"<html" not in reply.body:
+        return
+    page = read_page(content_type(reply), reply.body)
+    for link in (*page.links, *links(page.states)):
+        url = urlsplit(urljoin(page.base, link.href))
+        if url.scheme == "http" and link.rel != "action":
+            target = f"{url.path}?{url.query}" if url.query else url.path
+            is_there = session.ask("GET", target).status in (200, 204)
+            assert is_there or target in NOT_NOW, f"{link.href} leads to {target}"
