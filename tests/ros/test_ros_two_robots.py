@@ -204,7 +204,9 @@ def test_new_process_has_an_answer_within_a_second(cells: Cells) -> None:
 
 def _datagrams_lost() -> int:
     """How many datagrams did not fit into their receiver's socket, on this machine since it was started."""
-    names, values = (line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if line.startswith("Udp:"))
+    names, values = (
+        line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if line.startswith("Udp:")
+    )
     return int(values[names.index("RcvbufErrors")])
 
 
