@@ -38,7 +38,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(180)]
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 FOUND = 1.0  # [s] from a new process's first node to the driver's answer
-LOST = 500  # datagrams while a new process finds both drivers
 MOVED = 0.05  # [rad]
 PREFIXES = {"cell1": "", "cell2": "b_"}
 ARMS = {prefix: [f"{prefix}yumi_joint_{axis}_{side}" for side in "rl" for axis in CHAIN_AXES] for prefix in ("", "b_")}
@@ -193,21 +192,8 @@ print(time.monotonic() - begin if answer.result().message else "no answer")
 @pytest.mark.real_time
 def test_new_process_has_an_answer_within_a_second(cells: Cells) -> None:
     ask = [sys.executable, "-c", ASK, "/cell1/yumi_robot_manager/get_state"]
-    took, lost = [], []
-    for _ in range(5):
-        before = _datagrams_lost()
-        took.append(float(subprocess.run(ask, capture_output=True, check=True, timeout=30.0).stdout))
-        lost.append(_datagrams_lost() - before)
+    took = [float(subprocess.run(ask, capture_output=True, check=True, timeout=30.0).stdout) for _ in range(5)]
     assert median(took) < FOUND  # with Fast DDS's own announcements it is 1.5 s, and up to 3 s
-    assert median(lost) < LOST  # with all endpoints at once it is 2000, and one client in three takes 1 s longer
-
-
-def _datagrams_lost() -> int:
-    """How many datagrams did not fit into their receiver's socket, on this machine since it was started."""
-    names, values = (
-        line.split() for line in Path("/proc/net/snmp").read_text().splitlines() if line.startswith("Udp:")
-    )
-    return int(values[names.index("RcvbufErrors")])
 
 
 def test_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:
