@@ -139,6 +139,12 @@ def build(log: Path) -> None:
         if record.name not in {package.name for package in packages}:
             _uninstall(record)
     wanted = fingerprints(packages, _common())
+    due = [package for package in packages if _built_from(package) != wanted[package.name]]
+    if due:
+        print(
+            f"interfaces: compiling {len(due)} message packages of ROS 2, each of which takes up to two minutes",
+            flush=True,
+        )
     for package in packages:
         if _built_from(package) != wanted[package.name]:
             started = time.monotonic()

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from yumi.rapid.builtins.names import CONSTANTS, FUNCTIONS, INSTRUCTIONS, TYPES
+from yumi.rapid.builtins.standard import NAMES
 from yumi.rapid.library import Library, Support
 from yumi.virtual.world import World
 
@@ -94,10 +94,10 @@ class Kind:
 
 LANGUAGE = ("waituntil", "present", "argname")  # which the compiler itself knows
 KINDS = (
-    Kind("Instructions", INSTRUCTIONS, r"\b{0}\b(?!\s*\()"),
-    Kind("Functions", FUNCTIONS, r"\b{0}\s*\("),
-    Kind("Data types", TYPES, r"(?:\b(?:VAR|PERS|CONST|INOUT|FUNC|REF)\s+|\()\s*{0}\s+\w|\\{0}\s+\w"),
-    Kind("Predefined constants", CONSTANTS, r"\b{0}\b"),
+    Kind("Instructions", NAMES["instructions"], r"\b{0}\b(?!\s*\()"),
+    Kind("Functions", NAMES["functions"], r"\b{0}\s*\("),
+    Kind("Data types", NAMES["types"], r"(?:\b(?:VAR|PERS|CONST|INOUT|FUNC|REF)\s+|\()\s*{0}\s+\w|\\{0}\s+\w"),
+    Kind("Predefined constants", NAMES["constants"], r"\b{0}\b"),
 )
 
 

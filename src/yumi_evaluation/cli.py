@@ -37,7 +37,7 @@ _INCOMPLETE = 1
 _TABLE_WIDTH = 110
 _BENCH_WIDTH = 92  # a table that is cut is useless, a line that a narrow terminal breaks is not
 _GAIN_STEP = 0.1
-_QUICK = (1, 500)  # rounds and cycles
+_QUICK = (1, 300)  # rounds and cycles
 _START = 4.0  # [s] what a fresh server takes, for the announcement
 
 
@@ -235,7 +235,7 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
 @click.option(
     "--quick",
     is_flag=True,
-    help="One round of 500 cycles, one arm at 250 Hz, blocking: a first impression in a minute.",
+    help="One round of 300 cycles, one arm at 250 Hz, blocking: a first impression in a minute.",
 )
 @click.option("--only", multiple=True, metavar="NAME", help="Only this contender; may be repeated.")
 @click.option("--wake", multiple=True, metavar="MODE", help="Only this egm.wake; may be repeated.")

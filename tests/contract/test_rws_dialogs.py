@@ -60,7 +60,9 @@ def test_question_is_shown_and_answered_by_the_command_line(asking: World) -> No
     assert shown[0] == 0
     assert "TPReadFK of T_ROB_L" in shown[1]
     assert "MsgLine1: Which part?\nChoice1: Round\nChoice2: Square\n" in shown[1]
-    assert refused == (1, "Error: There is no choice 'Triangle'; there is: 1 Round, 2 Square\n")
+    assert refused[0] == 1
+    assert "refuses 'Triangle' as an answer to TPReadFK (" in refused[1]
+    assert "Choice1: Round, Choice2: Square" in refused[1]
     assert accepted == (0, "")
     assert again[0] == 0  # the other arm's program has asked, too
     assert asking.controller.screens == {"T_ROB_R": ("part 1",), "T_ROB_L": ("part 2",)}

@@ -222,6 +222,24 @@ def test_control_process_says_that_its_port_is_taken(ports: Mapping[Side, int], 
         lines.start()
 
 
+def test_control_process_that_was_launched_is_waited_for_or_ended(
+    ports: Mapping[Side, int], events: Queue[Event]
+) -> None:
+    controllers = {side: read_controllers(side) for side in Side}
+    plan = EgmPlan("127.0.0.1", "127.0.0.1", ports, 0.05, CYCLE, controllers)
+    for is_waited_for in (True, False):
+        lines = ControlProcess(partial(build_arms, plan), events.put)
+        lines.launch()
+        (child,) = (each for each in active_children() if each.name == "yumi-control")
+        if is_waited_for:
+            lines.start()
+            assert child in active_children()
+            lines.check()
+        lines.stop()
+        assert child.exitcode == 0
+        assert events.empty()
+
+
 def test_control_process_that_was_killed_is_started_again(
     control: ControlProcess, robot: Robot, events: Queue[Event]
 ) -> None:

@@ -270,6 +270,25 @@ def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeyp
     assert len(asked) <= 20
 
 
+def test_request_of_ours_is_left_most_of_the_requests_a_second(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = monitored.system.client
+    client.set_symbol(Side.RIGHT.task, "TRobMain", "current_state", "1")  # about to change from now on
+    monitored.monitor.request_poll()
+    monitored.wait(0.5)
+    asked: list[object] = []
+    symbol = client.symbol
+    monkeypatch.setattr(client, "symbol", lambda *name: asked.append(name) or symbol(*name))
+    with monitored.monitor.log.requested(frozenset()):
+        monitored.wait(4.0)
+    assert 4 <= len(asked) <= 10
+    monitored.wait(0.5)
+    asked.clear()
+    monitored.wait(4.0)
+    assert len(asked) >= 30
+
+
 STOPS = [
     (Fault.COLLISION, logging.ERROR, "RAPID program stopped: 50204 Motion supervision: an arm has collided"),
     (

@@ -175,10 +175,11 @@ class Connection:
             log.warning("%s Raise it with robot.speed_scale or connect(speed_scale=...).", self._speed)
         self.client = parts.client
         stack.callback(parts.client.close)
+        parts.control.launch()
+        stack.callback(parts.control.stop)
         parts.client.connect()
         parts.bringup.check_controller(parts.plan.addresses)
         parts.control.start()
-        stack.callback(parts.control.stop)
         stack.callback(parts.signals.close)
         try:
             parts.signals.keep_open()

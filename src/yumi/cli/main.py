@@ -17,13 +17,12 @@ import click
 
 from yumi import __version__
 from yumi.cli import graph, install, robot, rws, shell
-from yumi.cli.answer import answer
 from yumi.cli.controller import controller, fault
 from yumi.cli.demo import demo
 from yumi.cli.doctor import doctor
 from yumi.cli.moveit import moveit_config
 from yumi.cli.options import ROS_ARGUMENTS
-from yumi.cli.rapid import rapid
+from yumi.cli.rapid import answer, rapid
 from yumi.cli.record import record
 from yumi.cli.up import up
 from yumi.cli.view import view

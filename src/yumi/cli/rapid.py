@@ -1,4 +1,4 @@
-"""``yumi rapid``: RAPID programs on this machine, without a controller."""
+"""``yumi rapid``: RAPID programs, checked here or stepped through on a controller; ``yumi answer``: their questions."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 import click
 
+from yumi.cli.options import PORT, password_options
 from yumi.cli.rws import of_controller
+from yumi.errors import CommandRefused, ControllerRefused
 
 if TYPE_CHECKING:
     from yumi.rws.client import RwsClient
@@ -95,3 +97,34 @@ def debug_(client: RwsClient, task: str, yes: bool) -> None:
         debugger.cmdloop()
     except KeyboardInterrupt:
         sys.exit(130)
+
+
+@click.command()
+@click.argument("value", required=False)
+@click.option("--robot", default="127.0.0.1", show_default=True, help="Address of the controller.")
+@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
+@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@password_options
+def answer(value: str | None, robot: str, rws_port: int, user: str, password: str | None) -> None:
+    """Answer the question that a RAPID program asks the operator; without VALUE, show it.
+
+    VALUE is a button's or an item's text, the value that the program gets for it, a number, or a text.
+    """
+    from yumi.driver.settings import RobotSettings  # noqa: PLC0415 - a quick --help
+    from yumi.rws.client import RwsClient  # noqa: PLC0415
+
+    own = RobotSettings()
+    with RwsClient(f"{robot}:{rws_port}", user=user, password=password or own.password, timeout=own.timeout) as client:
+        dialog = client.dialog()
+        if dialog is None:
+            raise CommandRefused("No program asks anything.")
+        asked = [f"{name}: {text}" for name, text in client.dialog_parameters(dialog.stack).items() if text]
+        if value is None:
+            click.echo("\n".join([f"{dialog.instruction} of {dialog.stack.split('/')[1]}", *asked]))
+            return
+        try:
+            client.answer_dialog(dialog.stack, value)
+        except ControllerRefused as error:
+            raise CommandRefused(
+                f"The controller refuses {value!r} as an answer to {dialog.instruction} ({', '.join(asked)})."
+            ) from error

@@ -194,6 +194,8 @@ def run_driver(
         connection = RobotConnection(parts.client, check, parts.manager, parts.signals.close)
         connection.check()
         control, manager = parts.control, parts.manager
+        control.launch()
+        stack.callback(control.stop)  # where something fails before it is waited for; else it has ended by then
         front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
         stack.callback(front.stop)
         records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info, clock)

@@ -366,8 +366,18 @@ class ControlProcess:
         reader = SupervisedThread("control-events", partial(self._read, child), Flag())  # the end of the pipe ends it
         return child, reader
 
+    def launch(self) -> None:
+        """Start the process without waiting for it: its imports take as long as what a driver does meanwhile.
+
+        :meth:`start` waits for it, :meth:`stop` ends it.
+
+        Raises:
+            MissingPrerequisite: the operating system does not let it start.
+        """
+        self._child.start()
+
     def start(self) -> None:
-        """Start the process and wait until it listens.
+        """Start the process, if it was not launched before, and wait until it listens.
 
         Raises:
             NoConnection: it cannot listen for the robot; it does not run any more.
@@ -380,7 +390,8 @@ class ControlProcess:
             raise
 
     def _begin(self) -> None:
-        self._child.start()
+        if not self._child.is_started:
+            self._child.start()
         try:
             first = self._child.pipe.receive()
         except PipeClosed as error:

@@ -90,6 +90,11 @@ class StateLog:
         finally:
             self._requested_until = self._clock.now() + NOTICED
 
+    @property
+    def is_requesting(self) -> bool:
+        """Whether such a block is open."""
+        return self._requested_until == inf
+
     def request(self, changes: frozenset[str]) -> None:
         """These are asked for, too, within the present block."""
         self._requested |= changes
@@ -188,6 +193,12 @@ POLL = 0.15
 
 BUSY_POLL = 0.2
 """Time between two polls of state machines that are about to change [s]."""
+
+OWN_POLL = 1.0
+"""The same while a request of ours is carried out, which reads itself what it waits for [s].
+
+Together they would have less of the 20 requests a second that ABB permits, and the request would take longer.
+"""
 
 WHOLE_POLL = 5.0
 """Everything is read again after this time, should the controller have lost a report [s]."""
@@ -351,7 +362,10 @@ class RobotMonitor:
     def start(self) -> None:
         """Keep it fresh from now on; what is known at first is read here."""
         self._is_over.clear()
-        self.read()
+        try:
+            self._connect(self._clock.now())
+        except YumiError:  # a controller that does not answer is a state, too
+            self._lose()
         self._seen_stop = self._stops.stop  # one that was there before we did anything
         thread = SupervisedThread("robot-monitor", self._run, self._is_over, self._fail)
         thread.start()
@@ -429,7 +443,7 @@ class RobotMonitor:
             self._handled_count = self._reported_count
         if self._unexplained or paths & _STOPPING:
             self._update(last_event=self._stops.read(self._client)[1])
-        if paths or is_requested or (self._is_busy and now - self._machines_polled_at >= BUSY_POLL):
+        if paths or is_requested or (self._is_busy and now - self._machines_polled_at >= self._busy_poll):
             self._update(machines=self._machines())
             self._machines_polled_at = now
         return self._read_joints(self._next_poll())
@@ -437,7 +451,11 @@ class RobotMonitor:
     def _next_poll(self) -> float:
         if self._subscription is None:
             return POLL
-        return BUSY_POLL if self._is_busy else WHOLE_POLL
+        return BUSY_POLL if self._is_busy else WHOLE_POLL  # a request of ours may end before its next poll is due
+
+    @property
+    def _busy_poll(self) -> float:
+        return OWN_POLL if self.log.is_requesting else BUSY_POLL
 
     @property
     def _is_busy(self) -> bool:

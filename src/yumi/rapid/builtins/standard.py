@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
+
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.builtins.data import DATA, MATHS
 from yumi.rapid.builtins.dialogs import DIALOGS
@@ -9,8 +11,6 @@ from yumi.rapid.builtins.execution import EXECUTION
 from yumi.rapid.builtins.files import FILES
 from yumi.rapid.builtins.information import INFORMATION
 from yumi.rapid.builtins.matrices import MATRICES
-from yumi.rapid.builtins.names import CONSTANTS as NAMES_OF_CONSTANTS
-from yumi.rapid.builtins.names import FUNCTIONS, INSTRUCTIONS, TYPES
 from yumi.rapid.builtins.options import OPTIONS
 from yumi.rapid.builtins.queues import QUEUES
 from yumi.rapid.builtins.rawbytes import RAWBYTES
@@ -23,26 +23,30 @@ from yumi.rapid.library import Library
 
 STANDARD = Library(DATA)
 for _part in (
-    *(
-        CONSTANTS,
-        MATHS,
-        STRINGS,
-        SIGNALS,
-        SYSTEM,
-        RAWBYTES,
-        SOCKETS,
-        FILES,
-        DIALOGS,
-        INFORMATION,
-        SYMBOLS,
-        QUEUES,
-        EXECUTION,
-        MATRICES,
-        OPTIONS,
-    ),
+    CONSTANTS,
+    MATHS,
+    STRINGS,
+    SIGNALS,
+    SYSTEM,
+    RAWBYTES,
+    SOCKETS,
+    FILES,
+    DIALOGS,
+    INFORMATION,
+    SYMBOLS,
+    QUEUES,
+    EXECUTION,
+    MATRICES,
+    OPTIONS,
 ):
     STANDARD.include(_part)
-STANDARD.missing(*INSTRUCTIONS, *FUNCTIONS, *TYPES, *NAMES_OF_CONSTANTS)  # except those that are provided
+
+NAMES: dict[str, tuple[str, ...]] = {}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+for _section in files("yumi.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
+    _title, _, _names = _section.partition("]")
+    NAMES[_title] = tuple(_names.split())
+    STANDARD.missing(*NAMES[_title])  # except those that are provided
 
 
 class InstructionSet(Library):
