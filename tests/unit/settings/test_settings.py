@@ -159,7 +159,7 @@ def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> No
         "left_tools: {needle: {start: [0, 0, 0.1], end: [0, 0, 0.3], radius: 0.004}}}"
     )
     model = read_settings(file).collision.model(SERVO_GRIPPERS)
-    assert model.boxes[-1] == "table"
+    assert model.names[-1] == "table"
     assert model.arms[Side.LEFT].names[-1] == "left needle"
     assert "right needle" not in model.arms[Side.RIGHT].names
 
