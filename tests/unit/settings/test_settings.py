@@ -160,8 +160,8 @@ def test_boxes_and_tools_are_shapes_of_the_robots_surroundings(file: Path) -> No
     )
     model = read_settings(file).collision.model(SERVO_GRIPPERS)
     assert model.names[-1] == "table"
-    assert model.arms[Side.LEFT].names[-1] == "left needle"
-    assert "right needle" not in model.arms[Side.RIGHT].names
+    assert model.names[model.arms[Side.LEFT]][-1] == "left needle"
+    assert "right needle" not in model.names
 
 
 def test_walls_have_normals_of_length_one(tmp_path: Path) -> None:
