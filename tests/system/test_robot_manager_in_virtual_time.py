@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 
 from system.virtual_time_bench import System
-from yumi.control.collisions import Limited
-from yumi.control.events import AllowedCollisionsChanged, KeptApart
-from yumi.control.shared_state import Problem
+from yumi.control.events import AllowedCollisionsChanged
+from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
@@ -63,15 +62,17 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     assert manager.state().speed_scale == 1.0
 
 
-def test_state_says_what_may_touch_and_what_limits_an_arm(system: System) -> None:
+def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     manager = system.manager
     manager.note(AllowedCollisionsChanged(Side.RIGHT, (("left gripper", "right gripper"),)))
-    manager.note(KeptApart(Side.LEFT, Limited("left forearm", "body", 0.0104)))
+    limited = {"limited_part": "left forearm", "limited_other": "body", "limited_distance": 0.0104}
+    now = {Side.RIGHT: Snapshot(), Side.LEFT: Snapshot(**limited)}
+    monkeypatch.setattr(system.control, "snapshot", now.__getitem__)
     state = manager.state()
     assert state.allowed_collisions == ("left gripper - right gripper",)
     assert state.limited_by == ("left forearm - body, 10 mm",)
     assert "may touch: left gripper - right gripper" in str(state)
-    system.wait(2.0)  # not reported any more
+    now[Side.LEFT] = Snapshot()
     manager.note(AllowedCollisionsChanged(Side.RIGHT, ()))
     assert (manager.state().allowed_collisions, manager.state().limited_by) == ((), ())
 

@@ -139,6 +139,13 @@ class Snapshot(NamedTuple):
         """What changes when EGM begins anew or another controller commands: session and activation."""
         return self.session, self.activation
 
+    @property
+    def limited_by(self) -> str:
+        """What the arm is kept apart from, in words; empty while it is not."""
+        if not self.limited_part:
+            return ""
+        return f"{self.limited_part} - {self.limited_other}, {self.limited_distance * 1e3:.0f} mm"
+
 
 def read_snapshot(buffer: Buffer[Snapshot]) -> Snapshot:
     """What is known of the arm; the empty snapshot while nothing is."""

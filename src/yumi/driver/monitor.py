@@ -233,10 +233,6 @@ class Snapshots(Protocol):
     def snapshot(self, side: Side) -> Snapshot: ...
 
 
-_LIMITED = 1.5
-"""What limits an arm is reported once a second while it lasts [s]."""
-
-
 class RobotMonitor:
     """What is known of one robot.
 
@@ -254,7 +250,6 @@ class RobotMonitor:
         log: logs the changes.
         reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
         allowed_collisions: pairs of parts that may touch now, a part of the state.
-        limited: what limited each arm last, and when [s].
     """
 
     def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
@@ -264,7 +259,6 @@ class RobotMonitor:
         self.log = StateLog(stops, clock)
         self.reads_joints = False
         self.allowed_collisions: tuple[str, ...] = ()
-        self.limited: dict[Side, tuple[str, float]] = {}
         self._joints: dict[Side, JointStates] = {}
         self._joints_refused: set[Side] = set()
         self._stops = stops
@@ -564,7 +558,7 @@ class RobotMonitor:
             egm=egm_states(self._loop),
             speed_scale=self._speed.in_force,
             allowed_collisions=self.allowed_collisions,
-            limited_by=tuple(it for it, at in self.limited.values() if self._clock.now() - at < _LIMITED),
+            limited_by=tuple(pair for side in Side if (pair := self._loop.snapshot(side).limited_by)),
         )
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:

@@ -17,7 +17,6 @@ from yumi.control.events import (
     AllowedCollisionsChanged,
     ControlProcessEnded,
     Event,
-    KeptApart,
     RobotStoppedFollowing,
     SessionLost,
 )
@@ -151,8 +150,6 @@ class RobotManager:
         self._egm.note(event)
         if isinstance(event, AllowedCollisionsChanged):
             self.monitor.allowed_collisions = tuple(f"{part} - {other}" for part, other in event.pairs)
-        elif isinstance(event, KeptApart):
-            self.monitor.limited = {**self.monitor.limited, event.side: (str(event.limited), self._clock.now())}
         elif isinstance(event, ControlProcessEnded):
             self.monitor.allowed_collisions = ()
         if isinstance(event, SessionLost) and event.deactivated:

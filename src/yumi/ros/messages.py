@@ -32,7 +32,6 @@ from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, Inter
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
 from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
-from yumi.driver.endpoint import limited_report
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
 from yumi.driver.stops import EVENT_TEXTS
@@ -139,7 +138,7 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
         "running": snapshot.is_running,
         "commanded": snapshot.is_commanded,
         **{name: getattr(snapshot, name) for name in _COUNTERS},
-        "limited_by": limited_report(snapshot) or "",
+        "limited_by": snapshot.limited_by,
         "problem": snapshot.problem.name.lower(),
         **{name: getattr(snapshot, name) for name in ("jitter", "worst_jitter", "drift_ppm", "cycle_time")},
     }
