@@ -423,8 +423,9 @@ def test_page_is_shown_boxes_and_the_parts_that_are_nearest(driver: FakeDriver) 
         async with site.page() as page:
             view = await page.until("view", lambda view: not view["why_no_robot"])
             assert view["surroundings"]["boxes"][0]["name"] == "table"
-            part, other, distance, *_ = (await page.until("state"))["nearest"]
-            assert (part, other, distance) == (expected.part, expected.other, pytest.approx(expected.distance))
+            nearest = (await page.until("state"))["nearest"]
+            assert (nearest["part"], nearest["other"]) == (expected.part, expected.other)
+            assert nearest["distance"] == pytest.approx(expected.distance)
 
     run(story)
 
@@ -442,7 +443,7 @@ def test_page_is_shown_what_an_arm_is_kept_apart_from_instead_of_the_nearest_pai
             shown = message["state"]["arms"]["right"]["limited"]
             assert (shown["part"], shown["other"], shown["distance"]) == (*pair, 0.011)
             assert message["state"]["arms"]["left"]["limited"] is None
-            assert tuple(message["nearest"][:2]) == pair
+            assert (message["nearest"]["part"], message["nearest"]["other"]) == pair
 
     run(story)
 

@@ -22,7 +22,7 @@ const make = (tag, properties = {}, ...children) => {
 let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
-let nearest = null; // the parts that limit an arm, else those nearest to each other: [part, other, distance, start, end]
+let nearest = null; // the parts that limit an arm, else those nearest to each other
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
 let state = null; // the newest, as the driver's DriverState
@@ -234,11 +234,11 @@ function showNearest() {
     return `The ${name} arm is kept apart: ${part} – ${other}, ${apart(distance)}. Move it away from there.`;
   });
   const isLimited = limits.length > 0;
-  const place = scene?.showNearest(nearest && !view.is_recording ? nearest.slice(3) : null);
+  const place = scene?.showNearest(nearest && !view.is_recording ? [nearest.start, nearest.end] : null);
   const label = at("nearest");
   label.hidden = !nearest || Boolean(view.is_recording);
   if (!label.hidden) {
-    const [part, other, distance] = nearest;
+    const { part, other, distance } = nearest;
     text(label, `${part} – ${other}: ${apart(distance)}`);
     label.classList.toggle("limited", isLimited);
     const { clientWidth, clientHeight } = at("scene");
