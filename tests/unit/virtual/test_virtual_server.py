@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 from threading import Event
@@ -130,6 +131,12 @@ def test_robot_that_is_faster_or_slower_than_real_time_begins_its_cycles_accordi
     assert clock.now() - begin == pytest.approx(4 * CYCLE / speed)
 
 
+def run_in_thread(virtual: VirtualController, over: Event) -> None:
+    """Until ``over``: the thread that runs it has real-time priority afterwards, as its own process would."""
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(virtual.run, over, lambda port: None).result()
+
+
 def test_fault_in_a_cycle_stops_rapid_and_is_logged_once_but_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
     virtual = VirtualController(WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1")
     controller, over, cycles = virtual.world.controller, Event(), []
@@ -143,7 +150,7 @@ def test_fault_in_a_cycle_stops_rapid_and_is_logged_once_but_ends_no_process(mon
         raise ZeroDivisionError("a slip")
 
     monkeypatch.setattr(virtual.world, "exchange", fail)
-    virtual.run(over, lambda port: None)
+    run_in_thread(virtual, over)
     faults = [each for each in controller.events.entries() if each.title == "System error"]
     assert (len(cycles), controller.execution.is_running) == (3, False)
     assert [each.description for each in faults] == ["ZeroDivisionError: a slip"]
@@ -161,6 +168,6 @@ def test_device_without_an_address_is_logged_once_and_ends_no_process(monkeypatc
         return [(Side.LEFT, b"datagram", False)]
 
     monkeypatch.setattr(virtual.world, "exchange", departures)
-    virtual.run(over, lambda port: None)
+    run_in_thread(virtual, over)
     sentences = [each.description for each in controller.events.entries() if each.code == 41830]
     assert sentences == ["The UDPUC device ROB_L has the port '70000'; use 1 to 65535."]
