@@ -17,6 +17,8 @@ from rws_examples_2 import PASSWORD, SYMBOL, USER
 from yumi.errors import CommandRefused, NoConnection, SettingsError
 from yumi.virtual.process import inject_fault
 from yumi.virtual.rws.certificate import self_signed_context
+
+pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.subscriptions import Channel, Upgrade

@@ -10,6 +10,8 @@ import pytest
 from yumi.virtual.process import ControllerProcess
 from yumi.virtual.rws.version_2 import FORM, HAL
 
+pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
+
 pytestmark = pytest.mark.real_time
 
 

@@ -166,7 +166,7 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("patient")
-def test_arm_is_jogged_while_speeds_come_and_stops_within_a_fifth_of_a_second(driver: Driver) -> None:
+def test_arm_is_jogged_while_speeds_come_and_stops_by_its_controllers_timeout(driver: Driver) -> None:
     driver.done("start")
     with attach() as attached:
         start, begun = driver.snapshot(Side.LEFT).position, driver.now()
@@ -223,7 +223,7 @@ def test_arm_whose_fastest_jog_is_lost_stands_within_a_fifth_of_a_second(
 
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize("frame", ["base", "tool"])
-def test_fingertips_are_jogged_along_a_line_and_stop_within_a_fifth_of_a_second(
+def test_fingertips_are_jogged_along_a_line_and_stop_by_their_controllers_timeout(
     driver: Driver, frame: Literal["base", "tool"]
 ) -> None:
     driver.done("start")

@@ -195,7 +195,7 @@ async def _losses(url: str, jog: dict[str, Any], loss: str) -> list[float]:
             if loss == "closed tab":
                 lost = time.monotonic()
                 await page.close()
-            else:
+            elif loss == "second tab":
                 other = await _Page.open(session, url)
                 for _ in range(15):  # the key is still held, and the arm moves
                     await page.jog(turned, hold)

@@ -334,7 +334,8 @@ def move(
     GOAL is a pose (home, ready, calibration), some joints as NAME=ANGLE (the others stay), or seven angles in chain
     order, axes 1 2 7 3 4 5 6.
 
-    Nothing checks yet whether the arms meet each other, or the robot's body, on their way: see that the way is free.
+    The driver keeps the arms apart from each other, from the body and from declared boxes unless collision.enabled is
+    false. What was not declared is not known: see that the way is free.
 
     \b
     Examples:
