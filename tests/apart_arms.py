@@ -129,15 +129,14 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
         name: of what stands still; any when empty.
     """
     shapes = arms.shapes
-    near = shapes.contacts(np.concatenate([arms.sent[each].position for each in Side]), 5.0)
-    mine, others = (range(part.start, part.stop) for part in (shapes.arms[side], shapes.arms[side.other]))
+    postures = np.concatenate([arms.sent[each].position for each in Side])
+    near = shapes.contacts(postures, 5.0, side if group else None)
+    mine = range(shapes.arms[side].start, shapes.arms[side].stop)
     least, found = np.inf, -1
     for index, pair in enumerate(zip(near.firsts.tolist(), near.seconds.tolist(), strict=True)):
         part, other = pair if pair[0] in mine else pair[::-1]
-        if part not in mine or (other in others) is bool(group) or (name and shapes.names[other] != name):
-            continue
         is_moved = shapes.frames[part] > 0 or (not group and shapes.frames[other] > 0)
-        if is_moved and near.distances[index] < least:
+        if is_moved and (not name or shapes.names[other] == name) and near.distances[index] < least:
             least, found = float(near.distances[index]), index
     behind, slopes = shapes.slopes(np.array([found]), side)
     normal = -slopes[0, int(behind[0].argmin())]

@@ -34,7 +34,8 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _TOLERANCE = 5e-4  # [m] a way is off the postures that are compared by more, or it counts as being there
-_POSTURES = 40  # that are compared for a command at most; a way that needs more is left to slower commands
+_POSTURES = 64  # that are compared for a command at most; a way that needs more is left to slower commands
+_COARSE = 0.2  # [m] pieces in which parts move further are cut at once: too many others are that near
 _SAMPLES = 64  # of each curve of a way; a power of two
 _SHORT = 5e-3  # [m] pieces in which parts move less are taken for straight
 _BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
@@ -119,6 +120,8 @@ def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Piece, ..
 
 _ENDS = 2
 _TINY = 1e-12  # [rad²]
+_STILL = _Piece(np.zeros((1, JOINT_COUNT)), tuple)
+"""Instead of the other arm's, where what stands still is compared."""
 
 
 class ArmMotion:
@@ -265,7 +268,9 @@ class CollisionLimiter:
         is_near = is_shoulder | (np.array(model.names) == "body")
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
         # Of parts within their margins, how near they may be [m].
-        self._floors: dict[Side, dict[tuple[int, int], float]] = {side: {} for side in Side}
+        self._floors: dict[tuple[Side, bool], dict[tuple[int, int], float]] = {
+            (side, is_alone): {} for side in Side for is_alone in (False, True)
+        }
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -284,14 +289,7 @@ class CollisionLimiter:
         margins = self._declared.copy()
         for pair in pairs:
             margins[self._found(*pair)] = -inf
-        still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
-        # Of each arm, whether it is known where the other one is; what does not concern it is infinitely below zero.
-        self._margins = {}
-        for side, parts in self._is_of.items():
-            for is_known in (False, True):
-                counts = still | self._is_of[side.other] if is_known else still
-                concerned = np.outer(parts, counts) | np.outer(counts, parts)
-                self._margins[side, is_known] = np.where(concerned, margins, -inf)
+        self._margins = margins
         for arm in self._arms.values():
             arm.boundaries = []
 
@@ -304,6 +302,10 @@ class CollisionLimiter:
         one_arm = sum(np.outer(its, its) for its in self._is_of.values()) > 0
         still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
+
+    def begin_cycle(self, side: Side) -> None:
+        """Nothing limits an arm so far."""
+        self._arms[side].limited = None
 
     def limited(self, side: Side) -> Limited | None:
         """What limits an arm in this cycle."""
@@ -375,31 +377,54 @@ class CollisionLimiter:
             last: that of the command before.
         """
         arm, its = self._arms[side], self._arms[side.other].motion
-        floors: dict[tuple[int, int], float] = {}
-        is_first, limited, arm.boundaries = True, None, []
-        pieces = [(motion.ahead, motion.ahead if its is None else its.way)]
-        for _ in range(_POSTURES):
+        arm.boundaries = []
+        if not self._is_apart(side, motion, last, None):
+            return False
+        return its is None or self._is_apart(side, motion, last, its)
+
+    def _is_apart(self, side: Side, motion: ArmMotion, last: ArmMotion, its: ArmMotion | None) -> bool:
+        """Whether it keeps apart from the other arm; ``its`` None: from what stands still."""
+        reach, floors, limited = self.model.reach, None, None
+        parts = self.model.arms[side], self.model.arms[side.other]
+        pieces: list[tuple[_Piece, _Piece]] = [(motion.ahead, _STILL if its is None else its.way)]
+        compared = 0
+        while pieces:
             mine, theirs = pieces.pop()
-            lack = self._lack(side, mine, theirs, floors, steers=motion.length < _SLOW)
-            if lack is not None and is_first:
-                floors, is_first = self._floors_of(side, last), False
-                if floors:
-                    lack = self._lack(side, mine, theirs, floors, steers=motion.length < _SLOW)
-            if lack is None:
-                if not pieces:
-                    return True
-                continue
-            limited = lack.limited
-            larger, smaller = (mine, theirs) if lack.is_mine_longer else (theirs, mine)
+            halves = (mine.half, theirs.half) if side is Side.RIGHT else (theirs.half, mine.half)
+            moved = reach @ np.concatenate(halves)
+            own, others = (float(moved[each].max()) for each in parts)
+            larger, smaller = (mine, theirs) if own >= others else (theirs, mine)
+            if own + others <= _COARSE or not larger.parts:
+                if compared == _POSTURES:
+                    break
+                compared += 1
+                lack = self._lack(side, mine, theirs, moved, floors or {}, motion, its)
+                if lack is not None and floors is None:
+                    floors = self._floors_of(side, last, its)
+                    if floors:
+                        lack = self._lack(side, mine, theirs, moved, floors, motion, its)
+                if lack is None:
+                    continue
+                limited = lack.limited
+                larger, smaller = (mine, theirs) if lack.is_mine_longer else (theirs, mine)
+                if lack.is_certain or not (larger.parts or smaller.parts):
+                    break
             cut = larger if larger.parts else smaller
-            if lack.is_certain or not cut.parts:
-                break
             pieces += [(part, theirs) if cut is mine else (mine, part) for part in cut.parts]
-        arm.limited = limited
+        else:
+            return True
+        self._arms[side].limited = limited
         return False
 
     def _lack(
-        self, side: Side, mine: _Piece, theirs: _Piece, floors: Mapping[tuple[int, int], float], *, steers: bool
+        self,
+        side: Side,
+        mine: _Piece,
+        theirs: _Piece,
+        moved: Array,
+        floors: Mapping[tuple[int, int], float],
+        motion: ArmMotion,
+        its: ArmMotion | None,
     ) -> _Lack | None:
         """Which parts may be too near on these pieces of both arms' ways; None where none are.
 
@@ -407,17 +432,18 @@ class CollisionLimiter:
             side: which arm.
             mine: of its way.
             theirs: of the other arm's.
+            moved: how far each part may be from where it is in the middle of both [m].
             floors: of parts within their margins.
-            steers: whether the boundaries near the arm are noted.
+            motion: the arm's, should the command be sent.
+            its: the other arm's; None where what stands still is compared.
         """
-        model, other = self.model, self._arms[side.other]
-        margins = self._margins[side, other.motion is not None]
+        model, steers = self.model, motion.length < _SLOW
         right, left = (mine, theirs) if side is Side.RIGHT else (theirs, mine)
-        halves = np.concatenate((right.half, left.half))
-        moved = model.reach @ halves
         furthest = float(moved[model.arms[side]].max() + moved[model.arms[side.other]].max())
         seen = max(furthest - _TOLERANCE, _BOUNDARY_WITHIN if steers else 0.0)
-        near = model.contacts(np.concatenate((right.middle, left.middle)), max(self.margin, 0.0) + seen)
+        postures = np.concatenate((right.middle, left.middle))
+        near = model.contacts(postures, max(self.margin, 0.0) + seen, side if its is None else None)
+        margins = self._margins
         beyond = near.distances - margins[near.firsts, near.seconds]
         off = moved[near.firsts] + moved[near.seconds]
         if steers:
@@ -431,8 +457,8 @@ class CollisionLimiter:
         )
         nearer = bends[near.firsts[lacking]] + bends[near.seconds[lacking]]
         for which, piece in ((Side.RIGHT, right), (Side.LEFT, left)):
-            its = self._is_of[which]
-            concerned = np.flatnonzero(its[near.firsts[lacking]] | its[near.seconds[lacking]])
+            is_of = self._is_of[which]
+            concerned = np.flatnonzero(is_of[near.firsts[lacking]] | is_of[near.seconds[lacking]])
             if len(concerned) and piece.half.any():
                 behind, slopes = model.slopes(lacking[concerned], which)
                 forward = np.abs(slopes @ piece.along) + np.abs(slopes) @ piece.off - behind
@@ -462,23 +488,22 @@ class CollisionLimiter:
         is_old = self._is_of[side.other][other] and not its.is_heard and not its.is_read
         return Limited(names[part], names[other] + (_LAST_HEARD if is_old else ""), distance)
 
-    def _floors_of(self, side: Side, last: ArmMotion) -> dict[tuple[int, int], float]:
+    def _floors_of(self, side: Side, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
         """Of parts that are within their margins now, how near they may be to each other [m]."""
-        its = self._arms[side.other].motion or last
-        postures = (last, its) if side is Side.RIGHT else (its, last)
-        near = self.model.contacts(np.concatenate([each.sent.position for each in postures]), max(self.margin, 0.0))
-        margins = self._margins[side, self._arms[side.other].motion is not None]
+        postures = (last, its or last) if side is Side.RIGHT else (its or last, last)
+        positions, margins = np.concatenate([each.sent.position for each in postures]), self._margins
+        near = self.model.contacts(positions, max(self.margin, 0.0), side if its is None else None)
         within: dict[tuple[int, int], float] = {}
         for index in np.flatnonzero(near.distances < margins[near.firsts, near.seconds]).tolist():
             pair = self._pair(side, near, index)
             within[pair] = min(float(near.distances[index]), within.get(pair, inf))
         # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        known = self._floors[side]
+        known = self._floors[side, its is None]
         floors = {
             pair: now if now < known.get(pair, now) - _MOVED else max(known.get(pair, now), now)
             for pair, now in within.items()
         }
-        self._floors[side] = floors
+        self._floors[side, its is None] = floors
         return floors
 
     def _pair(self, side: Side, near: Contacts, index: int) -> tuple[int, int]:
@@ -504,8 +529,7 @@ class CollisionLimiter:
 
     def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        arm = self._arms[side]
-        arm.limited = None
+        arm, limited = self._arms[side], None
         if not arm.boundaries or arm.motion is None or arm.motion.length >= _SLOW:
             # First an arm is slowed down on the way it goes: where that is free after all, it is not left.
             return desired
@@ -516,15 +540,16 @@ class CollisionLimiter:
                 missing = boundary.missing(position)
                 if missing <= _EXACT:
                     continue
-                is_clear, arm.limited = False, boundary.limited
+                is_clear, limited = False, boundary.limited
                 position = boundary.along(position, missing)
                 inwards = fsum([n * v for n, v in zip(boundary.normal, velocity, strict=True)])
                 if inwards < 0.0:
                     velocity = boundary.along(velocity, -inwards)
             if is_clear:
                 break
-        if arm.limited is None:
+        if limited is None:
             return desired
+        arm.limited = limited
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
 
@@ -555,6 +580,9 @@ class ArmCollisionLimiter(NamedTuple):
     @property
     def limited(self) -> Limited | None:
         return self.both.limited(self.side)
+
+    def begin_cycle(self) -> None:
+        self.both.begin_cycle(self.side)
 
     def connection_lost(self) -> None:
         self.both.connection_lost(self.side)

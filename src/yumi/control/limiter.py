@@ -575,6 +575,7 @@ class Limiter:
         self, collisions: ArmCollisionLimiter, state: ArmState, desired: ArmCommand | None, dt: float
     ) -> ArmCommand:
         """The same without coming too near to anything: what is not accepted is forgotten."""
+        collisions.begin_cycle()
         kept = copy(self._positions), copy(self._speeds), copy(self.counters), self._settling_for
         steered = desired and collisions.steered(desired)
         command = self._next(state, steered, dt)
@@ -664,7 +665,7 @@ class Limiter:
         return None
 
     def _begin_session(self, state: ArmState) -> ArmState:
-        self._session, self._entering = state.session, None
+        self._session, self._entering, self._stop_within = state.session, None, None
         self._references.begin(state)
         self._feedback.begin()
         return self._accept(state)
@@ -730,7 +731,7 @@ class Limiter:
 
         Where its position is implausible, come to rest where the command itself does.
         """
-        goal = state.position
+        goal, self._stop_within = state.position, None
         if self._feedback.in_a_row:
             self._stop_at = goal = self._stop_at or self._positions.place_to_stop()
         last, position = self._positions.position, self._go_to(goal, state, dt)

@@ -29,7 +29,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Limiter, SpeedScale
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
@@ -62,6 +62,7 @@ class ArmLoop:
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
         collisions: what keeps both arms apart; None where nothing does.
+        read_joints: the joints as they were read from the controller while its datagrams do not arrive.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class ArmLoop:
         period: float = CYCLE,
         speed: SpeedScale | None = None,
         collisions: CollisionLimiter | None = None,
+        read_joints: Buffer[JointStates] | None = None,
     ) -> None:
         self.manager = manager
         self.collisions = collisions
@@ -88,6 +90,7 @@ class ArmLoop:
         self._speed = speed or SpeedScale()
         if self._speed.value != FULL:
             limiter.scale_speed(self._speed.value)
+        self._read_joints, self._joints_read = read_joints, 0  # and how many were
         self._last: Cycle | None = None
         self._unsettled: Cycle | None = None
         self._interruption = INTERRUPTION * period
@@ -194,7 +197,9 @@ class ArmLoop:
             self._limiter.note_silence()
             self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
             self.publish(now)
-        elif self._last is None:  # who waits for a robot wants to know that another sender was heard
+        elif self._last is None:
+            self._take_read_joints()
+            # Who waits for a robot wants to know that another sender was heard.
             foreign = self._arm.wire_counters().foreign
             if foreign != self._foreign:
                 self._foreign = foreign
@@ -206,10 +211,12 @@ class ArmLoop:
             self._limiter.note_silence()
             self.publish(now)
 
-    def note_position(self, position: Joints) -> None:
-        """Take where the arm was read to be [rad], (7,), while the robot does not stream."""
-        if self._last is None:
-            self._limiter.note_position(position)
+    def _take_read_joints(self) -> None:
+        """The other arm keeps clear of where the controller says that this one is."""
+        newest = self._read_joints.read() if self._read_joints is not None else None
+        if newest is not None and newest[0] != self._joints_read:
+            self._joints_read = newest[0]
+            self._limiter.note_position(newest[1].position)
 
     def take_events(self) -> Sequence[Event]:
         """What happened since the last call."""
@@ -435,10 +442,6 @@ class Commands:
                 raise CommandRefused(f"The {side.word} arm has not reported a position yet: start EGM first.")
             positions[side] = position
         return positions
-
-    def note_position(self, side: Side, position: Joints) -> None:
-        """Take where an arm without EGM is [rad], (7,), so that the other one keeps clear of it."""
-        self._arms[side].note_position(position)
 
     def check_commands(self, *commands: ControllerCommand) -> None:
         """Whether the controllers would take their commands now; nothing is changed."""

@@ -91,6 +91,7 @@ class ArmBuffers:
         tool_goals: poses and velocities of the tool.
         tool_path: how it follows a line of the tool.
         speed_scale: the factor on its speeds.
+        read_joints: the joints as they were read from the controller, while EGM does not report them.
         flight: memory of its flight recorder.
         datagram: the robot's newest, for what the control loop does not read of it.
         cycle_done: released after every cycle.
@@ -109,6 +110,7 @@ class ArmBuffers:
         self.tool_path = SharedBuffer(TrajectoryFeedback)
         self.point_goals = SharedBuffer(SessionGoal)
         self.speed_scale = SharedBuffer(Factor)
+        self.read_joints = SharedBuffer(JointStates)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.datagram = SharedBytes(_LONGEST_DATAGRAM)
         self.cycle_done = new_event()

@@ -27,7 +27,7 @@ from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, Machin
 from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import SupervisedThread
-from yumi.robot.joints import ZERO, Joints, Side, joints
+from yumi.robot.joints import ZERO, Side, joints
 from yumi.rws.client import RwsClient
 from yumi.rws.events import (
     CONTROLLER_STATE,
@@ -246,7 +246,7 @@ class RobotMonitor:
     Attributes:
         on_change: called with the state after each change, on the monitor's thread.
         on_stop: called when a stop has come that a person must confirm, on the monitor's thread.
-        on_joints: called with an arm and its joints [rad], (7,), when they were read, on the monitor's thread.
+        on_joints: called with an arm and its joints when they were read, on the monitor's thread.
         log: logs the changes.
         reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
         allowed_collisions: pairs of parts that may touch now, a part of the state.
@@ -255,7 +255,7 @@ class RobotMonitor:
     def __init__(self, client: RwsClient, loop: Snapshots, clock: Clock, stops: StopLog, speed: SpeedSetting) -> None:
         self.on_change: Callable[[RobotState], None] = lambda _: None
         self.on_stop: Callable[[], None] = lambda: None
-        self.on_joints: Callable[[Side, Joints], None] = lambda side, position: None
+        self.on_joints: Callable[[Side, JointStates], None] = lambda side, states: None
         self.log = StateLog(stops, clock)
         self.reads_joints = False
         self.allowed_collisions: tuple[str, ...] = ()
@@ -525,7 +525,7 @@ class RobotMonitor:
                 if last is not None and 0.0 < dt <= JOINTS_SPEED:
                     velocity = joints([(b - a) / dt for a, b in zip(last.position, position, strict=True)])
                 self._joints[side] = JointStates(time, position, velocity)
-                self.on_joints(side, position)
+                self.on_joints(side, self._joints[side])
         # While EGM reports the joints of both, its end is an event that asks for a poll.
         return min(delay, max(0.01, self._joints_polled_at + JOINTS_POLL - self._clock.now())) if silent else delay
 

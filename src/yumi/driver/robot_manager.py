@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from threading import Lock
@@ -32,7 +32,7 @@ from yumi.driver.stops import StopLog
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.gripper import ServoCommand
-from yumi.robot.joints import Joints, Pose, Side
+from yumi.robot.joints import Pose, Side
 from yumi.robot.tool import Tool
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
@@ -101,12 +101,6 @@ class RobotManager:
         self.has_acted = self.is_unattended = False
         self.grippers: tuple[Gripper, ...] = ()
         self.monitor.on_stop = self._end_jogs
-        self.monitor.on_joints = self._note_joints
-
-    def _note_joints(self, side: Side, position: Joints) -> None:
-        """Tell the control loop where an arm without EGM is; one that does not run has no use for it."""
-        with suppress(YumiError):
-            self._control.call(Commands.note_position, side, position)
 
     def start(self) -> None:
         """Monitor the robot, and send it heartbeats while EGM runs, until :meth:`stop`."""

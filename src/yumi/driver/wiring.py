@@ -300,7 +300,19 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other), apart)
         recorder = FlightRecorder(own.flight)
-        loop = ArmLoop(side, arm, manager, limiter, own.snapshots, recorder, stages, plan.period, speed, collisions)
+        loop = ArmLoop(
+            side,
+            arm,
+            manager,
+            limiter,
+            own.snapshots,
+            recorder,
+            stages,
+            plan.period,
+            speed,
+            collisions,
+            own.read_joints,
+        )
         arms[side] = ConnectedArm(loop, socket)
     return arms
 
@@ -379,7 +391,9 @@ def make_parts(
     speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
-    manager.monitor.reads_joints = settings.collision.enabled
+    if settings.collision.enabled:  # an arm without EGM is kept clear of, too
+        manager.monitor.reads_joints = True
+        manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)
     manager.grippers = tuple(grippers.values())

@@ -13,6 +13,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import hypot, sqrt
 from typing import Any, NamedTuple
 
@@ -140,6 +141,7 @@ FAR = 10.0
 
 _MEMORY = 1 << 24  # [bytes] for the contacts of all pairs
 _FIXED = 4  # bit of what stands still; those of the arms are 1 and 2
+_OTHERS = 7  # of all of them
 
 
 class Contacts(NamedTuple):
@@ -182,77 +184,49 @@ class CollisionModel:
         obstacles: Sequence[Obstacle] = (),
         padding: float = PADDING,
     ) -> None:
-        os.environ.setdefault("MUJOCO_GL", "disabled")  # it draws nothing; without this it loads OpenGL
-        import mujoco  # noqa: PLC0415 - 0.2 s that commands which only name shapes need not wait for
-
-        self._mujoco = mujoco
-        spec = mujoco.MjSpec()
-        spec.memory = _MEMORY
-        # The margin of all pairs is that of one call; see contacts().
-        spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
         self.names: list[str] = []
         self.arms: dict[Side, slice] = {}
         frames: list[int] = []
         reaches: list[Array] = []
+        parts: dict[Side, tuple[Part, ...]] = {}
         for index, side in enumerate(Side):
-            parts = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
-            bodies = _chain(spec, side)
-            first = len(self.names)
-            for part in parts:
-                bodies[part.frame].add_geom(
-                    name=str(len(self.names)),
-                    type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                    fromto=(*part.start, *part.end) if part.start != part.end else (*part.start, *_above(part.end)),
-                    size=(part.radius + padding, 0.0, 0.0),
-                    contype=1 << index,
-                    conaffinity=_FIXED | 1 << (1 - index),
-                )
-                self.names.append(f"{side.word} {part.name}")
+            own = parts[side] = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
+            self.arms[side] = slice(len(self.names), len(self.names) + len(own))
+            self.names += [f"{side.word} {part.name}" for part in own]
+            frames += [part.frame for part in own]
+            for part in own:
                 reach = np.zeros(2 * _LINKS)
                 reach[index * _LINKS : (index + 1) * _LINKS] = _reach(part, side)
                 reaches.append(reach)
-            frames += [part.frame for part in parts]
-            self.arms[side] = slice(first, len(self.names))
-        body = spec.worldbody.add_body(name="body")
-        boxes = [(body, Obstacle("body", *_middle_and_size(box))) for box in BODY_SHAPES]
-        boxes += [(spec.worldbody, obstacle) for obstacle in obstacles]
-        for owner, box in boxes:
-            owner.add_geom(
-                name=str(len(self.names)),
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                pos=box.centre.position,
-                quat=box.centre.orientation,
-                size=[edge / 2.0 for edge in box.size],
-                contype=_FIXED,
-                conaffinity=1 | 2,
-            )
-            self.names.append(box.name)
-        frames += [-1] * len(boxes)
-        self.frames = np.array(frames)
+        fixed = [Obstacle("body", *_middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        self.names += [box.name for box in fixed]
+        self.frames = np.array(frames + [-1] * len(fixed))
+        self.reach = np.vstack([*reaches, np.zeros((len(fixed), 2 * _LINKS))])
         self._is_of = {side: np.zeros(len(self.names), dtype=bool) for side in Side}
-        for side, parts_of in self.arms.items():
-            self._is_of[side][parts_of] = True
+        for side, numbers in self.arms.items():
+            self._is_of[side][numbers] = True
         self._is_moved = np.arange(_LINKS) <= self.frames[:, None]  # a joint moves what comes behind it
-        self.reach = np.vstack([*reaches, np.zeros((len(boxes), 2 * _LINKS))])
-        # The shoulders are bolted to one body, next to each other.
-        shoulders = [f"{side.word} 0" for side in Side]
-        for one, other in ((shoulders[0], "body"), (shoulders[1], "body"), (shoulders[0], shoulders[1])):
-            spec.add_exclude(bodyname1=one, bodyname2=other)
-        self._model = spec.compile()
-        self._data = mujoco.MjData(self._model)
-        # MuJoCo sorts its shapes by the bodies that they belong to.
-        self._numbers = np.array([int(self._model.geom(index).name) for index in range(self._model.ngeom)])
+        capsules = [
+            (side, number, part, part.radius + padding)
+            for side in Side
+            for number, part in enumerate(parts[side], self.arms[side].start)
+        ]
+        boxes = list(enumerate(fixed, len(capsules)))
+        alone = {side: [each for each in capsules if each[0] is side] for side in Side}
+        self._scenes: dict[Side | None, _Scene] = {None: _Scene(capsules, ())}
+        self._scenes |= {side: _Scene(own, boxes) for side, own in alone.items()}
+        self._newest = self._scenes[None]
 
-    def contacts(self, positions: Array, within: float) -> Contacts:
-        """The parts whose distance is less than ``within`` [m], with both arms at ``positions``: right, left, (14,)."""
-        model, data = self._model, self._data
-        data.qpos[:] = positions
-        model.opt.o_margin = within
-        self._mujoco.mj_kinematics(model, data)
-        self._mujoco.mj_collision(model, data)
-        found = data.contact
-        parts = self._numbers[found.geom]
-        return Contacts(found.dist, parts[:, 0], parts[:, 1])
+    def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
+        """The pairs of parts whose distance is less than ``within`` [m].
+
+        Args:
+            positions: of both arms, right, left [rad], (14,).
+            within: as above.
+            alone: the arm whose parts are compared with what stands still; None: both arms with each other.
+        """
+        scene = self._newest = self._scenes[alone]
+        return scene.contacts(positions if alone is None else positions[_joints_of(alone)], within)
 
     def slopes(self, contacts: Indices, side: Side) -> tuple[Array, Array]:
         """How both ends of the parts of an arm move along the lines of nearest distance, towards the other parts.
@@ -265,10 +239,11 @@ class CollisionModel:
             How much further back than the foremost end each end is [m], (n, 2), and by how much a radian of each joint
             moves it forward [m/rad], (n, 2, 7).
         """
-        data, model, found = self._data, self._model, self._data.contact
-        joints_of = slice(0, _LINKS) if side is Side.RIGHT else slice(_LINKS, 2 * _LINKS)
+        scene = self._newest
+        data, model, found, numbers = scene.data, scene.model, scene.data.contact, scene.numbers
+        joints_of = _joints_of(side) if model.nq > _LINKS else slice(None)
         shapes = found.geom[contacts]
-        is_first = self._is_of[side][self._numbers[shapes[:, 0]]]
+        is_first = self._is_of[side][numbers[shapes[:, 0]]]
         normals = np.where(is_first[:, None], 1.0, -1.0) * found.frame[contacts, :3]
         shapes = np.where(is_first, shapes[:, 0], shapes[:, 1])
         half = data.geom_xmat[shapes][:, 2::3] * model.geom_size[shapes, 1:2]
@@ -279,7 +254,7 @@ class CollisionModel:
         slopes = (
             np.einsum("njx,nex->nej", turns, ends) - np.einsum("njx,jx->nj", turns, data.xanchor[joints_of])[:, None]
         )
-        slopes *= self._is_moved[self._numbers[shapes]][:, None]
+        slopes *= self._is_moved[numbers[shapes]][:, None]
         return forward.max(1)[:, None] - forward, slopes
 
     def nearest(
@@ -293,24 +268,85 @@ class CollisionModel:
             within: how near they are [m].
             ignore: the name of what stands still and does not count.
         """
-        found = self.contacts(np.array([*positions[Side.RIGHT], *positions[Side.LEFT]]), within)
-        contact, pairs = self._data.contact, set()
-        result = []
-        for index in np.argsort(found.distances, kind="stable").tolist():
-            first, second = int(found.firsts[index]), int(found.seconds[index])
-            turned = first > second  # the right arm's part first, what stands still last
-            pair = (second, first) if turned else (first, second)
-            if pair in pairs or self.names[pair[1]] == ignore:
-                continue
-            pairs.add(pair)
-            distance = float(found.distances[index])
-            half = contact.frame[index, :3] * (-0.5 if turned else 0.5) * distance
-            (ax, ay, az), (bx, by, bz) = (contact.pos[index] - half).tolist(), (contact.pos[index] + half).tolist()
-            part, other = (self.names[number] for number in pair)
-            result.append(Distance(distance, part, other, (ax, ay, az), (bx, by, bz)))
-            if len(result) == count:
-                break
-        return tuple(result)
+        both = np.array([*positions[Side.RIGHT], *positions[Side.LEFT]])
+        nearest: dict[tuple[int, int], Distance] = {}
+        for alone, scene in self._scenes.items():
+            found, contact = self.contacts(both, within, alone), scene.data.contact
+            for index, distance in enumerate(found.distances.tolist()):
+                first, second = int(found.firsts[index]), int(found.seconds[index])
+                turned = first > second  # the right arm's part first, what stands still last
+                pair = (second, first) if turned else (first, second)
+                part, other = (self.names[number] for number in pair)
+                if other == ignore or (pair in nearest and nearest[pair].distance <= distance):
+                    continue
+                half = contact.frame[index, :3] * (-0.5 if turned else 0.5) * distance
+                (ax, ay, az), (bx, by, bz) = (contact.pos[index] - half).tolist(), (contact.pos[index] + half).tolist()
+                nearest[pair] = Distance(distance, part, other, (ax, ay, az), (bx, by, bz))
+        return tuple(sorted(nearest.values(), key=lambda each: each.distance)[:count])
+
+
+def _joints_of(side: Side) -> slice:
+    return slice(0, _LINKS) if side is Side.RIGHT else slice(_LINKS, 2 * _LINKS)
+
+
+class _Scene:
+    """What MuJoCo compares: the arms' capsules with each other, or those of one arm with boxes.
+
+    Attributes:
+        model, data: MuJoCo's.
+        numbers: of the parts, in MuJoCo's order.
+    """
+
+    def __init__(
+        self, capsules: Sequence[tuple[Side, int, Part, float]], boxes: Sequence[tuple[int, Obstacle]]
+    ) -> None:
+        os.environ.setdefault("MUJOCO_GL", "disabled")  # it draws nothing; without this it loads OpenGL
+        import mujoco  # noqa: PLC0415 - 0.2 s that commands which only name shapes need not wait for
+
+        self._mujoco = mujoco
+        spec = mujoco.MjSpec()
+        spec.memory = _MEMORY
+        # The margin of all pairs is that of one call; see contacts().
+        spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
+        sides = list(dict.fromkeys(side for side, *_ in capsules))
+        bodies = {side: _chain(spec, side) for side in sides}
+        for side, number, part, radius in capsules:
+            bodies[side][part.frame].add_geom(
+                name=str(number),
+                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+                fromto=(*part.start, *part.end) if part.start != part.end else (*part.start, *_above(part.end)),
+                size=(radius, 0.0, 0.0),
+                contype=1 << sides.index(side),
+                conaffinity=_OTHERS & ~(1 << sides.index(side)),
+            )
+        body = spec.worldbody.add_body(name="body")
+        for number, box in boxes:
+            (body if box.name == "body" else spec.worldbody).add_geom(
+                name=str(number),
+                type=mujoco.mjtGeom.mjGEOM_BOX,
+                pos=box.centre.position,
+                quat=box.centre.orientation,
+                size=[edge / 2.0 for edge in box.size],
+                contype=_FIXED,
+                conaffinity=_OTHERS & ~_FIXED,
+            )
+        # The shoulders are bolted to one body, next to each other.
+        for one, other in pairwise([*(f"{side.word} 0" for side in sides), "body"]):
+            spec.add_exclude(bodyname1=one, bodyname2=other)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        # MuJoCo sorts its shapes by the bodies that they belong to.
+        self.numbers = np.array([int(self.model.geom(index).name) for index in range(self.model.ngeom)])
+
+    def contacts(self, positions: Array, within: float) -> Contacts:
+        """The pairs of parts whose distance is less than ``within`` [m], with the arms at ``positions`` [rad]."""
+        self.data.qpos[:] = positions
+        self.model.opt.o_margin = within
+        self._mujoco.mj_kinematics(self.model, self.data)
+        self._mujoco.mj_collision(self.model, self.data)
+        found = self.data.contact
+        parts = self.numbers[found.geom]
+        return Contacts(found.dist, parts[:, 0], parts[:, 1])
 
 
 def _chain(spec: Any, side: Side) -> list[Any]:

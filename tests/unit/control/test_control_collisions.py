@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 
 from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from contract.trajectory_arms import NAME, TrajectoryArm
+from trajectories import planned
 from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Piece
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, Setpoint, stop
+from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
@@ -182,6 +186,7 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     both.sent(Side.LEFT, FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
     assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
     assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
+    both.begin_cycle(Side.RIGHT)
     assert both.limited(Side.RIGHT) is None
 
 
@@ -245,6 +250,68 @@ def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
         assert off(motion.ahead, postures) < 1e-4
         assert np.all(np.abs(postures - motion.ahead.middle) <= motion.ahead.half + 1e-9)
         assert np.all(np.abs(postures - motion.way.middle) <= motion.way.half + 1e-9)
+
+
+class BesideArm:
+    """The left arm with a trajectory controller; the right one stands where it is told."""
+
+    def __init__(self) -> None:
+        self.both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+        self.right_stands(turned(Side.RIGHT, radians(80.0)))
+
+        def loop(controller: JointTrajectoryController) -> VirtualArmRig:
+            limiter = Limiter(YUMI_LIMITS, collisions=self.both.arm(Side.LEFT))
+            arm = VirtualArmRig({NAME: controller}, side=Side.LEFT, limiter=limiter, position=FORWARD[Side.LEFT])
+            arm.start()
+            return arm
+
+        self.arm = TrajectoryArm(loop, {})
+
+    def right_stands(self, position: Joints) -> None:
+        self.both.sent(Side.RIGHT, position, Setpoint(position), None)
+
+    def go_towards_it(self, tolerances: Tolerances | None = None) -> Joints:
+        goal = turned(Side.LEFT, radians(-60.0))
+        points = [TrajectoryPoint(0.0, FORWARD[Side.LEFT]), TrajectoryPoint(2.0, goal)]
+        self.arm.follow(planned(points), tolerances=tolerances)
+        return goal
+
+
+def test_trajectory_of_an_arm_that_is_held_does_not_end_before_it_is_there() -> None:
+    beside = BesideArm()
+    goal = beside.go_towards_it()
+    beside.arm.run(6.0)
+    assert not beside.arm.ended
+    assert abs(beside.arm.position[0] - goal[0]) > 0.2
+    assert str(beside.both.limited(Side.LEFT)).startswith("left ")
+    beside.right_stands(FORWARD[Side.RIGHT])
+    assert beside.arm.end().outcome is Outcome.SUCCEEDED
+    assert beside.arm.position == pytest.approx(goal, abs=0.05)
+
+
+def test_arm_that_was_held_stays_when_its_trajectory_was_aborted_and_its_way_becomes_free() -> None:
+    beside = BesideArm()
+    beside.go_towards_it(Tolerances(goal_time=1.0))
+    assert beside.arm.end().outcome is Outcome.ABORTED
+    beside.arm.run(1.0)
+    stood = beside.arm.position
+    beside.right_stands(FORWARD[Side.RIGHT])
+    beside.arm.run(3.0)
+    assert beside.arm.position == pytest.approx(stood, abs=0.01)
+
+
+def test_every_cycle_in_which_an_arm_is_kept_apart_says_by_what() -> None:
+    """Also while it brakes from speed, far from the boundary."""
+    arms = ApartArms(FORWARD, obstacles=())
+    goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
+    before = dict.fromkeys(Side, 0)
+    for _ in range(150):
+        arms.cycle({side: to(goal) for side, goal in goals.items()})
+        for side in Side:
+            count = arms.limiters[side].counters.kept_apart
+            assert count == before[side] or arms.both.limited(side) is not None
+            before[side] = count
+    assert min(before.values()) > 5
 
 
 def test_permitted_pairs_may_touch_and_no_others() -> None:

@@ -601,3 +601,37 @@ def test_limiter_does_not_feed_an_old_speed_to_an_arm_that_stands_in_a_new_sessi
     third = first._replace(time=0.9 + 2 * DT, dt=DT)
     assert limiter.check(third) is third
     assert limiter.limit(third, None) == ArmCommand(planned)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
+def test_arm_that_was_held_stays_where_something_else_has_moved_it(
+    limiter: Limiter, middle: Joints, noise: float
+) -> None:
+    """It is held, stops following, is moved by RAPID or a hand, then follows again while nothing is desired."""
+    random, time, planned, command = Random(1), 0.0, middle, ArmCommand(middle)
+
+    def step(desired: ArmCommand | None, *, is_running: bool = True) -> None:
+        nonlocal time, planned, command
+        time += DT
+        if is_running:
+            rows = zip(planned, command.position, command.velocity, strict=True)
+            planned = joints([now + DT * (EGM_GAIN * (sent - now) + speed) for now, sent, speed in rows])
+        measured = joints([now + random.gauss(0.0, noise) for now in planned])
+        checked = limiter.check(ArmState(time, DT, 1, measured, ZERO, planned, is_running))
+        if checked is not None:
+            command = limiter.limit(checked, desired)
+            limiter.observe(checked)
+
+    for _ in range(50):
+        step(None, is_running=False)
+    for cycle in range(300):
+        step(ArmCommand(moved(middle, 0, min(0.2, 0.3 * DT * cycle))))
+    for _ in range(300):
+        step(None)
+    for _ in range(1000):
+        planned = moved(planned, 0, -0.3 * DT * (planned[0] > middle[0] - 0.3))
+        step(None, is_running=False)
+    left = planned
+    for _ in range(700):
+        step(None)
+        assert planned == pytest.approx(left, abs=2e-3)

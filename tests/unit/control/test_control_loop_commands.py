@@ -56,7 +56,7 @@ def arms() -> Arms:
 
 def test_loop_serves_every_command_there_is(arms: Arms) -> None:
     rest = {"name": "nobody", "kind": "nothing", "controller": "nobody", "values": {}, "state": State.ACTIVE}
-    rest |= {"part": "right gripper", "other": "left gripper", "seconds": 1.0, "position": ZERO}
+    rest |= {"part": "right gripper", "other": "left gripper", "seconds": 1.0}
     refusals = []
     for command in COMMANDS.values():
         names = command.__code__.co_varnames[1 : command.__code__.co_argcount]  # type: ignore[attr-defined]

@@ -263,6 +263,7 @@ class JointGoalController(Controller):
             self._end(GoalOutcome.REACHED, "the goal is reached")
         elif self._time > self._motion.duration + values["goal_time"]:
             self._end(GoalOutcome.ABORTED, self._deviation(state, "from the goal when its time was up"))
+            self._hold(state)
 
     def _deviation(self, state: ArmState, where: str) -> str:
         errors = [abs(is_at - wanted) for is_at, wanted in zip(state.position, self._setpoint.position, strict=True)]

@@ -439,13 +439,14 @@ class TrajectoryGoal:
     def _has_arrived(self, state: ArmState) -> bool:
         goal, bounds = self._walk.position(self.end), self._bounds
         return all(
-            -bound <= actual - wanted <= bound
+            abs(actual - wanted) <= (_ELSEWHERE if bound == inf else bound)
             for wanted, actual, bound in zip(goal, state.position, bounds.goal, strict=True)
         ) and all(-bound <= speed <= bound for speed, bound in zip(state.velocity, bounds.goal_velocity, strict=True))
 
     def _missed_goal(self, time: float, state: ArmState) -> str:
         goal, late = self._walk.position(self.end), time - self.end
-        for index, (wanted, actual, bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
+        for index, (wanted, actual, any_bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
+            bound = _ELSEWHERE if any_bound == inf else any_bound
             if not -bound <= actual - wanted <= bound:
                 return (
                     f"{self._names[index]} was still {degrees(actual - wanted):+.2f}° from the goal {late:.2f} s after "
@@ -454,6 +455,8 @@ class TrajectoryGoal:
         return f"The arm still moved {late:.2f} s after the end of the trajectory."
 
 
+_ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
+_LATE = 0.25  # [s] by so much of its speed an arm is behind what it is commanded
 _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
 _BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
 
@@ -701,8 +704,19 @@ class JointTrajectoryController(Controller):
         self._rest_at(self._position)
 
     def _abort(self, code: ResultCode, sentence: str) -> None:
-        self._brake()
+        state = self._state
+        if state is not None and self._is_held_back(state):
+            # What the limiter withheld from the arm would be made up for as soon as its way is free.
+            self._rest_at(state.planned)
+            self._standstill = StandstillDetector(state)
+        else:
+            self._brake()
         self._end(Outcome.ABORTED, code, sentence)
+
+    def _is_held_back(self, state: ArmState) -> bool:
+        """Whether the arm is further behind what it is commanded than it is by its delay."""
+        rows = zip(self._position, self._velocity, state.planned, strict=True)
+        return any(abs(wanted - now) > _ELSEWHERE + _LATE * abs(speed) for wanted, speed, now in rows)
 
     def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
         """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
