@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import RobotMessage
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi.virtual.controller.fault_names import Fault, Way
 
 LONGEST_STEP = 1.25 * CYCLE
@@ -93,8 +93,9 @@ LASTING = (
 
 
 def center(side: Side) -> Joints:
-    """Where the swing of an arm has its middle [rad]."""
-    return home(side)
+    """Where the swing of an arm has its middle [rad]: forearms lifted and turned outwards, with room on all sides."""
+    sign = 1.0 if side is Side.RIGHT else -1.0
+    return joints([radians(angle) for angle in (-sign * 40.0, -90.0, -sign * 135.0, 30.0, 0.0, 40.0, 0.0)])
 
 
 def swing(side: Side, time: float) -> Joints:

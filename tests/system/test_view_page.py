@@ -116,7 +116,7 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     # Why does it not move? An emergency stop, which a person must confirm.
     page.press("#press-stop")
     page.wait("#verdict", "Stopped: .*Emergency stop")
-    assert "press “Release it”" in page.wait("#remedy", "the emergency stop is pressed")
+    assert "Press “Release it”" in page.wait("#remedy", "the emergency stop is pressed")
     page.press("#release-stop")
     page.wait("#remedy", "motors are off after an emergency stop")
     page.press("#recover")
