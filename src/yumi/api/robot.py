@@ -786,7 +786,7 @@ class Robot:
 
         Raises:
             CommandRefused: ``collision.enabled`` is false, there are no such parts, the time is out of range, or an arm
-                moves; nothing was changed.
+                moves or is held before its goal; nothing was changed.
             RobotNotReady: the robot is not connected, or the control process has ended.
         """
         manager, end = self._connected.manager, ExitStack()
