@@ -76,7 +76,7 @@ class AllowedCollisions:
         if not self._collisions.pairs_of(part, other):
             raise CommandRefused(
                 f"Collision not allowed: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; "
-                "name them as the log does: 'right gripper', 'left gripper', 'right arm' (all of it), 'body', or a "
+                "name them as the log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a "
                 "declared box."
             )
         if not self._until:
