@@ -32,6 +32,10 @@ class Arm(Protocol):
         """Raise CommandRefused where the arm moves, or would if nothing held it."""
 
     @property
+    def is_running(self) -> bool:
+        """Whether its robot is heard, and follows."""
+
+    @property
     def speed_scale(self) -> float:
         """The factor on its speeds that is in force."""
 
@@ -53,6 +57,7 @@ class AllowedCollisions:
         self._until: dict[Pair, float] = {}
         self._first_end = inf
         self._permitted: tuple[Pair, ...] = ()
+        self._running: list[bool] = []  # of each arm, when it was looked at last
         self._events: list[AllowedCollisionsChanged] = []
 
     def allow(self, part: str, other: str, seconds: float) -> None:
@@ -85,6 +90,7 @@ class AllowedCollisions:
                     arm.check_stands()
             except CommandRefused as why:
                 raise CommandRefused(f"Collision not allowed, since contact is for slow motions: {why}") from why
+            self._running = [arm.is_running for arm in self._arms]
         self._until[_pair(part, other)] = self._now() + seconds
         self._update()
 
@@ -94,8 +100,14 @@ class AllowedCollisions:
             self._update()
 
     def take_events(self) -> Sequence[AllowedCollisionsChanged]:
-        """End what has lasted its time, permit what waits for the arms, and return what has changed since."""
-        if self._now() >= self._first_end:
+        """End what has lasted its time, permit what waits for the arms, and return what has changed since.
+
+        All of it ends when an arm stops following or is not heard any more: what it was for is over.
+        """
+        if self._until and self._has_stopped():
+            self._until.clear()
+            self._update()
+        elif self._now() >= self._first_end:
             now = self._now()
             self._until = {pair: until for pair, until in self._until.items() if until > now}
             self._update()
@@ -105,6 +117,11 @@ class AllowedCollisions:
             return ()
         events, self._events = self._events, []
         return events
+
+    def _has_stopped(self) -> bool:
+        """Whether an arm that followed does no longer."""
+        before, self._running = self._running, [arm.is_running for arm in self._arms]
+        return any(was and not runs for was, runs in zip(before, self._running, strict=True))
 
     def _update(self) -> None:
         """Have the arms slow as long as anything is allowed, and permit that once they are."""

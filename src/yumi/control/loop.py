@@ -142,7 +142,7 @@ class ArmLoop:
         A controller whose goal is reached goes on commanding it: that the arm is commanded does not mean that it moves.
         """
         last = self._last
-        if last is None or not last.state.is_running:
+        if last is None or not self.is_running:
             return
         beyond = largest_difference(last.desired.position, last.sent.position) if last.desired else 0.0
         if max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves:

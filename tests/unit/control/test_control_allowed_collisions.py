@@ -26,7 +26,7 @@ RIGHT, LEFT, TABLE = "right gripper", "left gripper", "table"
 
 
 class Arm:
-    is_moving, is_fast = False, False
+    is_moving, is_fast, is_running = False, False, True
     highest = speed_scale = 1.0
 
     def check_stands(self) -> None:
@@ -130,6 +130,17 @@ def test_it_is_refused_while_an_arm_moves(bench: Bench) -> None:
     assert bench.state == ((), FULL, [])
 
 
+def test_it_ends_when_an_arm_stops_following(bench: Bench) -> None:
+    bench.arms[0].is_running = False
+    bench.allowed.allow(RIGHT, LEFT, 10.0)
+    bench.arms[0].is_running = True
+    assert bench.state[0] == ((LEFT, RIGHT),)
+    bench.arms[0].is_running = False
+    assert bench.state == ((), FULL, [OVER])
+    bench.arms[0].is_running = True
+    assert bench.state == ((), FULL, [])
+
+
 def test_nothing_may_touch_before_both_arms_are_slow(bench: Bench) -> None:
     bench.arms[1].is_fast = True
     bench.allowed.allow(RIGHT, LEFT, 2.0)
@@ -214,6 +225,21 @@ def test_arm_that_is_held_before_its_goal_is_refused_by_name() -> None:
     arm.go(arm.sent)
     arm.rig.run(1.0)
     arm.allow()
+
+
+@pytest.mark.parametrize("way", ["stopped", "not heard"])
+def test_it_ends_when_the_robot_stops_or_is_not_heard(way: str) -> None:
+    arm = Driven()
+    arm.allow()
+    assert arm.run(1.0) == 0.0
+    if way == "stopped":
+        arm.rig.robot.arm.stop_egm()
+    else:
+        arm.rig.to_us = lambda datagram: ()
+    arm.rig.run(1.0)
+    assert not arm.rig.snapshot.is_running
+    (event,) = arm.allowed.take_events()
+    assert str(event) == OVER
 
 
 def test_arm_that_sets_out_at_once_comes_into_contact_slowly() -> None:
