@@ -337,6 +337,7 @@ class ArmLoop:
                 limited_part=part,
                 limited_other=other,
                 limited_distance=distance,
+                speed_cap=self._speed.highest,
                 interruptions=self._interruptions,
                 implausible=limiter.implausible,
                 problem=self._limiter.problem,

@@ -232,6 +232,7 @@ def test_it_ends_when_the_robot_stops_or_is_not_heard(way: str) -> None:
     arm = Driven()
     arm.allow()
     assert arm.run(1.0) == 0.0
+    assert arm.rig.snapshot.speed_cap == CONTACT_SPEED_SCALE
     if way == "stopped":
         arm.rig.robot.arm.stop_egm()
     else:
