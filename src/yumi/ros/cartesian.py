@@ -431,7 +431,7 @@ class MoveLinearAction:
                 raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number, a speed above 0.")
         deadline, before = monotonic() + _LAST_STOP, target.commanded()
         while line.is_over.wait(_STANDS_FOR) or before != (now := target.commanded()):
-            if line.is_cancelled:  # it stops nobody else's motion
+            if line.is_cancelled:  # what others have asked for goes on
                 raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
                 raise CommandRefused(f"Target refused: the {self._side.word} arm did not come to rest.")
