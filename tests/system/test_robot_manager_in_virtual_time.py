@@ -66,15 +66,17 @@ def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkey
     manager = system.manager
     manager.note(AllowedCollisionsChanged(Side.RIGHT, (("left gripper", "right gripper"),)))
     limited = {"limited_part": "left forearm", "limited_other": "body", "limited_distance": 0.0104}
-    now = {Side.RIGHT: Snapshot(), Side.LEFT: Snapshot(**limited)}
+    now = {Side.RIGHT: Snapshot(is_streaming=True, speed_cap=0.1), Side.LEFT: Snapshot(**limited)}
     monkeypatch.setattr(system.control, "snapshot", now.__getitem__)
     state = manager.state()
     assert state.allowed_collisions == ("left gripper - right gripper",)
     assert state.limited_by == ("left forearm - body, 10 mm",)
     assert "may touch: left gripper - right gripper" in str(state)
-    now[Side.LEFT] = Snapshot()
+    assert state.speed_scale == 0.1
+    now.update(dict.fromkeys(Side, Snapshot()))
     manager.note(AllowedCollisionsChanged(Side.RIGHT, ()))
-    assert (manager.state().allowed_collisions, manager.state().limited_by) == ((), ())
+    state = manager.state()
+    assert (state.allowed_collisions, state.limited_by, state.speed_scale) == ((), (), 1.0)
 
 
 CUP = Mass(0.1, (0.0, 0.02, 0.15), (1e-4, 0.0, 0.0, 1e-4, 0.0, 5e-5))

@@ -777,7 +777,8 @@ class Robot:
         of their speed, and all other parts are kept apart as ever. Parts that touch then may only move apart.
 
         Args:
-            part: a part as the log names it (``right gripper``), or an arm as a whole (``right arm``).
+            part: a part as the log names it (``right forearm``), an arm as a whole (``right arm``), or its gripper with
+                fingers, cups, camera and declared tools (``right gripper``).
             other: a part of the other arm, ``body``, or a declared box (``table``).
             seconds: for how long, up to 60 s; called again for the same parts, the time begins anew.
 
@@ -786,7 +787,7 @@ class Robot:
 
         Raises:
             CommandRefused: ``collision.enabled`` is false, there are no such parts, the time is out of range, or an arm
-                moves; nothing was changed.
+                moves or is held before its goal; nothing was changed.
             RobotNotReady: the robot is not connected, or the control process has ended.
         """
         manager, end = self._connected.manager, ExitStack()

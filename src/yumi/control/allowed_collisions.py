@@ -28,16 +28,23 @@ Pair = tuple[str, str]
 class Arm(Protocol):
     """What is needed of an arm's loop."""
 
+    def check_stands(self) -> None:
+        """Raise CommandRefused where the arm moves, or would if nothing held it."""
+
     @property
-    def is_moving(self) -> bool:
-        """Whether the arm is commanded to move."""
+    def is_running(self) -> bool:
+        """Whether its robot is heard, and follows."""
+
+    @property
+    def speed_scale(self) -> float:
+        """The factor on its speeds that is in force."""
 
     def cap_speed(self, highest: float) -> None:
-        """Let no speed scale be higher."""
+        """Let no speed scale be higher, gradually."""
 
 
 class AllowedCollisions:
-    """The pairs of parts that may touch now.
+    """The pairs of parts that may touch now: as soon as both arms are slow.
 
     Args:
         arms: both.
@@ -49,13 +56,18 @@ class AllowedCollisions:
         self._arms, self._collisions, self._now = arms, collisions, now
         self._until: dict[Pair, float] = {}
         self._first_end = inf
+        self._permitted: tuple[Pair, ...] = ()
+        self._running: list[bool] = []  # of each arm, when it was looked at last
         self._events: list[AllowedCollisionsChanged] = []
 
     def allow(self, part: str, other: str, seconds: float) -> None:
         """Let two parts touch for a time [s]; the same pair again begins anew.
 
+        The arms become slow first, which takes a third of a second, and nothing may touch before.
+
         Raises:
-            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves.
+            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves
+                or is held before its goal.
         """
         if self._collisions is None:
             raise CommandRefused(
@@ -69,42 +81,61 @@ class AllowedCollisions:
         if not self._collisions.pairs_of(part, other):
             raise CommandRefused(
                 f"Collision not allowed: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; "
-                "name them as the log does: 'right gripper', 'left gripper', 'right arm' (all of it), 'body', or a "
+                "name them as the log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a "
                 "declared box."
             )
-        if not self._until and any(arm.is_moving for arm in self._arms):
-            raise CommandRefused(
-                "Collision not allowed: an arm moves, and contact is for slow motions; wait until both arms stand."
-            )
-        known = _pair(part, other) in self._until
+        if not self._until:
+            try:
+                for arm in self._arms:
+                    arm.check_stands()
+            except CommandRefused as why:
+                raise CommandRefused(f"Collision not allowed, since contact is for slow motions: {why}") from why
+            self._running = [arm.is_running for arm in self._arms]
         self._until[_pair(part, other)] = self._now() + seconds
-        self._first_end = min(self._until.values())
-        if not known:
-            self._permit()
+        self._update()
 
     def end(self, part: str, other: str) -> None:
         """Keep two parts apart again; nothing where they are."""
         if self._until.pop(_pair(part, other), None) is not None:
-            self._permit()
+            self._update()
 
     def take_events(self) -> Sequence[AllowedCollisionsChanged]:
-        """End what has lasted its time, and return what has changed since the last call."""
-        if self._now() >= self._first_end:
+        """End what has lasted its time, permit what waits for the arms, and return what has changed since.
+
+        All of it ends when an arm stops following or is not heard any more: what it was for is over.
+        """
+        if self._until and self._has_stopped():
+            self._until.clear()
+            self._update()
+        elif self._now() >= self._first_end:
             now = self._now()
             self._until = {pair: until for pair, until in self._until.items() if until > now}
-            self._permit()
+            self._update()
+        elif len(self._permitted) < len(self._until):
+            self._update()
         if not self._events:
             return ()
         events, self._events = self._events, []
         return events
 
-    def _permit(self) -> None:
+    def _has_stopped(self) -> bool:
+        """Whether an arm that followed does no longer."""
+        before, self._running = self._running, [arm.is_running for arm in self._arms]
+        return any(was and not runs for was, runs in zip(before, self._running, strict=True))
+
+    def _update(self) -> None:
+        """Have the arms slow as long as anything is allowed, and permit that once they are."""
         assert self._collisions is not None  # else nothing is allowed
         self._first_end = min(self._until.values(), default=inf)
-        self._collisions.permit(*self._until)
+        highest = CONTACT_SPEED_SCALE if self._until else FULL
         for arm in self._arms:
-            arm.cap_speed(CONTACT_SPEED_SCALE if self._until else FULL)
-        self._events.append(AllowedCollisionsChanged(Side.RIGHT, tuple(self._until)))
+            arm.cap_speed(highest)
+        permitted = tuple(self._until) if all(arm.speed_scale <= highest for arm in self._arms) else ()
+        if permitted == self._permitted:
+            return
+        self._permitted = permitted
+        self._collisions.permit(*permitted)
+        self._events.append(AllowedCollisionsChanged(Side.RIGHT, permitted))
 
 
 def _pair(part: str, other: str) -> Pair:

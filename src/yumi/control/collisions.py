@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.control.motion import BrakingPath, Setpoint, braking_paths, braking_positions
-from yumi.robot.collision import Array, CollisionModel, Contacts
+from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts
 from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
@@ -294,11 +294,18 @@ class CollisionLimiter:
             arm.boundaries = []
 
     def _found(self, name: str, other: str) -> NDArray[np.bool_]:
-        """Which pairs of parts of an arm, and of the other one or what stands still, have these names."""
-        first, second = (
-            np.array([wanted in {part, f"{part.partition(' ')[0]} arm"} for part in self.model.names])
-            for wanted in (name, other)
-        )
+        """Which pairs of parts of an arm, and of the other one or what stands still, have these names.
+
+        ``right arm`` is all of the arm, and ``right gripper`` all that is fixed to its tool0: the fingers, a camera,
+        cups and declared tools, too.
+        """
+        first, second = (np.array(self.model.names) == wanted for wanted in (name, other))
+        for side, its in self._is_of.items():
+            for group, parts in (("arm", its), ("gripper", its & (self.model.frames == TOOL_FRAME))):
+                first, second = (
+                    found | parts if wanted == f"{side.word} {group}" else found
+                    for found, wanted in ((first, name), (second, other))
+                )
         one_arm = sum(np.outer(its, its) for its in self._is_of.values()) > 0
         still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))

@@ -789,6 +789,10 @@ class SpeedScale:
         newest = self._goal.read() if self._goal else None
         return min(newest[1].value if newest else FULL, self.highest)
 
+    def jump(self) -> None:
+        """Go to what is set at once, of an arm that does not move."""
+        self.value, self._rate = self._set_value(), 0.0
+
     def advance(self, dt: float) -> bool:
         """Go on for ``dt`` [s]; to be called once between two cycles.
 

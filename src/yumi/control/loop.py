@@ -29,6 +29,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Limiter, SpeedScale
+from yumi.control.motion import largest_difference
 from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
@@ -46,6 +47,8 @@ LIMITED_SHOWN = 0.2
 
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
+
+_AT_GOAL = 1e-3  # [rad] an arm that is commanded no further than this from where it is sent is at its goal
 
 
 class ArmLoop:
@@ -92,6 +95,7 @@ class ArmLoop:
             limiter.scale_speed(self._speed.value)
         self._read_joints, self._joints_read = read_joints, 0  # and how many were
         self._last: Cycle | None = None
+        self._sent_moves = False  # with the last cycle
         self._unsettled: Cycle | None = None
         self._interruption = INTERRUPTION * period
         self._due = (0.75 * period, 1.5 * period)
@@ -131,13 +135,38 @@ class ArmLoop:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
 
     @property
-    def is_moving(self) -> bool:
-        """Whether the robot follows a command that does not stand."""
-        return self._last is not None and self._last.state.is_running and not self._limiter.is_at_rest
+    def is_running(self) -> bool:
+        """Whether the robot is heard, and follows."""
+        return self._last is not None and self._last.state.is_running
+
+    def check_stands(self) -> None:
+        """Refuse what is for arms that stand, and are to; raises CommandRefused.
+
+        A controller whose goal is reached goes on commanding it: that the arm is commanded does not mean that it moves.
+        """
+        last = self._last
+        if last is None or not self.is_running:
+            return
+        beyond = largest_difference(last.desired.position, last.sent.position) if last.desired else 0.0
+        if max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves:
+            raise CommandRefused(f"the {self._side.word} arm moves; wait until it stands.")
+        if beyond > _AT_GOAL:
+            raise CommandRefused(
+                f"the {self._side.word} arm is held, and its goal lies {beyond:.3f} rad beyond; stop that motion, or "
+                "send the arm to where it is."
+            )
+
+    @property
+    def speed_scale(self) -> float:
+        """The factor on the arm's speeds that is in force."""
+        return self._speed.value
 
     def cap_speed(self, highest: float) -> None:
-        """Let the speed scale not be above ``highest``, whatever is set."""
+        """Let the speed scale not be above ``highest``, whatever is set: gradually, where the arm can move."""
         self._speed.highest = highest
+        if self._last is None:
+            self._speed.jump()
+            self._limiter.scale_speed(self._speed.value)
 
     @property
     def position(self) -> Joints | None:
@@ -172,6 +201,8 @@ class ArmLoop:
         cycle, self._unsettled = self._unsettled, None
         if cycle is not None:
             before, self._last, self._position = self._last, cycle, cycle.state.position
+            way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
+            self._sent_moves = way > AT_REST * cycle.state.dt
             self._cycles += 1
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):
@@ -313,6 +344,7 @@ class ArmLoop:
                 limited_part=part,
                 limited_other=other,
                 limited_distance=distance,
+                speed_cap=self._speed.highest,
                 interruptions=self._interruptions,
                 implausible=limiter.implausible,
                 problem=self._limiter.problem,

@@ -86,6 +86,7 @@ class Snapshot(NamedTuple):
         limited_part: the part of the arm that is kept apart from ``limited_other``; empty 0.2 s after it was.
         limited_other: a part of the other arm, ``body``, or a box by its name.
         limited_distance: between the two [m].
+        speed_cap: no speed scale is above this, whatever is set: less than 1 while parts may touch.
         interruptions: how often feedback stayed away for more than five cycles.
         implausible: positions reported that no arm can have reached.
         problem: why the arm holds whatever it is asked to do.
@@ -121,6 +122,7 @@ class Snapshot(NamedTuple):
     limited_part: str = ""
     limited_other: str = ""
     limited_distance: float = 0.0
+    speed_cap: float = 1.0
     interruptions: int = 0
     implausible: int = 0
     problem: Problem = Problem.NONE

@@ -266,8 +266,12 @@ class ControlServer:
                     self._cycle_done[side].release()
             except Exception as error:
                 self._fail(side, error)
-        for change in self._commands.allowed.take_events():
-            self._send(change)
+        try:
+            for change in self._commands.allowed.take_events():
+                self._send(change)
+        except Exception as error:  # what may touch now is not sure
+            for side in self._arms:
+                self._fail(side, error)
 
     def _fail(self, side: Side, error: Exception) -> None:
         """Have the arm hold with its next reply, and report the fault now and then: at 250 Hz it would bury others."""

@@ -408,7 +408,7 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         program: whether RAPID runs.
         machines: the state machine of each arm.
         egm: off, streaming or running, of each arm.
-        speed_scale: factor on the speed of every controller.
+        speed_scale: factor in force on the speed of every controller.
         speed_ratio: override of the speeds of RAPID motions [%].
         reason: why EGM can neither be started nor runs, with what to do; empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.

@@ -491,7 +491,7 @@ class Handlers:
     def end_allowed_collisions(self, pairs: Collection[tuple[str, str]]) -> None:
         """Keep apart what a client has let touch that is not there any more."""
         for part, other in pairs:
-            with suppress(RobotNotReady):  # without the control process nothing is allowed
+            with suppress(YumiError):  # the other pairs end all the same; without the control process none is allowed
                 self._access.manager.end_allowed_collision(part, other)
 
     def end_jog(self, arm: Arm, client: object) -> None:
@@ -763,6 +763,10 @@ class EndpointServer:
             lambda motions: client.send_soon(Answer(id=request.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
         )
+        allows = request if isinstance(request, AllowCollision) and request.seconds else None
+        is_new = allows is not None and (allows.part, allows.other) not in client.allowed
+        if allows is not None:
+            client.call_soon(self._note_allowed, client, allows)  # it may be served although no answer comes in time
         try:
             result = msgspec.Raw(msgspec.json.encode(self._handlers.handle(request, caller)))
             answer = Answer(id=request.id, result=result)
@@ -770,8 +774,9 @@ class EndpointServer:
             answer = _failed(request, error)
         if isinstance(request, Jog | JogTool):
             client.call_soon(self._hold_jog, client, request.arm)
-        if isinstance(request, AllowCollision) and answer.error is None:
-            client.call_soon(self._note_allowed, client, request)
+        if allows is not None:  # the client may have gone meanwhile
+            is_refused = answer.error is not None and answer.error.kind == CommandRefused.__name__
+            client.call_soon(self._forget_allowed if is_refused and is_new else self._note_allowed, client, allows)
         client.send_soon(answer)
 
     def _hold_jog(self, client: _Client, arm: Arm) -> None:
@@ -787,6 +792,11 @@ class EndpointServer:
         client.allowed.add((request.part, request.other))
         if client.is_gone:
             self._end_allowed(client)
+
+    def _forget_allowed(self, client: _Client, request: AllowCollision) -> None:
+        """What a client was refused is not its own to end, unless it may have been granted the same meanwhile."""
+        if client.pending <= 1:
+            client.allowed.discard((request.part, request.other))
 
     def _end_allowed(self, client: _Client) -> asyncio.Future[None]:
         """Keep apart what a client has let touch."""

@@ -553,12 +553,13 @@ class RobotMonitor:
             self._state = replace(self._state if state is None else state, **fields)
 
     def _completed(self, state: RobotState) -> RobotState:
+        arms = [self._loop.snapshot(side) for side in Side]
         live = replace(
             state,
             egm=egm_states(self._loop),
-            speed_scale=self._speed.in_force,
+            speed_scale=min([self._speed.in_force, *(arm.speed_cap for arm in arms if arm.is_streaming)]),
             allowed_collisions=self.allowed_collisions,
-            limited_by=tuple(pair for side in Side if (pair := self._loop.snapshot(side).limited_by)),
+            limited_by=tuple(arm.limited_by for arm in arms if arm.limited_by),
         )
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:

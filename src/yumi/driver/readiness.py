@@ -68,7 +68,8 @@ class RobotState:
         egm: ``off``, ``streaming`` (datagrams arrive) or ``running`` (the robot follows references), of each arm.
         speed_ratio: override of the speeds of RAPID motions [%].
         last_event: the newest message of the event log.
-        speed_scale: the factor on the speed of every controller, above 0 up to 1.
+        speed_scale: the factor in force on the speed of every controller, above 0 up to 1; a tenth at most while parts
+            may touch.
         reason: why EGM can neither be started nor runs (:mod:`yumi.driver.readiness`); empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.

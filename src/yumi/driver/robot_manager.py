@@ -425,7 +425,8 @@ class RobotManager:
         """Let two parts touch for a time [s], slowly: see :meth:`yumi.api.robot.Robot.allow_collision`.
 
         Raises:
-            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves.
+            CommandRefused: the limiter is off, there are no such parts, the time is out of range, or an arm moves
+                or is held before its goal.
             RobotNotReady: the control process has ended.
         """
         self._control.call(Commands.allow_collision, part, other, seconds)

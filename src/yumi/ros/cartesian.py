@@ -17,6 +17,7 @@ What comes on a stream with a stamp older than the parameter ``twist.timeout`` i
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from itertools import count
 from math import inf, isfinite
@@ -35,7 +36,7 @@ from yumi.control.controllers.cartesian import CartesianController, pose_goal, t
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.motion import STANDING
+from yumi.control.motion import STANDING, largest_difference
 from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import Waypoint, check_pose, plan_path
@@ -55,6 +56,8 @@ _numbers = count(2**41)  # of these motions, beside those of trajectories and sc
 _FEEDBACK_PERIOD = 0.1  # [s]
 _STANDS_FOR = 0.02  # [s] an arm whose command does not change for so long stands
 _LAST_STOP = 5.0  # [s] an arm has come to rest by then; it takes a tenth of it
+_HELD = 0.02  # [rad] an arm that is sent no further than this from where it is commanded to be is not held
+_REPORTED_WITHIN = 1.0  # [s] the end of a line is reported by then, if at all
 _YOUNG = 0.01  # [s] no timeout is shorter
 _ASKED_FOR = 1.0  # [s] for so long a timeout that was asked for is believed
 
@@ -228,8 +231,10 @@ class TargetPoseTopic(_ToolTopic):
             angle: of the elbow at the end [rad]; None keeps it where that is possible.
 
         Raises:
-            CommandRefused: the pose is none, or cannot be reached on a line; or the arm was stopped meanwhile.
+            CommandRefused: the pose is none, or cannot be reached on a line; the arm is held elsewhere than it is
+                commanded to be; or it was stopped meanwhile.
         """
+        self._check_not_held()
         side, target, call = self._side, self._pose(message), self._control.call
         values = {it.parameter.name: it.value for it in call(Commands.list_parameters, side, self.controller)}
         plan = plan_path(
@@ -246,6 +251,17 @@ class TargetPoseTopic(_ToolTopic):
         if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
             raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
         return plan
+
+    def _check_not_held(self) -> None:
+        """A line begins where the controller commands the arm to be: refuse one where the arm does not come to."""
+        now = self._snapshot()
+        held = 0.0 if now.reference is None else largest_difference(now.reference, now.sent)
+        if held > _HELD:
+            why = f" ({now.limited_by})" if now.limited_by else ""
+            raise CommandRefused(
+                f"Target refused: the {self._side.word} arm is held {held:.2f} rad from where {self.controller} "
+                f"commands it to be{why}; deactivate that controller and activate it again: it begins where the arm is."
+            )
 
     def commanded(self) -> Joints:
         """Where the arm is commanded to be [rad], (7,)."""
@@ -331,6 +347,7 @@ class MoveLinearAction:
     ) -> None:
         self._side, self._target, self._frames, self._base = side, target, frames, base
         self._feedback = control.buffers[side].tool_path
+        self._snapshot = partial(control.snapshot, side)
         self._ros_clock, self._log = node.get_clock(), node.get_logger()
         self._lock = Lock()
         self._open: dict[Any, _Line] = {}  # by the goal's id
@@ -384,8 +401,10 @@ class MoveLinearAction:
         result = MoveLinear.Result()
         try:
             with self._turn:
-                plan = self._begin(handle, line)
+                plan, epoch = self._begin(handle, line)
             while not line.is_over.wait(_FEEDBACK_PERIOD):
+                if self._snapshot().command_epoch != epoch:
+                    self._end_unreported(line, epoch)
                 self._report(handle, line, plan.spline.end)
             self._finish(handle, line, result)
         except _Cancelled:
@@ -401,26 +420,46 @@ class MoveLinearAction:
         result.pose = self._pose()
         return result
 
-    def _begin(self, handle: Any, line: _Line) -> ArmPlan:
-        """Plan a goal from where the arm comes to rest, and have it followed."""
+    def _begin(self, handle: Any, line: _Line) -> tuple[ArmPlan, tuple[int, int]]:
+        """Plan a goal from where the arm comes to rest, and have it followed; with the session and activation of it."""
         target, ask = self._target, handle.request
+        if line.is_cancelled:  # while it waited for its turn
+            raise _Cancelled
         target.check()
         for name, value in (("speed", ask.speed), ("arm_angle", ask.arm_angle)):
             if not isfinite(value) or (name == "speed" and value < 0.0):
                 raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number, a speed above 0.")
         deadline, before = monotonic() + _LAST_STOP, target.commanded()
         while line.is_over.wait(_STANDS_FOR) or before != (now := target.commanded()):
+            if line.is_cancelled:  # what others have asked for goes on
+                raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
                 raise CommandRefused(f"Target refused: the {self._side.word} arm did not come to rest.")
             target.command(CancelTrajectory())
             before = now
-        plan = target.plan(ask.target_pose, target.check(), ask.speed, ask.arm_angle if ask.turn_elbow else None)
+        snapshot = target.check()
+        plan = target.plan(ask.target_pose, snapshot, ask.speed, ask.arm_angle if ask.turn_elbow else None)
         if line.is_cancelled:
             raise _Cancelled
         target.command(FollowTrajectory(plan, line.number))
         if line.is_cancelled:  # between the two
             target.command(CancelTrajectory(line.number))
-        return plan
+        return plan, snapshot.command_epoch
+
+    def _end_unreported(self, line: _Line, epoch: tuple[int, int]) -> None:
+        """Another session or activation ends a line, and events can be dropped: its goal must end all the same.
+
+        Raises:
+            RobotNotReady: its end was not reported.
+        """
+        if line.is_over.wait(_REPORTED_WITHIN) or self._snapshot().command_epoch == epoch:
+            return
+        with suppress(YumiError):  # nothing is known of it: it must not go on
+            self._target.command(CancelTrajectory(line.number))
+        raise RobotNotReady(
+            f"The line was ended: the {self._side.word} arm was stopped, or another controller took it over; how the "
+            "line ended was not reported."
+        )
 
     def _report(self, handle: Any, line: _Line, duration: float) -> None:
         newest = self._feedback.read()

@@ -612,3 +612,42 @@ def test_collision_that_a_client_has_allowed_ends_with_its_connection(driver: Fa
         with pytest.raises(CommandRefused, match="there is no shelf"):
             other.allow_collision("shelf", "left arm", seconds=1.0)
         assert other.state.allowed_collisions
+
+
+def test_collision_that_was_allowed_without_an_answer_in_time_ends_with_the_connection(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    allow = driver.manager.allow_collision
+
+    def too_late(part: str, other: str, seconds: float) -> str:
+        allow(part, other, seconds)
+        raise RobotNotReady("The control process did not answer.")
+
+    monkeypatch.setattr(driver.manager, "allow_collision", too_late)
+    with attach() as attached, attach() as other:
+        with pytest.raises(RobotNotReady, match="did not answer"):
+            attached.allow_collision(*PAIR, seconds=60.0)
+        assert other.state.allowed_collisions
+        attached.close()
+        poll_until(lambda: not other.state.allowed_collisions)
+
+
+def test_each_collision_that_a_client_has_allowed_ends_although_one_cannot(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended: list[str] = []
+
+    def end(part: str, other: str) -> str:
+        ended.append(other)
+        raise CommandRefused("That failed.")
+
+    monkeypatch.setattr(driver.manager, "end_allowed_collision", end)
+    with attach() as attached, attach() as other:
+        for box in ("table", "wall"):
+            attached.allow_collision("right gripper", box, seconds=60.0)
+        with pytest.raises(CommandRefused, match="there is no shelf"):
+            attached.allow_collision("shelf", "left arm", seconds=60.0)
+        attached.close()
+        poll_until(lambda: len(ended) > 1)
+        assert other.state.is_connected
+    assert sorted(ended) == ["table", "wall"]

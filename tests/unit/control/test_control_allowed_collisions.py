@@ -10,20 +10,33 @@ import pytest
 from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import CONTACT_SPEED_SCALE, AllowedCollisions
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import MemoryBuffer
-from yumi.control.limiter import SpeedScale
+from yumi.control.controller import MemoryBuffer, write_goal
+from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused
+from yumi.robot.collision import CollisionModel
+from yumi.robot.description import SERVO_GRIPPERS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi_evaluation.virtual_rig import VirtualArmRig
 
 RIGHT, LEFT, TABLE = "right gripper", "left gripper", "table"
 
 
 class Arm:
-    is_moving = False
-    highest = 1.0
+    is_moving, is_fast, is_running = False, False, True
+    highest = speed_scale = 1.0
+
+    def check_stands(self) -> None:
+        if self.is_moving:
+            raise CommandRefused("the right arm moves; wait until it stands.")
 
     def cap_speed(self, highest: float) -> None:
         self.highest = highest
+        if not self.is_fast:
+            self.speed_scale = highest
 
 
 class Collisions:
@@ -112,9 +125,134 @@ def test_what_cannot_be_allowed_is_refused_and_changes_nothing(
 
 def test_it_is_refused_while_an_arm_moves(bench: Bench) -> None:
     bench.arms[1].is_moving = True
-    with pytest.raises(CommandRefused, match="an arm moves, and contact is for slow motions"):
+    with pytest.raises(CommandRefused, match="since contact is for slow motions: the right arm moves; wait"):
         bench.allowed.allow(RIGHT, LEFT, 1.0)
     assert bench.state == ((), FULL, [])
+
+
+def test_it_ends_when_an_arm_stops_following(bench: Bench) -> None:
+    bench.arms[0].is_running = False
+    bench.allowed.allow(RIGHT, LEFT, 10.0)
+    bench.arms[0].is_running = True
+    assert bench.state[0] == ((LEFT, RIGHT),)
+    bench.arms[0].is_running = False
+    assert bench.state == ((), FULL, [OVER])
+    bench.arms[0].is_running = True
+    assert bench.state == ((), FULL, [])
+
+
+def test_nothing_may_touch_before_both_arms_are_slow(bench: Bench) -> None:
+    bench.arms[1].is_fast = True
+    bench.allowed.allow(RIGHT, LEFT, 2.0)
+    assert bench.state == ((), SLOW, [])
+    bench.arms[1].speed_scale = CONTACT_SPEED_SCALE
+    assert bench.state[0] == ((LEFT, RIGHT),)
+    bench.arms[1].speed_scale = 1.0
+    bench.allowed.end(RIGHT, LEFT)
+    assert bench.state == ((), FULL, [OVER])
+    bench.allowed.allow(RIGHT, LEFT, 2.0)
+    bench.clock.advance(2.0)  # over before it began
+    assert bench.state == ((), FULL, [])
+
+
+class Driven:
+    """The left arm, near the body, with a robot that follows."""
+
+    def __init__(self) -> None:
+        self.both, self.goals = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
+        right, speed = home(Side.RIGHT), SpeedScale()
+        self.both.sent(Side.RIGHT, right, Setpoint(right), None)
+        limiter = Limiter(YUMI_LIMITS, collisions=self.both.arm(Side.LEFT))
+        controllers = {
+            "position": JointPositionController(self.goals, speed=speed),
+            "goal": JointGoalController(MemoryBuffer(), speed=speed),
+        }
+        self.rig = VirtualArmRig(controllers, side=Side.LEFT, limiter=limiter, speed=speed)
+        self.allowed = AllowedCollisions((self.rig.line,), self.both, self.rig.clock.now)
+        self.rig.start()
+
+    def allow(self) -> None:
+        self.allowed.allow("left arm", "body", 10.0)
+
+    def go(self, position: Joints) -> None:
+        write_goal(self.goals, self.rig.snapshot.session, position)
+
+    @property
+    def sent(self) -> Joints:
+        return self.rig.cycles[-1].sent.position
+
+    def run(self, seconds: float) -> float:
+        """Returns the highest speed of a joint as a share of its limit, from when parts may touch."""
+        highest, may_touch = 0.0, False
+        for _ in range(round(seconds / CYCLE)):
+            self.rig.cycle()
+            may_touch = bool(self.allowed.take_events()) or may_touch
+            if may_touch:
+                rows = zip(self.rig.cycles[-1].state.velocity, YUMI_LIMITS.velocity, strict=True)
+                highest = max(highest, *(abs(speed) / most for speed, most in rows))
+        assert may_touch
+        return highest
+
+
+INTO_BODY = joints([value + 0.3 for value in home(Side.LEFT)])
+AWAY = joints([home(Side.LEFT)[0] + 0.1, *home(Side.LEFT)[1:]])
+
+
+@pytest.mark.parametrize("controller", ["position", "goal"])
+def test_it_is_allowed_after_a_motion_whose_controller_stays_active(controller: str) -> None:
+    arm = Driven()
+    arm.rig.switch_to(controller)
+    if controller == "goal":
+        arm.rig.manager.receive("goal", JointGoal(AWAY), arm.rig.line.state)
+    else:
+        arm.go(AWAY)
+    arm.rig.run(0.1)
+    with pytest.raises(CommandRefused, match="the left arm moves; wait until it stands"):
+        arm.allow()
+    arm.rig.run(3.0)
+    assert arm.sent == pytest.approx(AWAY, abs=1e-6)
+    arm.allow()
+    arm.run(1.0)
+
+
+def test_arm_that_is_held_before_its_goal_is_refused_by_name() -> None:
+    arm = Driven()
+    arm.rig.switch_to("position")
+    arm.go(INTO_BODY)
+    arm.rig.run(3.0)
+    with pytest.raises(CommandRefused, match=r"the left arm is held, and its goal lies 0\.\d+ rad beyond; stop"):
+        arm.allow()
+    arm.go(arm.sent)
+    arm.rig.run(1.0)
+    arm.allow()
+
+
+@pytest.mark.parametrize("way", ["stopped", "not heard"])
+def test_it_ends_when_the_robot_stops_or_is_not_heard(way: str) -> None:
+    arm = Driven()
+    arm.allow()
+    assert arm.run(1.0) == 0.0
+    assert arm.rig.snapshot.speed_cap == CONTACT_SPEED_SCALE
+    if way == "stopped":
+        arm.rig.robot.arm.stop_egm()
+    else:
+        arm.rig.to_us = lambda datagram: ()
+    arm.rig.run(1.0)
+    assert not arm.rig.snapshot.is_running
+    (event,) = arm.allowed.take_events()
+    assert str(event) == OVER
+
+
+def test_arm_that_sets_out_at_once_comes_into_contact_slowly() -> None:
+    arm = Driven()
+    arm.rig.switch_to("position")
+    arm.go(INTO_BODY)
+    arm.rig.run(3.0)
+    arm.go(arm.sent)
+    arm.rig.run(1.0)
+    arm.allow()
+    arm.go(INTO_BODY)
+    assert 0.05 < arm.run(3.0) < 1.2 * CONTACT_SPEED_SCALE
 
 
 def test_it_is_refused_where_nothing_keeps_the_arms_apart() -> None:

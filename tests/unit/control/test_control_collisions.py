@@ -327,6 +327,30 @@ def test_permitted_pairs_may_touch_and_no_others() -> None:
     assert body.distance >= BODY_MARGIN - ROUNDING
 
 
+def test_gripper_is_all_that_is_fixed_to_the_tool_frame() -> None:
+    """The pair that is allowed for handing over: the fingers are the first to meet."""
+    arms = ApartArms(FORWARD, obstacles=())
+    arms.both.permit(("right gripper", "left gripper"))
+    goals = {side: turned(side, radians(sign * 168.0)) for side, sign in ((Side.RIGHT, 1.0), (Side.LEFT, -1.0))}
+    fingers = np.inf
+    for _ in range(300):
+        arms.cycle({side: to(goal) for side, goal in goals.items()})
+        near = arms.shapes.nearest(arms.commanded(), 1000)
+        fingers = min(
+            fingers, *(it.distance for it in near if (it.part, it.other) == ("right fingers", "left fingers"))
+        )
+        hands = {f"{side.word} {part}" for side in Side for part in ("gripper", "fingers", "cup 1", "cup 2", "camera")}
+        assert all(it.distance > BODY_MARGIN - ROUNDING for it in near if not {it.part, it.other} <= hands)
+    assert fingers < 0.0
+
+
+def test_a_box_named_as_a_part_is_none_of_the_arm() -> None:
+    wall = Obstacle("right wall", Pose((0.0, -2.0, 0.0), UPRIGHT), (0.1, 0.1, 0.1))
+    arms = ApartArms(FORWARD, obstacles=(wall,))
+    without = ApartArms(FORWARD, obstacles=())
+    assert arms.both.pairs_of("right arm", "left arm") == without.both.pairs_of("right arm", "left arm") > 0
+
+
 def test_unknown_parts_are_no_pair() -> None:
     arms = ApartArms(READY, obstacles=(TABLE,))
     assert arms.both.pairs_of("right gripper", "table")

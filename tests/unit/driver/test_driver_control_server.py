@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
+from yumi.control.allowed_collisions import AllowedCollisions
 from yumi.control.events import ControllerFailed, CycleFailed, ReportsDropped
 from yumi.driver import control_process
 from yumi.driver.control_process import (
@@ -189,6 +190,20 @@ def test_control_process_serves_one_arm_while_another_part_of_the_other_fails(
     assert done[Side.RIGHT] >= 1
     assert arms[Side.LEFT].deactivated >= 1
     assert {str(each.side) for each in parent.received if isinstance(each, CycleFailed)} == {str(Side.LEFT)}
+
+
+def test_control_process_goes_on_when_allowed_collisions_fail_and_both_arms_hold(
+    clock: ManualClock, parent: Parent, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: object) -> None:
+        raise ValueError("a defect")
+
+    monkeypatch.setattr(AllowedCollisions, "take_events", fail)
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    done = run(arms, parent, clock)
+    assert min(done.values()) >= 1
+    assert all(arm.deactivated >= 1 for arm in arms.values())
+    assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == set(Side)
 
 
 def test_command_with_a_defect_is_refused_and_the_next_one_is_served(

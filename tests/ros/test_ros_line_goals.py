@@ -1,0 +1,147 @@
+"""Goals of the action ``move_linear`` whose end is not reported, that are cancelled early, or whose arm is held."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from itertools import count
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import PoseStamped
+from yumi_interfaces.action import MoveLinear
+
+from yumi.control.controller import GoalKind, MemoryBuffer
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
+from yumi.control.shared_state import Snapshot
+from yumi.errors import CommandRefused
+from yumi.robot.joints import ZERO, Joints, Side, home, joints
+from yumi.ros import cartesian
+from yumi.ros.cartesian import MoveLinearAction, TargetPoseTopic
+
+pytestmark = pytest.mark.ros
+
+WAIT = 10.0  # [s]
+HOME = home(Side.RIGHT)
+STANDS = Snapshot(
+    session=1, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.TOOL, sent=HOME, reference=HOME
+)
+
+
+class Node:
+    """Remembers what is logged."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def get_logger(self) -> Node:
+        return self
+
+    get_clock = get_logger
+
+    def warning(self, sentence: str, **_: Any) -> None:
+        self.lines.append(sentence)
+
+    info = warning
+
+    def create_subscription(self, *_: Any) -> None:
+        return None
+
+
+class Target:
+    """Plans lines and notes what the controller is commanded; ``motion`` is where that commands the arm to be."""
+
+    controller = "cartesian_controller"
+
+    def __init__(self) -> None:
+        self.commands: list[object] = []
+        self.motion: Any = iter(lambda: HOME, None)
+
+    def check(self) -> Snapshot:
+        return STANDS
+
+    def commanded(self) -> Joints:
+        position: Joints = next(self.motion)
+        return position
+
+    def command(self, message: object) -> None:
+        self.commands.append(message)
+
+    def plan(self, *_: Any) -> Any:
+        return SimpleNamespace(spline=SimpleNamespace(end=1.0))
+
+
+class Handle:
+    """A goal, and how it ended."""
+
+    is_active, end = True, ""
+
+    def __init__(self) -> None:
+        self.request, self.goal_id = MoveLinear.Goal(), SimpleNamespace(uuid=b"1")
+
+    def abort(self) -> None:
+        self.end = "aborted"
+
+    def canceled(self) -> None:
+        self.end = "cancelled"
+
+
+class Bench:
+    """The action with what is behind it."""
+
+    def __init__(self) -> None:
+        self.target, self.snapshot = Target(), STANDS
+        buffers = {Side.RIGHT: SimpleNamespace(tool_path=MemoryBuffer())}
+        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot)
+        target, frames = self.target, SimpleNamespace(measured=lambda side: None)
+        self.action = MoveLinearAction(Node(), Side.RIGHT, self.control, target, frames, "base")  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    monkeypatch.setattr(cartesian, "ActionServer", lambda *_, **__: SimpleNamespace(destroy=lambda: None))
+    monkeypatch.setattr(cartesian, "_REPORTED_WITHIN", 0.05)
+    return Bench()
+
+
+@pytest.mark.parametrize("change", [{"activation": 2}, {"session": 2}, {"activation": 0}])
+def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, change: dict[str, int]) -> None:
+    handle, worker = Handle(), ThreadPoolExecutor(1)
+    ended = worker.submit(bench.action._execute, handle)
+    try:
+        bench.snapshot = STANDS._replace(**change)
+        result = ended.result(WAIT)
+    finally:
+        bench.action.destroy()
+        worker.shutdown()
+    assert handle.end == "aborted"
+    assert "the right arm was stopped, or another controller took it over" in result.message
+    follow, cancel = bench.target.commands
+    assert isinstance(follow, FollowTrajectory)
+    assert cancel == CancelTrajectory(follow.goal)
+
+
+def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: Bench) -> None:
+    handle, places = Handle(), count()
+
+    def moves() -> Any:
+        for place in places:
+            bench.action._cancel(handle)  # the arm goes on moving meanwhile
+            yield joints([0.01 * place, *ZERO[1:]])
+
+    bench.target.motion = moves()
+    result = bench.action._execute(handle)
+    assert (handle.end, result.message) == ("cancelled", "Cancelled before the arm moved.")
+    assert all(isinstance(each, CancelTrajectory) and each.goal is not None for each in bench.target.commands)
+
+
+def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() -> None:
+    held = STANDS._replace(sent=joints([HOME[0] - 0.3, *HOME[1:]]), limited_part="right fingers", limited_other="table")
+    control: Any = SimpleNamespace(
+        buffers={Side.RIGHT: SimpleNamespace(goals=MemoryBuffer(), tool_goals=MemoryBuffer())},
+        snapshot=lambda side: held,
+        call=lambda *_: {Side.RIGHT: HOME},
+    )
+    target = TargetPoseTopic(Node(), Side.RIGHT, control, lambda: 0.0, "cartesian_controller", None)  # type: ignore[arg-type]
+    with pytest.raises(CommandRefused, match=r"the right arm is held 0\.30 rad .* \(right fingers - table, 0 mm\)"):
+        target.plan(PoseStamped(), held)
