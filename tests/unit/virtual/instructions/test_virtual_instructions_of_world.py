@@ -127,3 +127,29 @@ def test_program_pointer_moved_in_manual_mode_is_remembered_until_it_is_reset(st
     controller.start_rapid("once")
     run(world, 0.1)
     assert list(controller.screens["T_ROB_R"]) == ["FALSE", "FALSE", "TRUE", "FALSE"]
+
+
+CORRECTED = "VAR corrdescr one; VAR robtarget t; VAR jointtarget a; VAR jointtarget b;"
+CORRECT_AGAIN = """
+    ConfL \\Off; a:=CJointT(); CorrCon one; CorrWrite one,[0,5,0];
+    t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,20),v200,fine,tool0\\Corr;
+    CorrWrite one,[0,0,0]; MoveL Offs(t,0,0,70),v20,fine,tool0\\Corr; b:=CJointT(); b.robax.rax_1:=b.robax.rax_1-60;
+    MoveAbsJ b,v1000,fine,tool0; t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,-20),v200,fine,tool0\\Corr;
+    CorrWrite one,[0,5,0]; MoveL Offs(t,0,0,10),v200,fine,tool0\\Corr; TPWrite "done";"""
+
+
+def greatest_step(world: World, seconds: float) -> float:
+    """The greatest step of a planned joint of the right arm from one cycle to the next [rad]."""
+    arm, most = world.arms[Side.RIGHT], 0.0
+    before = arm.planned
+    for _ in range(round(seconds / world.cycle_time)):
+        world.cycle({})
+        most, before = max(most, *(abs(a - b) for a, b in zip(arm.planned, before, strict=True))), arm.planned
+    return most
+
+
+def test_correction_after_moves_without_one_does_not_make_the_arm_jump(start: Start) -> None:
+    world = start(CORRECT_AGAIN, CORRECTED)
+    step = greatest_step(world, 10.0)
+    assert list(world.controller.screens["T_ROB_R"]) == ["done"]
+    assert step < 0.02, "more than any joint's speed allows"
