@@ -299,7 +299,7 @@ class RwsService:
         return call.method == "GET" and call.option("action") == "show" and not is_group
 
     def _check_mastership(self, operation: Operation, call: Call) -> None:
-        self._mastership.check(operation, call.session)
+        self._mastership.check(operation, self._controller, call)
 
     def _content_type(self, form: Form) -> str:
         return form.value

@@ -497,7 +497,7 @@ class RwsService2(RwsService):
 
     def _check_mastership(self, operation: Operation, call: Call) -> None:
         is_implicit = call.option("mastership") == "implicit"
-        self._mastership.check(operation, call.session, is_implicit=is_implicit)
+        self._mastership.check(operation, self._controller, call, is_implicit=is_implicit)
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         reply = super()._operate(call, request, form, session)
