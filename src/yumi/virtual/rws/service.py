@@ -37,7 +37,17 @@ from yumi.virtual.rws.http import (
     read_credentials,
 )
 from yumi.virtual.rws.messages import MessageService
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, invalid, refusal, resource
+from yumi.virtual.rws.operations import (
+    LONGEST_KEPT,
+    Answer,
+    Call,
+    Failure,
+    Operation,
+    Router,
+    invalid,
+    refusal,
+    resource,
+)
 from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
 from yumi.virtual.rws.users import OWN_DOMAINS, Mastership, Users
 
@@ -323,14 +333,20 @@ class RwsService:
         return resource(call.path[0], "/", "/".join(call.path), *states)
 
 
-@lru_cache(1024)
 def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:
     """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
 
     A sub-property shows in the page of its resource anyway.
     """
+    return _kept_parts(target) if len(target) <= LONGEST_KEPT else _split(target)
+
+
+def _split(target: str) -> tuple[tuple[str, ...], Pairs]:
     path, _, query = target.partition("?")
     return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
+
+
+_kept_parts = lru_cache(1024)(_split)
 
 
 def _call(request: HttpRequest) -> Call:
