@@ -19,6 +19,7 @@ LIMIT_SPEED = (
     'EIO:CFG_1.0:6:1::\n#\nEIO_SIGNAL:\n -Name "limit" -SignalType "DI" -Access "All"\n'
     '#\nSYSSIG_IN:\n -Signal "limit" -Action "LimitSpeed"\n'
 )
+PROCESS_SIGNAL = 'EIO:CFG_1.0:6:1::\n#\nEIO_SIGNAL:\n -Name "process" -SignalType "DO" -Access "All"\n'
 Start = Callable[..., World]
 
 
@@ -102,6 +103,24 @@ def test_stop_stores_process_signals_and_sets_them_to_zero(start: Start, moves: 
     on_path = "TRUE" if moves else "FALSE"
     assert task.read("Program", "restart") == f"[TRUE,{on_path},1,1,-1,-1,-1,-1,-1,-1,-1,-1,1,0,1]"
     assert (controller.signals.get("custom_DO_0").value, controller.signals.get("custom_DO_1").value) == (0, 0)
+
+
+def test_process_signal_that_a_restart_takes_away_stops_rapid_once_and_no_cycle(start: Start) -> None:
+    world = start(PROCESS.replace("custom_DO_1", "process") + "WaitTime 10;", RESTART, PROCESS_SIGNAL)
+    run(world, 0.1)
+    controller = world.controller
+    controller.configuration.remove("EIO", "EIO_SIGNAL", "process")
+    controller.restart(1.0)
+    run(world, 1.5)
+    assert "process" not in controller.signals
+    faults = [each.description for each in controller.events.entries() if "process signals" in each.description]
+    assert faults == [
+        "The process signals at stops of T_ROB_R are no longer followed: There is no I/O signal 'process'."
+    ]
+    controller.execution.move_pp_to_main()
+    controller.set_motors(True)
+    controller.start_rapid("once")
+    assert controller.is_running
 
 
 @pytest.mark.parametrize(
