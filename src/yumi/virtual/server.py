@@ -43,7 +43,7 @@ from yumi.virtual.rws.operations import Call, Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.symbols import quoted
-from yumi.virtual.rws.version_2 import ROBOTWARE, RwsService2
+from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
 from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
 
@@ -202,7 +202,7 @@ class VirtualController:
         self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
-        self.world = World(replace(settings, robotware=ROBOTWARE) if is_robotware_7 else settings)
+        self.world = World(replace(settings, robotware=ROBOTWARE_7) if is_robotware_7 else settings)
         self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle,
@@ -350,7 +350,7 @@ class VirtualController:
         with self._lock:  # first: nothing of a request is kept that belongs to no session
             if not self._service.may_enter(request, self._clock.now()):
                 return None
-        call = self._service.first_call(request)
+        call = self._service.rws1_call(request)
         work = self._work_before(call) if call is not None and call.path else None
         return None if work is None else self._background.submit(work)
 

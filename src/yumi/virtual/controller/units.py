@@ -47,7 +47,7 @@ YUMI_OPTIONS = (
 )
 
 
-ROBOTWARE = "6.13.00.00"
+ROBOTWARE_6 = "6.13.00.00"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Identity:
 
     system_name: str = "YuMi"
     controller_name: str = "14000-500000"
-    robotware: str = ROBOTWARE
+    robotware: str = ROBOTWARE_6
     options: tuple[str, ...] = YUMI_OPTIONS
     is_virtual: bool = False
     system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"

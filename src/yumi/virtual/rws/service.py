@@ -226,7 +226,7 @@ class RwsService:
 
     # Answering
 
-    def first_call(self, request: HttpRequest) -> Call | None:
+    def rws1_call(self, request: HttpRequest) -> Call | None:
         """A request as the table of 1.0 has it, with its form; None for one that is not understood.
 
         It is neither authorized nor checked.
