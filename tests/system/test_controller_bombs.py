@@ -35,7 +35,7 @@ take any time of that, and takes most from who computes most.
 """
 
 STALL = 1.0
-"""How late one may be at most by the clock, also where the controller neither computes nor waits for a processor [s]."""
+"""How late one may be at most by the clock, also where the controller neither computes nor waits for a core [s]."""
 
 FEWEST = 20.0
 """Datagrams, and answers, in a second, however little of its processors the machine has left; EGM sends 496."""

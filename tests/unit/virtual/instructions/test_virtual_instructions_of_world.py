@@ -172,3 +172,23 @@ def test_correction_after_moves_without_one_does_not_make_the_arm_jump(start: St
     step = greatest_step(world, 10.0)
     assert list(world.controller.screens["T_ROB_R"]) == ["done"]
     assert step < 0.02, "more than any joint's speed allows"
+
+
+def test_correction_that_is_no_longer_in_reach_leads_back_to_the_path(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = start(
+        """ConfL \\Off; CorrCon one; CorrWrite one,[0,5,0];
+        t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,60),v20,fine,tool0\\Corr; TPWrite "done";""",
+        CORRECTED,
+    )
+    run(world, 1.5)
+    path = world.arms[Side.RIGHT].path
+    beside = max(abs(a - b) for a, b in zip(path.state.position, path.nominal, strict=True))
+    assert beside > 0.005, "it is corrected"
+    with monkeypatch.context() as patched:
+        patched.setattr(path.corrector, "_reached", lambda *_: None)
+        assert greatest_step(world, 0.5) < 0.002
+        assert path.state.position == pytest.approx(path.nominal, abs=0.01 * beside)
+    assert greatest_step(world, 2.0) < 0.002, "nor when it is in reach again"
+    assert list(world.controller.screens["T_ROB_R"]) == ["done"]
