@@ -171,6 +171,8 @@ def page() -> str:
         "test compares it with the code.",
         "",
         "- *Done* links to a test that executes the name; in effects.txt the link's title is the program.",
+        "  It does what the manual says as far as a program or a client can see it: `PathResol`, `ActEventBuffer` and",
+        "  `DeactEventBuffer` change `C_MOTSET` and nothing else: the path here has neither steps nor a buffer.",
         "- *Accepted without effect*: a program may use it, and nothing happens.",
         "- *Refused*: it fails with an error, as on a controller without what it needs.",
         "- *Missing*: it can be loaded; the program stops where it executes it, and `yumi rapid check` lists it.",

@@ -57,8 +57,8 @@ def second_names() -> dict[tuple[str, ...], list[str]]:
     """What RWS 2.0 calls each operation that it has."""
     names: dict[tuple[str, ...], list[str]] = {}
     for each in RwsService2(World().controller, user="", password="").translations:
-        is_same = _target(each.operation) == _target(each.first)
-        names.setdefault(_key(each.first), []).append("same" if is_same else f"`{_target(each.operation)}`")
+        is_same = _target(each.operation) == _target(each.rws1)
+        names.setdefault(_key(each.rws1), []).append("same" if is_same else f"`{_target(each.operation)}`")
     return names
 
 

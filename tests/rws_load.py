@@ -21,6 +21,7 @@ from digest_client import authorization
 USER, PASSWORD = "Default User", "robotics"
 SIGNAL = "custom_DO_0"
 CHANGE_PERIOD = 0.25  # [s]; high priority has 50 ms between two events
+FEWEST_BETWEEN = 0.1  # [s]; also after this process stood still, lest the controller rightly reports only the last
 TARGETS = (
     "/rw/panel/ctrlstate",
     "/rw/rapid/execution",
@@ -166,7 +167,7 @@ class Load:
             self._changed_at = time.monotonic()
             target, form = f"/rw/iosystem/signals/{SIGNAL}?action=set", f"lvalue={self.changes % 2}"
             self._writer.send(now, request("POST", target, self._writer.cookies, form))
-            self._writer.due += CHANGE_PERIOD
+            self._writer.due = max(self._writer.due + CHANGE_PERIOD, now + FEWEST_BETWEEN)
 
 
 def load(address: tuple[str, int], number: int, rate: float, seconds: float) -> dict[str, object]:

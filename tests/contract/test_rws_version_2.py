@@ -146,6 +146,24 @@ def test_fault_is_sent_to_a_server_with_tls_too(site: Site) -> None:
         inject_fault("127.0.0.1:9", "program-stop", {})
 
 
+@pytest.mark.parametrize(
+    ("address", "is_verified"),
+    [("127.0.0.1:80", False), ("localhost:80", False), ("[::1]:80", False), ("192.0.2.1:80", True)],
+)
+def test_certificate_of_another_machine_is_verified(
+    address: str, is_verified: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[object] = []
+
+    def answer(url: str, **options: object) -> httpx.Response:
+        asked.append(options["verify"])
+        return httpx.Response(204)
+
+    monkeypatch.setattr(httpx, "post", answer)
+    inject_fault(address, "program-stop", {})
+    assert asked == [is_verified]
+
+
 def test_connections_break_as_those_of_a_machine_that_goes_down(site: Site) -> None:
     host, _, port = site.server.address.partition(":")
     trusted = ssl.create_default_context(cadata=ssl.get_server_certificate((host, int(port))))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import selectors
+import socket
 import statistics
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from threading import Event, Thread
 import pytest
 
 from held_arm import HeldArm
+from rws_load import Client, Load
 from soak import tell
 from yumi.clock import SystemClock, wait_until
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
@@ -35,6 +37,21 @@ def _answer(arms: list[HeldArm], is_over: Event) -> None:
         while not is_over.is_set():
             for key, _ in selector.select(0.1):
                 key.data.answer()
+
+
+def test_changes_keep_their_distance_after_this_process_stood_still() -> None:
+    """Of two changes within 50 ms the controller may report the last alone, which is no loss."""
+    own, other = socket.socketpair()
+    with own, other:
+        writer = Client(own)
+        load, times = Load([], writer, RATE), []
+        for now in [0.0, *(1.2 + 0.01 * step for step in range(100))]:
+            before = load.changes
+            load._send(now, may_change=True)
+            writer.is_waiting = False  # it is answered at once
+            times += [now] * (load.changes - before)
+    assert min(after - before for before, after in pairwise(times)) >= 0.1
+    assert len(times) >= 5
 
 
 @pytest.mark.parametrize(

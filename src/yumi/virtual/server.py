@@ -36,12 +36,14 @@ from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.path import PREFETCH
 from yumi.virtual.rws.certificate import self_signed_context
+from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.rws.operations import Call, Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.symbols import quoted
-from yumi.virtual.rws.version_2 import ROBOTWARE, RwsService2
+from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
 from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
 
@@ -122,7 +124,7 @@ class Pace:
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _RARELY = 1000  # young collections for each full one; 10 by default
-_LONG_VALUE = 200  # bytes of a form whose value takes milliseconds to parse
+_LONG_VALUE = 180  # characters of a value that takes milliseconds to parse
 _LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "loadmod", "set", "resetpp"
 
 
@@ -200,7 +202,7 @@ class VirtualController:
         self._is_started = is_started
         self._clock = SystemClock()
         self._lock = Lock()
-        self.world = World(replace(settings, robotware=ROBOTWARE) if is_robotware_7 else settings)
+        self.world = World(replace(settings, robotware=ROBOTWARE_7) if is_robotware_7 else settings)
         self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
         self._server = HttpServer(
             self._handle,
@@ -343,23 +345,29 @@ class VirtualController:
 
         The answer then finds it done, and raises its errors again.
         """
-        call = self._service.first_call(request) if request.method == "POST" else None
-        action = call.option("action") if call is not None else None
-        if call is None or action not in (_LOAD_MODULE, _SET_SYMBOL, _RESET_PP):
+        if request.method != "POST":
             return None
-        with self._lock:
+        with self._lock:  # first: nothing of a request is kept that belongs to no session
             if not self._service.may_enter(request, self._clock.now()):
                 return None
+        call = self._service.rws1_call(request)
+        work = self._work_before(call) if call is not None and call.path else None
+        return None if work is None else self._background.submit(work)
+
+    def _work_before(self, call: Call) -> Callable[[], object] | None:
+        """What takes long in a call; None where nothing does."""
+        action, value = call.option("action"), call.parameter("value", "")
         if action == _LOAD_MODULE:
-            path = call.parameter("modulepath", "")
+            try:
+                path = path_of_file(call.parameter("modulepath", ""))
+            except Failure:  # the answer says what is wrong with it
+                return None
             text = self.world.controller.files.get(path)
             task = self.world.controller.tasks.get(call.path[-1].upper())
-            if text is None or task is None:
-                return None
-            return self._background.submit(partial(self._link, task, text, path))
-        if action == _SET_SYMBOL and len(request.body) > _LONG_VALUE:
-            return self._background.submit(partial(_parse_value, call.parameter("value", "")))
-        return self._background.submit(self._compile) if action == _RESET_PP else None
+            return None if text is None or task is None else partial(self._link, task, text, path)
+        if action == _SET_SYMBOL and len(value) > _LONG_VALUE:
+            return partial(_parse_value, value)
+        return self._compile if action == _RESET_PP else None
 
     def _link(self, task: Task, text: str, path: str) -> None:
         """Parse and link a module that is about to be loaded; loading raises the same errors."""

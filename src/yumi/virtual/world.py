@@ -16,7 +16,7 @@ from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
 from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import System, delivered_system
-from yumi.virtual.controller.units import ROBOTWARE, ArmUnit, Identity
+from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.sockets import is_loopback
@@ -53,7 +53,7 @@ class WorldSettings:
     """
 
     robot_name: str = "YuMi"
-    robotware: str = ROBOTWARE
+    robotware: str = ROBOTWARE_6
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
     gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
     cup_objects: Mapping[Side, CupObject] = field(default_factory=dict)

@@ -311,6 +311,22 @@ def test_pose_out_of_reach_ends_egm_and_switches_motors_off(tmp_path: Path) -> N
     )
 
 
+def test_pose_without_a_rotation_moves_nothing_and_makes_the_controller_fail(tmp_path: Path) -> None:
+    starts: list[tuple[float, ...]] = []
+
+    def message(world: World) -> SensorMessage:
+        arm = world.arms[Side.RIGHT]
+        starts.append(arm.planned)
+        x, y, z = arm.tool_pose(arm.planned, None).position
+        return SensorMessage(0, None, tool_position=(x - 0.1, y, z), tool_orientation=(0.0, 0.0, 0.0, 0.0))
+
+    world = guided(tmp_path, POSE, message)
+    arm = world.arms[Side.RIGHT]
+    assert not arm.motors_on
+    assert arm.planned == pytest.approx(starts[0], abs=1e-6)
+    assert any("whose quaternion has no direction" in each.description for each in world.controller.events.entries())
+
+
 @pytest.mark.parametrize(("setup", "other"), [(JOINT, POSE), (POSE, JOINT)])
 def test_egm_refuses_instructions_of_the_other_kind(
     tmp_path: Path, setup: dict[str, str], other: dict[str, str]

@@ -13,12 +13,17 @@ from urllib.parse import quote
 import pytest
 from lark import UnexpectedInput
 
+from digest_client import authorization
+from rws_examples_2 import BASIC, PASSWORD, USER
 from yumi.clock import ManualClock
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
 from yumi.robot.joints import CYCLE, Side
+from yumi.virtual.rws import service
 from yumi.virtual.rws import symbols as rws_rapid
+from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Call, Router
+from yumi.virtual.rws.version_2 import RwsService2
 from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController, parsed
 from yumi.virtual.world import World, WorldSettings
 
@@ -171,3 +176,68 @@ def test_device_without_an_address_is_logged_once_and_ends_no_process(monkeypatc
     run_in_thread(virtual, over)
     sentences = [each.description for each in controller.events.entries() if each.code == 41830]
     assert sentences == ["The UDPUC device ROB_L has the port '70000'; use 1 to 65535."]
+
+
+LOAD = {False: "/rw/rapid/tasks/T_ROB_L?action=loadmod", True: "/rw/rapid/tasks/T_ROB_L/loadmod"}
+Served = tuple[VirtualController, tuple[str, str]]
+
+
+@pytest.fixture(params=[False, True], ids=["1.0", "2.0"])
+def served(request: pytest.FixtureRequest) -> Iterator[Served]:
+    """A controller that does not run, and the cookies of a client that is logged in."""
+    virtual = VirtualController(
+        WorldSettings(), rws_port=0, user=USER, password=PASSWORD, host="127.0.0.1", is_robotware_7=request.param
+    )
+    credentials = BASIC
+    if not request.param:
+        challenge = answered(virtual, HttpRequest("GET", "/rw")).header("WWW-Authenticate") or ""
+        credentials = authorization(challenge, user=USER, password=PASSWORD, method="GET", uri="/rw")
+    headers = (("Authorization", credentials), ("Accept", "application/xhtml+xml;v=2.0"))
+    cookies = answered(virtual, HttpRequest("GET", "/rw", headers)).headers
+    yield virtual, ("Cookie", "; ".join(text.partition(";")[0] for name, text in cookies if name == "Set-Cookie"))
+    for link in (*virtual._links.values(), *virtual._foreign_links.values()):
+        link.close()
+
+
+def answered(virtual: VirtualController, request: HttpRequest) -> HttpReply:
+    reply = virtual._handle(request)
+    assert isinstance(reply, HttpReply)
+    return reply
+
+
+def test_nothing_is_kept_of_a_request_without_a_session(served: Served) -> None:
+    virtual, _ = served
+    service._kept_parts.cache_clear()
+    router = virtual._service._router
+    router._resolve_kept.cache_clear()
+    for number in range(3):
+        assert virtual._prepare(HttpRequest("POST", f"/rw/rapid/execution/{number}?action=resetpp")) is None
+    assert (service._kept_parts.cache_info().currsize, router._resolve_kept.cache_info().currsize) == (0, 0)
+
+
+def test_long_targets_are_not_kept(served: Served) -> None:
+    virtual, cookie = served
+    service._kept_parts.cache_clear()
+    virtual._service._router._resolve_kept.cache_clear()
+    for long in (f"/rw/{'x' * 300}", f"/rw?{'&' * 300}"):
+        answered(virtual, HttpRequest("GET", long, (cookie, ("Accept", "application/xhtml+xml;v=2.0"))))
+    assert service._kept_parts.cache_info().currsize == 0
+    kept = virtual._service._router._resolve_kept.cache_info().currsize
+    assert kept <= 1, "/rw itself"
+
+
+@pytest.mark.parametrize("path", ["HOME/once.mod", "$home/once.mod", "HOME:/once.mod"])
+def test_module_is_prepared_however_its_path_is_spelled(served: Served, path: str) -> None:
+    virtual, cookie = served
+    virtual.world.controller.files["HOME:/once.mod"] = "MODULE once ENDMODULE"
+    target = LOAD[isinstance(virtual._service, RwsService2)]
+    assert virtual._prepare(HttpRequest("POST", target, (cookie,), f"modulepath={path}".encode())) is not None
+    for wrong in ("HOME/../once.mod", "nowhere/once.mod", ""):
+        assert virtual._prepare(HttpRequest("POST", target, (cookie,), f"modulepath={wrong}".encode())) is None
+
+
+@pytest.mark.parametrize("action", ["loadmod", "resetpp", "set"])
+def test_action_on_no_resource_is_not_prepared(served: Served, action: str) -> None:
+    virtual, cookie = served
+    request = HttpRequest("POST", f"/?action={action}", (cookie,), b"modulepath=HOME:/x.mod")
+    assert virtual._prepare(request) is None

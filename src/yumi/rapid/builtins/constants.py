@@ -19,7 +19,6 @@ for _name, _base in (
     *(("stringdig", "string"), ("tasksatstart", "string")),
 ):
     CONSTANTS.alias(_name, _base)
-CONSTANTS.record("taskid", {"taskname": "string"})
 
 # By type: names with the value of the first, the others count on; `NAME=7` sets another one.
 TABLE = {

@@ -419,6 +419,10 @@ class Irc5:
                 self.events.append(80001, "World zone", unit.zone_fault, EventType.ERROR)
                 self.execution.stop(unit.zone_fault)
                 unit.zone_fault = ""
+            if unit.observer_fault:
+                self.events.append(40228, "Execution error", unit.observer_fault, EventType.ERROR)
+                self.execution.stop(unit.observer_fault)
+                unit.observer_fault = ""
             values = unit.gripper.signals()
             if values != self._gripper_signals.get(unit.side):  # in most cycles nothing has changed
                 self._gripper_signals[unit.side] = values

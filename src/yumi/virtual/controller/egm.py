@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, IntEnum, auto
-from math import degrees, inf, isfinite
+from math import degrees, hypot, inf, isfinite
 from typing import cast
 
 import numpy as np
@@ -33,6 +33,9 @@ from yumi.virtual.mechanics.motion import (
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
+
+_SHORTEST = 0.5
+"""Length of a quaternion that still is a rotation; the codec brings any that has a direction to 1."""
 
 
 class RobotWare(Enum):
@@ -476,6 +479,9 @@ class EgmClient:
             return
         if not all(map(isfinite, (*point, *(orientation or ())))):
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
+            return
+        if orientation is not None and hypot(*orientation) < _SHORTEST:  # it is no rotation, nor to be made one
+            self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose whose quaternion has no direction.")
             return
         own = compose(inverse(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))
         self._goal = goal = Pose(point, orientation or own.orientation)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from yumi.errors import RapidError
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
@@ -46,7 +47,7 @@ YUMI_OPTIONS = (
 )
 
 
-ROBOTWARE = "6.13.00.00"
+ROBOTWARE_6 = "6.13.00.00"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +66,7 @@ class Identity:
 
     system_name: str = "YuMi"
     controller_name: str = "14000-500000"
-    robotware: str = ROBOTWARE
+    robotware: str = ROBOTWARE_6
     options: tuple[str, ...] = YUMI_OPTIONS
     is_virtual: bool = False
     system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"
@@ -221,6 +222,7 @@ class ArmUnit:
         stored_paths: what StorePath has put aside, until RestoPath.
         led: the mechanical units that are led by hand (SetLeadThrough), of all arms.
         observers: called in each cycle, such as those of test signals, by what they are for.
+        observer_fault: why an observer was removed, which stops RAPID; empty when none was.
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
         task: name of the task that moves it.
@@ -242,6 +244,7 @@ class ArmUnit:
     stored_paths: list[StoredPath] = field(default_factory=list)
     led: set[str] = field(default_factory=set)
     observers: dict[str, Callable[[], None]] = field(default_factory=dict)
+    observer_fault: str = ""
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
     task: str = ""
@@ -288,8 +291,12 @@ class ArmUnit:
 
     def observe(self) -> None:
         """Follow the arm in each cycle: what measures it, and whether its tool is in a world zone."""
-        for observer in list(self.observers.values()) if self.observers else ():
-            observer()
+        for name, observer in list(self.observers.items()) if self.observers else ():
+            try:
+                observer()
+            except RapidError as error:  # such as a signal that a restart has taken away; the cycle goes on
+                del self.observers[name]
+                self.observer_fault = f"The {name} are no longer followed: {error}"
         if not self.zones:
             return
         planned = self.arm.planned

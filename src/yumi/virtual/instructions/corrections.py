@@ -46,7 +46,7 @@ class PathCorrection:
         self._offset, self._rate = np.zeros(3), np.zeros(3)
         self._point: Array | None = None
         self._axes: Array | None = None
-        self._last: Joints | None = None
+        self._beside: Array | None = None  # corrected minus planned joint positions of the last cycle [rad]
         self._has_failed = False
 
     # Generators ---------------------------------------------------------------------------------------------------
@@ -105,22 +105,22 @@ class PathCorrection:
     def restart(self) -> None:
         """The path begins anew where the arm stands: nothing is corrected there."""
         self._offset, self._rate = np.zeros(3), np.zeros(3)
-        self._point = self._axes = self._last = None
+        self._point = self._axes = self._beside = None
 
     @property
     def memory(self) -> object:
         """What a path that is put aside has to be restored with."""
-        return self._offset, self._rate, self._point, self._axes, self._last
+        return self._offset, self._rate, self._point, self._axes, self._beside
 
     @memory.setter
     def memory(self, value: Any) -> None:
-        self._offset, self._rate, self._point, self._axes, self._last = value
+        self._offset, self._rate, self._point, self._axes, self._beside = value
 
     def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
         """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
         wanted = self._total() if is_corrected and self._generators else np.zeros(3)
         if not wanted.any() and not self._offset.any() and not self._rate.any():
-            self._point = None
+            self._point = self._beside = None  # of where the arm is when it is corrected again they say nothing
             return position
         kinematics = self._unit.arm.kinematics
         point, rotation, angle = place_of(kinematics, position, leg.frames)
@@ -146,10 +146,10 @@ class PathCorrection:
                 sentence = "The path correction is out of reach: the arm keeps the one it has. Write a smaller one."
                 self._events.append(code, title, sentence, EventType.ERROR)
             self._has_failed = True
-            found = self._reached(point, rotation, angle, leg, position) or self._last or position
+            found = self._reached(point, rotation, angle, leg, position) or self._returning(point, leg, position, dt)
         if np.max(np.abs(wanted - self._offset)) < _SAME and np.max(np.abs(self._rate)) < _SAME:
             self._offset, self._rate = wanted, np.zeros(3)
-        self._last = found
+        self._beside = np.subtract(found, position)
         return found
 
     def _reached(self, point: Array, rotation: Array, angle: float, leg: Leg, near: Joints) -> Joints | None:
@@ -158,11 +158,27 @@ class PathCorrection:
         kinematics = self._unit.arm.kinematics
         at, turned = leg.frames.tool0((point + self._offset @ self._axes)[None], rotation[None])
         try:
-            found = kinematics.follow(at, turned, np.array([angle]), self._last or near)[0]
+            found = kinematics.follow(at, turned, np.array([angle]), self._start(near))[0]
         except Lost:
             return None
         position = cast("Joints", tuple(found.tolist()))
         return None if kinematics.limits.outside(position) is not None else position
+
+    def _start(self, near: Joints) -> Joints:
+        """The posture [rad] that the corrected one is looked for from: as far beside the path as the last one was."""
+        return near if self._beside is None else cast("Joints", tuple((near + self._beside).tolist()))
+
+    def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
+        """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""
+        if self._beside is None:
+            self._offset = np.zeros(3)
+            return near
+        assert self._axes is not None, "it was found"
+        kinematics = self._unit.arm.kinematics
+        beside = near + self._beside * max(0.0, 1.0 - dt / _TIME)
+        found = tuple(np.clip(beside, kinematics.limits.lower, kinematics.limits.upper).tolist())
+        self._offset = self._axes @ (place_of(kinematics, cast("Joints", found), leg.frames)[0] - point)
+        return cast("Joints", found)
 
 
 def add_corrections(library: Library, unit: ArmUnit, events: EventLog) -> None:

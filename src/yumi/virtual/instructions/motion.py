@@ -508,7 +508,10 @@ def forbid_motion(library: Library) -> None:
 
     moves = [f"Move{letter}{kind}" for letter in "JLC" for kind in ("", "AO", "DO", "GO", "Sync")]
     triggers = ("TriggL", "TriggJ", "TriggC", "TriggAbsJ", "TriggLIOs", "TriggJIOs", "SearchL", "SearchC", "SearchExtJ")
-    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "PathRecMoveBwd", "PathRecMoveFwd", "LoadId", *triggers)
+    records = ("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd")
+    corrections = ("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead")
+    settings = ("SpeedLimAxis", "SpeedLimCheckPoint", "TuneServo", "TuneReset")
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "LoadId", *triggers, *records, *corrections, *settings)
     library.replace_implementations((*moves, *others), refuse)
 
 

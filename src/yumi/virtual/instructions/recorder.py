@@ -47,11 +47,11 @@ class PathRecorder:
         self._recording = 0
         self._at: int | None = None  # the position where the arm is on its way back and forth; None at the end
         self._is_retracing = False
-        self._unit.beginnings[_RECORDER] = self._forget
 
     def start(self, call: Call) -> None:
         """PathRecStart: record from here on; while it records, mark this place."""
         self._unit.observers[_RECORDER] = self._observe
+        self._unit.beginnings[_RECORDER] = self._forget
         self._observe(is_mark=True)
         call["ID"].recording, call["ID"].index = self._recording, len(self._positions) - 1
 

@@ -166,11 +166,13 @@ class TriggerInstructions:
             for signal in (*signals.values(), shadow):
                 task.write_signal(signal, 0.0)
 
-        def end() -> None:
-            unit.observers.pop("process signals at stops", None)
+        name = f"process signals at stops of {task.name}"
 
-        unit.observers["process signals at stops"] = observe
-        unit.beginnings["process signals at stops"] = end
+        def end() -> None:
+            unit.observers.pop(name, None)
+
+        unit.observers[name] = observe
+        unit.beginnings[name] = end
 
     def define_speed(self, call: Call) -> None:
         """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""

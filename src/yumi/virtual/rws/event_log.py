@@ -133,7 +133,7 @@ OPERATIONS = (
         "clearall",
         needs_grant=Grant.EVENTLOG_CLEAR,
     ),
-    Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202),
+    Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202, needs_grant=Grant.FTP_WRITE),
     Operation("GET", "/rw/elog/{domain}", get_messages, query=_DOMAIN_QUERY),
     Operation(
         "POST",

@@ -23,6 +23,7 @@ from yumi.virtual.rws.http import HttpReply
 
 _MOST_DIGITS = 12
 _MOST_PATHS = 1024  # whose operations are remembered: finding one takes longer than most answers
+LONGEST_KEPT = 256  # characters of a target or path that is remembered; none that clients use is longer
 
 
 class Failure(YumiError):
@@ -248,7 +249,7 @@ class Router:
             if not alternatives:
                 resource.add_route(operation.method, _no_handler)
             alternatives.append(operation)
-        self._resolve = lru_cache(_MOST_PATHS)(self._resolve_once)
+        self._resolve_kept = lru_cache(_MOST_PATHS)(self._resolve_once)
 
     def find(self, call: Call) -> tuple[Operation, Call]:
         """The operation, and the call with the values of its placeholders.
@@ -280,6 +281,9 @@ class Router:
         for method in ("POST", "PUT", "DELETE"):
             found += self._resolve(method, path)[1]
         return found
+
+    def _resolve(self, method: str, path: str) -> tuple[int, Sequence[Operation], Mapping[str, str]]:
+        return (self._resolve_kept if len(path) <= LONGEST_KEPT else self._resolve_once)(method, path)
 
     def _resolve_once(self, method: str, path: str) -> tuple[int, Sequence[Operation], Mapping[str, str]]:
         """Status of an error or 0, the operations of a method and path, and the values of the placeholders."""

@@ -37,7 +37,17 @@ from yumi.virtual.rws.http import (
     read_credentials,
 )
 from yumi.virtual.rws.messages import MessageService
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, invalid, refusal, resource
+from yumi.virtual.rws.operations import (
+    LONGEST_KEPT,
+    Answer,
+    Call,
+    Failure,
+    Operation,
+    Router,
+    invalid,
+    refusal,
+    resource,
+)
 from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
 from yumi.virtual.rws.users import OWN_DOMAINS, Mastership, Users
 
@@ -216,7 +226,7 @@ class RwsService:
 
     # Answering
 
-    def first_call(self, request: HttpRequest) -> Call | None:
+    def rws1_call(self, request: HttpRequest) -> Call | None:
         """A request as the table of 1.0 has it, with its form; None for one that is not understood.
 
         It is neither authorized nor checked.
@@ -299,7 +309,7 @@ class RwsService:
         return call.method == "GET" and call.option("action") == "show" and not is_group
 
     def _check_mastership(self, operation: Operation, call: Call) -> None:
-        self._mastership.check(operation, call.session)
+        self._mastership.check(operation, self._controller, call)
 
     def _content_type(self, form: Form) -> str:
         return form.value
@@ -323,14 +333,20 @@ class RwsService:
         return resource(call.path[0], "/", "/".join(call.path), *states)
 
 
-@lru_cache(1024)
 def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:
     """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
 
     A sub-property shows in the page of its resource anyway.
     """
+    return _kept_parts(target) if len(target) <= LONGEST_KEPT else _split(target)
+
+
+def _split(target: str) -> tuple[tuple[str, ...], Pairs]:
     path, _, query = target.partition("?")
     return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
+
+
+_kept_parts = lru_cache(1024)(_split)
 
 
 def _call(request: HttpRequest) -> Call:

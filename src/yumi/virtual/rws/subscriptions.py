@@ -98,7 +98,7 @@ class Source:
 
 
 def find_source(
-    controller: Irc5, resource: Resource, own: Mapping[str, Source] | None = None, first: str | None = None
+    controller: Irc5, resource: Resource, own: Mapping[str, Source] | None = None, rws1: str | None = None
 ) -> Source:
     """The source behind a resource.
 
@@ -106,7 +106,7 @@ def find_source(
         controller: the virtual one.
         resource: what is asked for; its events have its path.
         own: sources by path of what belongs to the sessions of a server.
-        first: its path in Robot Web Services 1.0, where it has another.
+        rws1: its path in Robot Web Services 1.0, where it has another.
 
     Raises:
         Failure: there is none, or not with this priority.
@@ -117,7 +117,7 @@ def find_source(
             raise Failure(400, Code.INVALIDARG, f"{resource.path} has no priority {int(resource.priority)}")
         return found_own
     for pattern, find, highest in _KINDS:
-        found = re.fullmatch(pattern, resource.path if first is None else first, re.IGNORECASE)
+        found = re.fullmatch(pattern, resource.path if rws1 is None else rws1, re.IGNORECASE)
         if found is None:
             continue
         if resource.priority > highest:
@@ -467,7 +467,7 @@ class Rules:
         protocol: sub-protocol of the WebSocket.
         is_secure: whether addresses are those of TLS.
         max_groups: groups a session may have.
-        first_resource: the path of a resource in 1.0; "" for one that there is not.
+        rws1_resource: the path of a resource in 1.0; "" for one that there is not.
         is_adding: whether a change of a group adds to its resources; else it replaces them.
         outlives_connection: whether a group whose WebSocket breaks waits for the next one.
     """
@@ -475,7 +475,7 @@ class Rules:
     protocol: str = PROTOCOL
     is_secure: bool = False
     max_groups: int = MAX_GROUPS
-    first_resource: Callable[[str], str] = str
+    rws1_resource: Callable[[str], str] = str
     is_adding: bool = False
     outlives_connection: bool = True
 
@@ -666,8 +666,8 @@ class Subscriptions:
             raise Failure(400, Code.MAX_LIMIT_REACHED, f"{MAX_HIGH} resources have high priority at most")
         sources = {}
         for resource in resources:
-            first = self._rules.first_resource(resource.path)
-            sources[resource] = find_source(controller, resource, self._own_sources(resource), first)
+            rws1 = self._rules.rws1_resource(resource.path)
+            sources[resource] = find_source(controller, resource, self._own_sources(resource), rws1)
         return {resource.path: Watch(resource, source, source.read()) for resource, source in sources.items()}
 
     def _own_sources(self, resource: Resource) -> Mapping[str, Source]:

@@ -28,6 +28,9 @@ _POLL_LIFE = 10.0
 PENDANT_TIME = 1.0
 """The operator at the FlexPendant, whom this controller does not have, grants a request after this time [s]."""
 
+_TAKING = Grant.RAPID_DEBUG
+"""What a client is granted that takes a mastership."""
+
 _RESTARTS = {"restart": Grant.REMOTE_WARMSTART, "shutdown": Grant.REMOTE_WARMSTART, "bstart": Grant.RESTORE}
 """By the mode of a restart; all others change which system runs, or its state."""
 
@@ -190,7 +193,16 @@ class Users:
             controller.mode is not OperatingMode.AUTO or controller.speed_ratio < _FULL_SPEED
         ):
             return
-        if needed is not None and needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
+        if needed is not None:
+            self.check_grant(needed)
+
+    def check_grant(self, needed: Grant) -> None:
+        """Refuse what the user lacks a grant for.
+
+        Raises:
+            Failure: 403.
+        """
+        if needed not in self.granted and Grant.FULL_ACCESS not in self.granted:
             raise Failure(403, Code.UAS_REJECT, f"the user lacks the grant {needed.value}")
 
     def get_rmmp(self, controller: Irc5, call: Call) -> Page:
@@ -264,10 +276,10 @@ class Mastership:
         path = "/rw/mastership/{domain}"
         self.operations = (
             Operation("GET", "/rw/mastership", self.get_domains),
-            Operation("POST", "/rw/mastership", self.request_all, "request", needs_grant=Grant.RAPID_DEBUG),
+            Operation("POST", "/rw/mastership", self.request_all, "request", needs_grant=_TAKING),
             Operation("POST", "/rw/mastership", self.release_all, "release"),
             Operation("GET", path, self.get_domain),
-            Operation("POST", path, self.request, "request", needs_grant=Grant.RAPID_DEBUG),
+            Operation("POST", path, self.request, "request", needs_grant=_TAKING),
             Operation("POST", path, self.release, "release"),
         )
 
@@ -275,12 +287,13 @@ class Mastership:
         """Release what all other sessions hold."""
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder in sessions}
 
-    def check(self, operation: Operation, session: str, *, is_implicit: bool = False) -> None:
+    def check(self, operation: Operation, controller: Irc5, call: Call, *, is_implicit: bool = False) -> None:
         """Refuse an operation that another client's mastership forbids, or that needs one.
 
         Args:
             operation: to be carried out.
-            session: of the client.
+            controller: that is to do it.
+            call: of the client.
             is_implicit: whether the client takes the mastership for this operation alone.
 
         Raises:
@@ -288,8 +301,12 @@ class Mastership:
         """
         domain = self._domains.get(operation.needs_mastership or operation.respects_mastership, "")
         if domain:
-            self._exclude_others(domain, session)
-        if operation.needs_mastership and domain not in self._holders and not is_implicit:
+            self._exclude_others(domain, call.session)
+        if not operation.needs_mastership or domain in self._holders:
+            return
+        if is_implicit:
+            self._check_taking(controller, call, (domain,))
+        else:
             raise Failure(403, Code.MASTER_REJECT, f"the mastership of {domain} is needed; request it first")
 
     def _exclude_others(self, domain: str, session: str) -> None:
@@ -324,10 +341,19 @@ class Mastership:
         self._take(controller, call, (self._domain(call),))
 
     def _take(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
+        self._check_taking(controller, call, domains)
+        self._holders |= dict.fromkeys(domains, call.session)
+
+    def _check_taking(self, controller: Irc5, call: Call, domains: Sequence[str]) -> None:
+        """Refuse a mastership, for one request or until it is released.
+
+        Raises:
+            Failure: 403.
+        """
+        self._users.check_grant(_TAKING)
         refuse_in_manual_mode(controller, call, "the mastership")
         for domain in domains:
             self._exclude_others(domain, call.session)
-        self._holders |= dict.fromkeys(domains, call.session)
 
     def release_all(self, controller: Irc5, call: Call) -> None:
         self._holders = {domain: holder for domain, holder in self._holders.items() if holder != call.session}

@@ -36,7 +36,7 @@ FILES = ("text/plain;v=2.0", "application/octet-stream;v=2.0")
 
 PROTOCOL = "rws_subscription"
 DOMAINS: Domains = {"cfg": "edit", "rapid": "edit", "motion": "motion"}
-ROBOTWARE = "7.13.0"
+ROBOTWARE_7 = "7.13.0"
 """Of the controller that answers so."""
 
 _MAX_GROUPS = 10
@@ -278,8 +278,8 @@ class Translation:
     """One operation of 2.0.
 
     Attributes:
-        operation: as the router finds it, by its path and action of 2.0; it answers as ``first`` does.
-        first: the operation of 1.0.
+        operation: as the router finds it, by its path and action of 2.0; it answers as ``rws1`` does.
+        rws1: the operation of 1.0.
         query: parameters in the URL of 1.0, beside those of the request; ``{name}`` stands for a part of the path, or a
             parameter of the body that is none in 1.0.
         form: parameters in its body, likewise.
@@ -287,18 +287,18 @@ class Translation:
     """
 
     operation: Operation
-    first: Operation
+    rws1: Operation
     query: Pairs
     form: Pairs
     names: Mapping[str, str]
 
-    def first_call(self, call: Call) -> Call:
+    def rws1_call(self, call: Call) -> Call:
         """The call of 1.0 that a call of 2.0 stands for.
 
         Raises:
             Failure: 400, the body lacks what 1.0 has in the path.
         """
-        templates = (self.first.path, *(text for _, text in (*self.query, *self.form)))
+        templates = (self.rws1.path, *(text for _, text in (*self.query, *self.form)))
         missing = {match[1] for text in templates for match in _PLACE.finditer(text)} - set(call.names)
         fixed = {name: text for name, text in self.form if name in missing}
         names = {**call.names, **fixed, **{name: call.required(name) for name in missing - set(fixed)}}
@@ -309,18 +309,18 @@ class Translation:
             for name, text in call.form
             if name not in missing
         ]
-        if self.first.path.startswith("/rw/cfg/"):
+        if self.rws1.path.startswith("/rw/cfg/"):
             form = [(name, _CFG_VALUE.sub(r"\1", text)) for name, text in form]
         return replace(
             call,
-            method=self.first.method,
-            path=tuple(part for part in _filled(self.first.path, names).split("/") if part),
+            method=self.rws1.method,
+            path=tuple(part for part in _filled(self.rws1.path, names).split("/") if part),
             query=(*((name, _filled(text, names)) for name, text in self.query), *kept),
             form=(*((name, _filled(text, names)) for name, text in self.form), *form),
             names=names,
         )
 
-    def second_target(self, call: Call) -> str | None:
+    def rws2_target(self, call: Call) -> str | None:
         """Path and query of 2.0 for a call of 1.0, whose placeholders have values; None if that lacks one of them."""
         names = dict(call.names)
         rest = []
@@ -355,41 +355,41 @@ def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | Non
     first_path, _, first_query = (f"/{first_target}" if colon else other).partition("?")
     query = decode_form(first_query)
     key = (first_method if colon else method, first_path, first_value(query, "action"), first_value(query, "resource"))
-    first = known[key]
+    rws1 = known[key]
     form = tuple((name, text) for name, sign, text in (each.partition("=") for each in body) if sign)
-    names = {second: name for name, sign, second in (each.partition("<") for each in body) if sign}
-    spelled = {name: second for second, name in names.items()}
+    names = {rws2: name for name, sign, rws2 in (each.partition("<") for each in body) if sign}
+    spelled = {name: rws2 for rws2, name in names.items()}
     values = {
-        spelled.get(name, name): tuple(_second_value(name, text) for text in allowed)
-        for name, allowed in first.values.items()
+        spelled.get(name, name): tuple(_rws2_value(name, text) for text in allowed)
+        for name, allowed in rws1.values.items()
         if name not in dict(form)
     }
-    from_body = {match[1] for _, text in query for match in _PLACE.finditer(text)} | set(_names(first.path))
+    from_body = {match[1] for _, text in query for match in _PLACE.finditer(text)} | set(_names(rws1.path))
     values |= dict.fromkeys(sorted(from_body - set(_names(path)) - set(dict(form))), ())
-    without_moved = {name: each for name, each in first.query.items() if name not in dict(query)}
-    patterns = {match[1]: match[0] for match in _PLACE.finditer(first.path)}
-    needed = (first.needs_mastership or first.respects_mastership or "rapid") if mark.endswith("!") else ""
+    without_moved = {name: each for name, each in rws1.query.items() if name not in dict(query)}
+    patterns = {match[1]: match[0] for match in _PLACE.finditer(rws1.path)}
+    needed = (rws1.needs_mastership or rws1.respects_mastership or "rapid") if mark.endswith("!") else ""
     operation = replace(
-        first,
+        rws1,
         method=method,
         path=_PLACE.sub(lambda match: patterns.get(match[1], match[0]), path),
         action=first_value(decode_form(own), "action"),
         resource=None,
         values=values,
         query={**without_moved, **_QUERIES.get(f"{method} {path}", {})},
-        status=_STATUS.get(path, first.success),
-        needs_mastership=needed or first.needs_mastership,
-        respects_mastership="" if needed else first.respects_mastership,
+        status=_STATUS.get(path, rws1.success),
+        needs_mastership=needed or rws1.needs_mastership,
+        respects_mastership="" if needed else rws1.respects_mastership,
     )
-    found = Translation(operation, first, query, form, names)
+    found = Translation(operation, rws1, query, form, names)
     return replace(found, operation=replace(operation, handler=partial(_answer, found)))
 
 
 def _answer(translation: Translation, controller: Irc5, call: Call) -> Answer:
-    first_call = translation.first_call(call)
-    answer = translation.first.handler(controller, first_call)
-    if translation.first.action == "loadmod":  # which shows what it has loaded
-        text = controller.files[path_of_file(first_call.required("modulepath"))]
+    rws1_call = translation.rws1_call(call)
+    answer = translation.rws1.handler(controller, rws1_call)
+    if translation.rws1.action == "loadmod":  # which shows what it has loaded
+        text = controller.files[path_of_file(rws1_call.required("modulepath"))]
         name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
         return resource("rapid", "/rw/rapid/", "tasks", State("rap-task-module-li", name, {"name": name}))
     return answer
@@ -404,14 +404,14 @@ def _names(path: str) -> list[str]:
     return [match[1] for match in _PLACE.finditer(path)]
 
 
-def _second_value(name: str, text: str) -> str:
-    return next((second for (known, second), first in _VALUES.items() if (known, first) == (name, text)), text)
+def _rws2_value(name: str, text: str) -> str:
+    return next((rws2 for (known, rws2), rws1 in _VALUES.items() if (known, rws1) == (name, text)), text)
 
 
 # Subscriptions
 
 
-def first_resource(path: str) -> str:
+def rws1_resource(path: str) -> str:
     """The path of 1.0 of a resource that a client of 2.0 subscribes to; "" for one that only 1.0 has."""
     if re.match(r"/rw/panel/ctrlstate\b|/rw/rapid/symbol/data/", path):
         return ""
@@ -423,7 +423,7 @@ RULES = Rules(
     protocol=PROTOCOL,
     is_secure=True,
     max_groups=_MAX_GROUPS,
-    first_resource=first_resource,
+    rws1_resource=rws1_resource,
     is_adding=True,
     outlives_connection=False,
 )
@@ -438,20 +438,20 @@ class RwsService2(RwsService):
     rules = RULES
 
     def _build_router(self) -> Router:
-        self._first_router = Router(self.operations)
+        self._rws1_router = Router(self.operations)
         self.translations = translations(self.operations)
         self._by_operation = {id(each.operation): each for each in self.translations}
-        self._by_first = {id(each.first): each for each in reversed(self.translations)}
+        self._by_rws1 = {id(each.rws1): each for each in reversed(self.translations)}
         self.operations = tuple(each.operation for each in self.translations)
         return Router(self.operations)
 
-    def first_call(self, request: HttpRequest) -> Call | None:
-        call = super().first_call(request)
+    def rws1_call(self, request: HttpRequest) -> Call | None:
+        call = super().rws1_call(request)
         if call is None:
             return None
         try:
             operation, call = self._router.find(call)
-            return self._by_operation[id(operation)].first_call(call)
+            return self._by_operation[id(operation)].rws1_call(call)
         except Failure:
             return None
 
@@ -497,7 +497,7 @@ class RwsService2(RwsService):
 
     def _check_mastership(self, operation: Operation, call: Call) -> None:
         is_implicit = call.option("mastership") == "implicit"
-        self._mastership.check(operation, call.session, is_implicit=is_implicit)
+        self._mastership.check(operation, self._controller, call, is_implicit=is_implicit)
 
     def _operate(self, call: Call, request: HttpRequest, form: Form, session: Session) -> HttpReply:
         reply = super()._operate(call, request, form, session)
@@ -508,10 +508,10 @@ class RwsService2(RwsService):
         return HAL if form is Form.JSON else XHTML
 
     def _page(self, page: Page, form: Form, host: str) -> bytes:
-        links = self._second([link for link in page.links if link.rel != "action"], page.base)
-        states = tuple(self._second_state(state, page.base) for state in page.states)
-        second = Page(page.title, f"{self.scheme}://{host}{page.base}", states, links)
-        return write_hal(second) if form is Form.JSON else write_page(second, form)
+        links = self._rws2_links([link for link in page.links if link.rel != "action"], page.base)
+        states = tuple(self._rws2_state(state, page.base) for state in page.states)
+        rws2 = Page(page.title, f"{self.scheme}://{host}{page.base}", states, links)
+        return write_hal(rws2) if form is Form.JSON else write_page(rws2, form)
 
     def _status(self, status: Status, form: Form, host: str, title: str) -> bytes:
         base = f"{self.scheme}://{host}/"
@@ -519,30 +519,30 @@ class RwsService2(RwsService):
             return write_hal_status(status, base)
         return write_status(status, form, base=base, title=title)
 
-    def _second_state(self, state: State, base: str) -> State:
+    def _rws2_state(self, state: State, base: str) -> State:
         return replace(
             state,
             type=_TYPES.get(state.type, state.type),
             title=_TITLES.get((state.type, state.title), state.title),
-            links=() if state.type in _WITHOUT_LINKS else self._second(state.links, base),
-            children=tuple(self._second_state(child, base) for child in state.children),
+            links=() if state.type in _WITHOUT_LINKS else self._rws2_links(state.links, base),
+            children=tuple(self._rws2_state(child, base) for child in state.children),
         )
 
-    def _second(self, links: Sequence[Link], base: str) -> tuple[Link, ...]:
+    def _rws2_links(self, links: Sequence[Link], base: str) -> tuple[Link, ...]:
         """Links of 1.0 as 2.0 has them, without those to what it does not have."""
         found = []
         for link in links:
             path, _, query = urljoin(base, link.href).partition("?")
             segments = tuple(unquote(part) for part in path.split("/") if part)
             try:
-                first, call = self._first_router.find(Call("GET", segments, decode_form(query)))
+                rws1, call = self._rws1_router.find(Call("GET", segments, decode_form(query)))
             except Failure:
                 continue
-            translation = self._by_first.get(id(first))
-            target = translation.second_target(call) if translation is not None else None
+            translation = self._by_rws1.get(id(rws1))
+            target = translation.rws2_target(call) if translation is not None else None
             if translation is None or target is None:
                 continue
-            is_same = _plain(translation.operation.path) == _plain(first.path)
+            is_same = _plain(translation.operation.path) == _plain(rws1.path)
             found.append(link if is_same else Link(link.rel, target))
         return tuple(found)
 

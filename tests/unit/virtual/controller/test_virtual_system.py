@@ -188,11 +188,23 @@ def test_semistatic_task_begins_anew_after_a_restart(backup: Path) -> None:
     assert world.controller.screens["LOGGER"] == ("k 1", "k 1")
 
 
-def test_task_without_a_robot_cannot_move_one(backup: Path) -> None:
-    move = "MoveAbsJ [[0,0,0,0,0,0],[0,9E9,9E9,9E9,9E9,9E9]], v100, fine, tool0;"
+@pytest.mark.parametrize(
+    "move",
+    [
+        "MoveAbsJ [[0,0,0,0,0,0],[0,9E9,9E9,9E9,9E9,9E9]], v100, fine, tool0;",
+        "CorrCon one;",
+        "CorrClear;",
+        "SpeedLimCheckPoint 100;",
+        "SpeedLimAxis ROB_R, 1, 10;",
+        "TuneServo ROB_R, 1, 50;",
+        "TuneReset;",
+        "PathRecStart here;",
+    ],
+)
+def test_task_without_a_robot_cannot_move_one(backup: Path, move: str) -> None:
     handler = 'ERROR IF ERRNO = ERR_NOT_MOVETASK TPWrite "may not"; TRYNEXT;'
     (backup / "RAPID/TASK2/PROGMOD/Log.mod").write_text(
-        f"MODULE Log PROC log() {move} WaitTime 9; {handler} ENDPROC ENDMODULE"
+        f"MODULE Log VAR corrdescr one; VAR pathrecid here; PROC log() {move} WaitTime 9; {handler} ENDPROC ENDMODULE"
     )
     world = World(WorldSettings(system=read_backup(backup)))
     run(world, 0.1)

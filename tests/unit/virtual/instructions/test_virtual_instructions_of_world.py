@@ -19,6 +19,7 @@ LIMIT_SPEED = (
     'EIO:CFG_1.0:6:1::\n#\nEIO_SIGNAL:\n -Name "limit" -SignalType "DI" -Access "All"\n'
     '#\nSYSSIG_IN:\n -Signal "limit" -Action "LimitSpeed"\n'
 )
+PROCESS_SIGNAL = 'EIO:CFG_1.0:6:1::\n#\nEIO_SIGNAL:\n -Name "process" -SignalType "DO" -Access "All"\n'
 Start = Callable[..., World]
 
 
@@ -104,6 +105,24 @@ def test_stop_stores_process_signals_and_sets_them_to_zero(start: Start, moves: 
     assert (controller.signals.get("custom_DO_0").value, controller.signals.get("custom_DO_1").value) == (0, 0)
 
 
+def test_process_signal_that_a_restart_takes_away_stops_rapid_once_and_no_cycle(start: Start) -> None:
+    world = start(PROCESS.replace("custom_DO_1", "process") + "WaitTime 10;", RESTART, PROCESS_SIGNAL)
+    run(world, 0.1)
+    controller = world.controller
+    controller.configuration.remove("EIO", "EIO_SIGNAL", "process")
+    controller.restart(1.0)
+    run(world, 1.5)
+    assert "process" not in controller.signals
+    faults = [each.description for each in controller.events.entries() if "process signals" in each.description]
+    assert faults == [
+        "The process signals at stops of T_ROB_R are no longer followed: There is no I/O signal 'process'."
+    ]
+    controller.execution.move_pp_to_main()
+    controller.set_motors(True)
+    controller.start_rapid("once")
+    assert controller.is_running
+
+
 @pytest.mark.parametrize(
     ("mode", "number"),
     [(OperatingMode.AUTO, 1), (OperatingMode.MANUAL_REDUCED, 2), (OperatingMode.MANUAL_FULL, 3)],
@@ -127,3 +146,49 @@ def test_program_pointer_moved_in_manual_mode_is_remembered_until_it_is_reset(st
     controller.start_rapid("once")
     run(world, 0.1)
     assert list(controller.screens["T_ROB_R"]) == ["FALSE", "FALSE", "TRUE", "FALSE"]
+
+
+CORRECTED = "VAR corrdescr one; VAR robtarget t; VAR jointtarget a; VAR jointtarget b;"
+CORRECT_AGAIN = """
+    ConfL \\Off; a:=CJointT(); CorrCon one; CorrWrite one,[0,5,0];
+    t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,20),v200,fine,tool0\\Corr;
+    CorrWrite one,[0,0,0]; MoveL Offs(t,0,0,70),v20,fine,tool0\\Corr; b:=CJointT(); b.robax.rax_1:=b.robax.rax_1-60;
+    MoveAbsJ b,v1000,fine,tool0; t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,-20),v200,fine,tool0\\Corr;
+    CorrWrite one,[0,5,0]; MoveL Offs(t,0,0,10),v200,fine,tool0\\Corr; TPWrite "done";"""
+
+
+def greatest_step(world: World, seconds: float) -> float:
+    """The greatest step of a planned joint of the right arm from one cycle to the next [rad]."""
+    arm, most = world.arms[Side.RIGHT], 0.0
+    before = arm.planned
+    for _ in range(round(seconds / world.cycle_time)):
+        world.cycle({})
+        most, before = max(most, *(abs(a - b) for a, b in zip(arm.planned, before, strict=True))), arm.planned
+    return most
+
+
+def test_correction_after_moves_without_one_does_not_make_the_arm_jump(start: Start) -> None:
+    world = start(CORRECT_AGAIN, CORRECTED)
+    step = greatest_step(world, 10.0)
+    assert list(world.controller.screens["T_ROB_R"]) == ["done"]
+    assert step < 0.02, "more than any joint's speed allows"
+
+
+def test_correction_that_is_no_longer_in_reach_leads_back_to_the_path(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = start(
+        """ConfL \\Off; CorrCon one; CorrWrite one,[0,5,0];
+        t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,60),v20,fine,tool0\\Corr; TPWrite "done";""",
+        CORRECTED,
+    )
+    run(world, 1.5)
+    path = world.arms[Side.RIGHT].path
+    beside = max(abs(a - b) for a, b in zip(path.state.position, path.nominal, strict=True))
+    assert beside > 0.005, "it is corrected"
+    with monkeypatch.context() as patched:
+        patched.setattr(path.corrector, "_reached", lambda *_: None)
+        assert greatest_step(world, 0.5) < 0.002
+        assert path.state.position == pytest.approx(path.nominal, abs=0.01 * beside)
+    assert greatest_step(world, 2.0) < 0.002, "nor when it is in reach again"
+    assert list(world.controller.screens["T_ROB_R"]) == ["done"]

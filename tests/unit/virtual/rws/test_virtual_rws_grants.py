@@ -79,3 +79,8 @@ def test_grants_are_shown_as_they_are_enforced(session: Session) -> None:
     reply = Example("GET", "/users/grants").send(session, granted=[Grant.IO_WRITE, Grant.BACKUP])
     page = read_page(content_type(reply), reply.body)
     assert [state.title for state in page.states] == ["UAS_BACKUP", "UAS_IO_WRITE"]
+
+
+def test_event_log_is_written_to_a_file_by_who_may_write_files(session: Session) -> None:
+    example = Example("POST", "/rw/elog?action=saveraw", "path=$TEMP/log.txt")
+    assert example.send(session, granted=without(Grant.FTP_WRITE)).status == 403

@@ -112,3 +112,8 @@ def test_other_methods_are_refused(session: Session) -> None:
         others = {"PATCH", "BREW"} if isinstance(session, Session2) else {"GET", "PUT", "DELETE", "PATCH", "BREW"}
         for method in others - methods:
             assert raw(session, method, target, session.form_type, b"").status in (404, 405), (method, target)
+
+
+@pytest.mark.parametrize("action", ["loadmod", "resetpp", "set"])
+def test_action_on_no_resource_gets_a_documented_status(session: Session, action: str) -> None:
+    check(raw(session, "POST", f"/?action={action}", session.form_type, b"modulepath=HOME/x.mod"), action)

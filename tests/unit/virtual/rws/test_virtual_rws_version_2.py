@@ -14,6 +14,7 @@ import pytest
 from rws_examples import Example
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
 from yumi.rws.documents import decode_form, read_page, read_status
+from yumi.rws.types import GRANTS, Grant, OperatingMode
 from yumi.virtual.memory import MemoryChannel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Call, Operation
@@ -185,6 +186,24 @@ def test_mastership_of_another_client_is_not_taken(client: Session2) -> None:
     client.ask("POST", "/rw/mastership/edit/request")
     client.cookie = client._log_in()
     assert client.ask("POST", "/rw/rapid/execution/resetpp?mastership=implicit").status == 403
+
+
+def test_mastership_for_one_request_needs_the_grant_of_its_request(
+    client: Session2, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client.service._users, "granted", [each for each in GRANTS if each is not Grant.RAPID_DEBUG])
+    reply = client.ask("POST", "/rw/rapid/execution/cycle?mastership=implicit", "cycle=forever")
+    assert (reply.status, b"UAS_RAPID_DEBUG" in reply.body) == (403, True)
+
+
+def test_mastership_for_one_request_needs_the_privilege_in_manual_mode(client: Session2) -> None:
+    client.controller.select_mode(OperatingMode.MANUAL_REDUCED)
+    reply = client.ask("POST", "/rw/rapid/execution/cycle?mastership=implicit", "cycle=forever")
+    assert (reply.status, b"RMMP" in reply.body) == (403, True)
+    client.prepare("rmmp")
+    client.pass_time(1.0)
+    client.pass_time(0.1)
+    assert client.ask("POST", "/rw/rapid/execution/cycle?mastership=implicit", "cycle=once").status == 204
 
 
 def test_loaded_module_is_shown(client: Session2) -> None:
