@@ -30,6 +30,8 @@ TARGETS = (
     "/rw/motionsystem/mechunits/ROB_L/jointtarget",
     "/rw/rapid/tasks?json=1",
 )
+PING, PONG = b"\x89\x00", b"\x8a\x80\0\0\0\0"
+"""Frames without a message (RFC 6455); the controller ends a subscription whose client leaves a ping unanswered."""
 _FORM = "application/x-www-form-urlencoded"
 
 
@@ -152,6 +154,11 @@ class Load:
                     client, is_event = key.data
                     if is_event:
                         data = client.events.recv(65536)
+                        if PING in data:
+                            client.events.sendall(PONG)
+                        elif not data:
+                            client.errors.append("the controller ended a subscription")
+                            selector.unregister(client.events)
                         latencies += [time.monotonic() - self._changed_at] * data.count(b"ios-signalstate-ev")
                     else:
                         client.receive()

@@ -118,6 +118,8 @@ def test_files_and_events(site: Any) -> None:
     assert "x.txt" in client.list_files("$HOME")
     client.delete_file("$HOME/x.txt")
     assert "x.txt" not in client.list_files("$HOME")
+    with site.lock:
+        site.controller.set_motors(True)  # an event
     assert client.read_event_log()[0].title
 
 
