@@ -156,17 +156,16 @@ class ArmMotion:
         """How far all joints together get from where they are until they rest [rad]."""
         return sum(path.highest - path.lowest for path in self._paths)
 
+    # The pieces hold no motion: the control process collects no garbage, and what refers to itself would stay for ever.
+
     @cached_property
     def ahead(self) -> _Piece:
         """Where a new command may lead the arm that it did not come by earlier ones: its way to rest."""
-        starts = [(self.sent, self._paths)]
+        limits, starts = self._limits, [self.sent] if self.robot is None else [self.sent, self.robot]
+        postures = _extremes(self.sent, self._paths)
         if self.robot is not None:
-            starts.append((self.robot, braking_paths(self.robot, self._limits)))
-
-        def curves() -> tuple[_Piece, ...]:
-            return tuple(_piece_of(braking_positions(start, self._limits, _SAMPLES)) for start, _ in starts)
-
-        return _hull([posture for start, paths in starts for posture in _extremes(start, paths)], curves)
+            postures += _extremes(self.robot, braking_paths(self.robot, limits))
+        return _hull(postures, lambda: tuple(_piece_of(braking_positions(start, limits, _SAMPLES)) for start in starts))
 
     @cached_property
     def way(self) -> _Piece:
@@ -175,19 +174,14 @@ class ArmMotion:
         A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
         way of that position is left to the margin.
         """
-        postures = [self.ahead.middle - self.ahead.half, self.ahead.middle + self.ahead.half, np.array(self.planned)]
-        if self.coasts_to is not None:
-            postures.append(np.array(self.coasts_to))
-
-        def parts() -> tuple[_Piece, ...]:
-            ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
-            lines = [_line(self.planned, end) for end in ends if end is not None]
-            return (*map(_piece_of, lines), *(self.ahead.parts or (self.ahead,)))
-
-        return _hull(postures, parts)
+        ahead, planned = self.ahead, self.planned
+        ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
+        lines = [end for end in ends if end is not None]
+        postures = (ahead.middle - ahead.half, ahead.middle + ahead.half, np.array(planned), *map(np.array, lines))
+        return _hull(postures, lambda: (*(_piece_of(_line(planned, end)) for end in lines), *(ahead.parts or (ahead,))))
 
 
-def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, Joints]:
+def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, ...]:
     """How far the joints get backwards and forwards while they brake [rad], (7,) each."""
     rows = list(zip(start.position, paths, strict=True))
     return joints([at + path.lowest for at, path in rows]), joints([at + path.highest for at, path in rows])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from math import radians
 
 import numpy as np
@@ -312,6 +313,19 @@ def test_every_cycle_in_which_an_arm_is_kept_apart_says_by_what() -> None:
             assert count == before[side] or arms.both.limited(side) is not None
             before[side] = count
     assert min(before.values()) > 5
+
+
+def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycles() -> None:
+    arms = ApartArms(READY)
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(100):
+            arms.cycle({side: to(FORWARD[side]) for side in Side})
+        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Piece)]
+        assert len(kept) < 100
+    finally:
+        gc.enable()
 
 
 def test_permitted_pairs_may_touch_and_no_others() -> None:
