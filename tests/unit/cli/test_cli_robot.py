@@ -54,9 +54,10 @@ def goals(driver: FakeDriver) -> list[JointGoal]:
     return [command.message for command in driver.robot.control.commands if isinstance(command.message, JointGoal)]
 
 
-def test_help_of_move_says_that_nothing_checks_whether_the_arms_meet() -> None:
+def test_help_of_move_says_what_keeps_the_arms_apart_and_what_is_not_known() -> None:
     text = " ".join(CliRunner().invoke(main, ["move", "--help"]).output.split())
-    assert "Nothing checks yet whether the arms meet each other" in text
+    assert "The driver keeps the arms apart from each other" in text
+    assert "What was not declared is not known" in text
 
 
 def test_state_is_shown_for_a_person(driver: FakeDriver) -> None:
