@@ -13,9 +13,10 @@ from script_bench import VirtualRobot
 
 import yumi
 from soak import MINUTES, long, short, tell
+from wire_faults import center
 from yumi.api.robot import Robot
 from yumi.clock import SystemClock
-from yumi.robot.joints import Joints, Side, home, joints
+from yumi.robot.joints import Joints, Side, joints
 
 BUSY_LOOPS = 2
 TURN = radians(40.0)
@@ -42,8 +43,9 @@ def idle_machine() -> Iterator[None]:
 
 
 def turned(side: Side, angle: float) -> Joints:
-    """At home, with three joints turned by ``angle`` [rad]."""
-    return joints([value + (angle if index in (3, 4, 6) else 0.0) for index, value in enumerate(home(side))])
+    """Three joints turned by ``angle`` [rad], with room on all sides."""
+    signs = {0: 1.0, 4: -1.0, 6: 1.0}
+    return joints([value + signs.get(index, 0.0) * angle for index, value in enumerate(center(side))])
 
 
 class Watch:

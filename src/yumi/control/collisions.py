@@ -43,6 +43,7 @@ _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a bound
 _CORNERS = 3  # boundaries that count at once
 _EXACT = 1e-6  # [m]
 _ALLOWED_APPROACH = 1e-4  # [m] in a cycle, of a part within its margin
+_SPARE = 5e-4  # [m] so far within its margin a part may turn round
 _MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and may go on from there
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
@@ -500,10 +501,11 @@ class CollisionLimiter:
             within[pair] = min(float(near.distances[index]), within.get(pair, inf))
         # What was once left does not come back; an arm that came nearer all the same may go on from there.
         known = self._floors[side, its is None]
-        floors = {
-            pair: now if now < known.get(pair, now) - _MOVED else max(known.get(pair, now), now)
-            for pair, now in within.items()
-        }
+        floors = {}
+        for pair, now in within.items():
+            floor = known.get(pair, now)
+            least = min(floor, float(margins[pair]) - _SPARE)
+            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, max(now, least)))
         self._floors[side, its is None] = floors
         return floors
 

@@ -41,6 +41,8 @@ from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, Jo
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
+_HOP = 1e-3  # [rad] beside something an arm goes by so much at once
+_HOPS = 0.1  # [rad/s] while it is slower than this
 _FOLLOWABLE = 0.9  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
 
@@ -589,6 +591,17 @@ class Limiter:
             self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
             self._settling_for = kept[3]
             command = self._next(state, along, dt)
+            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
+                self.counters.kept_apart += 1
+                return command
+        far = 0.0 if desired is None else largest_difference(desired.position, kept[0].position)
+        if desired is not None and far > _HOP and max(map(abs, kept[0].motion.velocity)) < _HOPS:
+            # On its way to a far goal each joint is as quick as it may, which leads elsewhere than straight there.
+            self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
+            self._settling_for = kept[3]
+            rows = zip(kept[0].position, desired.position, strict=True)
+            near = ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
+            command = self._next(state, near, dt)
             if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
                 self.counters.kept_apart += 1
                 return command
