@@ -43,8 +43,8 @@ def idle_machine() -> Iterator[None]:
 
 
 def turned(side: Side, angle: float) -> Joints:
-    """Three joints turned by ``angle`` [rad], with room on all sides."""
-    signs = {0: 1.0, 4: -1.0, 6: 1.0}
+    """Two joints turned by ``angle`` [rad], with room on all sides."""
+    signs = {4: 1.0, 6: -1.0}
     return joints([value + signs.get(index, 0.0) * angle for index, value in enumerate(center(side))])
 
 
