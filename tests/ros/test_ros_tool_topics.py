@@ -28,7 +28,7 @@ class Control:
     """A right arm that stands."""
 
     def __init__(self) -> None:
-        self.now = commanded(POSTURE, goal_kind=GoalKind.TOOL)
+        self.now = commanded(POSTURE, goal_kind=GoalKind.TOOL)._replace(sent=POSTURE)
         self.buffers = {Side.RIGHT: SimpleNamespace(tool_goals=MemoryBuffer(), goals=MemoryBuffer())}
         self.commands: list[ControllerCommand] = []
         self.parameters = CartesianController(Side.RIGHT, MemoryBuffer(), MemoryBuffer()).parameters(())
