@@ -148,9 +148,11 @@ class ArmLoop:
         if last is None or not self.is_running:
             return
         beyond = largest_difference(last.desired.position, last.sent.position) if last.desired else 0.0
-        if max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves:
+        moves = max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves
+        is_held = beyond > _AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
+        if moves and not is_held:
             raise CommandRefused(f"the {self._side.word} arm moves; wait until it stands.")
-        if beyond > _AT_GOAL:
+        if is_held:
             raise CommandRefused(
                 f"the {self._side.word} arm is held, and its goal lies {beyond:.3f} rad beyond; stop that motion, or "
                 "send the arm to where it is."
