@@ -275,6 +275,7 @@ def test_request_of_a_client_that_went_away_while_it_waited_is_not_carried_out(
     driver: Driver, ask: Callable[[], socket.socket]
 ) -> None:
     driver.done("mode", "ready")
+    poll_until(lambda: driver.server._work == driver.server.client_count == 0)  # its client is gone
     driver.steps.clear()
     with driver.manager._turn:
         connection = ask()
