@@ -185,11 +185,13 @@ def happen(robot: Robot, fault: Fault) -> None:
 
 @pytest.fixture
 def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The goals of the application are 2° from where the right arm stands, and 15° from where the left one does."""
+    """The goals of the application: 2° from where the right arm stands; for the left one, where it has room to lift."""
     manager.start_egm()
-    for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
+    for side, middle, change in ((Side.RIGHT, None, 2.0), (Side.LEFT, GOALS[Side.LEFT], 15.0)):
         position = ArmClient(spinner, side).wait_for_state(TIMEOUT)
-        monkeypatch.setitem(GOALS, side, goal_near(position, -copysign(radians(change), position[6])))
+        middle = middle or position
+        turn = copysign(radians(change), middle[6] - position[6] or -position[6])
+        monkeypatch.setitem(GOALS, side, goal_near(middle, turn))
 
 
 def run_application(listener: Listener, person: Person) -> MoveAndGrab:

@@ -65,7 +65,7 @@ def test_evaluation_passes_the_password_on_by_the_environment_alone(
 def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
     tmp_path: Path, started: list[tuple[Sequence[str], Mapping[str, str]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(demo, "_run_application", lambda progress, check, confirm: {})
+    monkeypatch.setattr(demo, "_run_application", lambda *_, approaches: {})
     monkeypatch.setattr(demo, "read_positions", lambda robot: GOALS)
     monkeypatch.setattr("yumi.recording.pictures.draw_joint_paths", lambda paths, picture: None)
     secret = tmp_path / "password"

@@ -301,6 +301,7 @@ class MoveAndGrab:
     def _move(self, side: Side) -> None:
         arm = self._arms[side]
         self._progress.step(f"move the {side.word} arm")
+        self._activate(arm, _POINTS, _LINES)
         self._wait(lambda: arm.goals.get_subscription_count() > 0, _DISCOVERY, f"A subscriber to {arm.goals.topic}")
         whole, begin = max(arm.error(), CLOSE_ENOUGH), monotonic()
         arm.goals.publish(JointState(name=list(joint_names(side)), position=list(GOALS[side])))
@@ -312,8 +313,7 @@ class MoveAndGrab:
                 raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
             return error < CLOSE_ENOUGH
 
-        timeout = MOVE_TIMEOUT / self._state.speed_scale
-        self._wait(has_arrived, timeout, f"Arrival of the {side.word} arm within 0.1°")
+        self._wait_for_motion(has_arrived, f"Arrival of the {side.word} arm within 0.1°")
         self.reports[side].duration = monotonic() - begin
 
     def _grip(self, sentence: str, position: float) -> dict[Side, Grip]:
@@ -374,8 +374,7 @@ class MoveAndGrab:
                     sent_at = monotonic()
                 return False
 
-            timeout = MOVE_TIMEOUT / self._state.speed_scale
-            self._wait(has_arrived, timeout, f"The end of the {LIFTED.word} tool's line")
+            self._wait_for_motion(has_arrived, f"Arrival of the {LIFTED.word} tool at the end of its line")
         x, y, _ = arm.places[begin]
         off = max(dist(place[:2], (x, y)) for place in arm.places[begin:])
         self._progress.note(f"the tool was at most {off * 1e3:.2f} mm off the line")
@@ -407,13 +406,12 @@ class MoveAndGrab:
             check_commanded()
             return all(arm.error() < CLOSE_ENOUGH for arm in self._arms.values())
 
-        timeout = MOVE_TIMEOUT / self._state.speed_scale
         go_to(MEETING)
-        self._wait(are_held, timeout, "The driver's holding of the arms")
+        self._wait_for_motion(are_held, "The driver's holding of the arms")
         for pair in pairs():
             self._progress.note(f"held: {pair}; the driver lets them no nearer (collision.margin)")
         go_to(GOALS)
-        self._wait(are_back, timeout, "The arms' way back")
+        self._wait_for_motion(are_back, "The arms' way back")
 
     def _activate(self, arm: _Arm, controller: str, other: str) -> None:
         """Have one controller command an arm in place of another; it may already."""
@@ -519,6 +517,14 @@ class MoveAndGrab:
             if monotonic() > end:
                 raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
             self._executor.spin_once(timeout_sec=_SPIN)
+
+    def _wait_for_motion(self, is_true: Callable[[], bool], what: str) -> None:
+        """The same for the end of a motion; the reason is told where the driver keeps an arm apart from something."""
+        try:
+            self._wait(is_true, MOVE_TIMEOUT / self._state.speed_scale, what)
+        except RobotNotReady as error:
+            pairs = "; ".join(self._state.limited_by)
+            raise RobotNotReady(f"{error} The driver keeps apart: {pairs}." if pairs else str(error)) from error
 
     def _result(self, future: Any, what: str, timeout: float = _ANSWER) -> Any:
         self._wait(future.done, timeout, what)
