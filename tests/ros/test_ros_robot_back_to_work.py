@@ -187,9 +187,9 @@ def happen(robot: Robot, fault: Fault) -> None:
 def short_task(spinner: Spinner, manager: RobotManagerClient, monkeypatch: pytest.MonkeyPatch) -> None:
     """The goals of the application: 2° from where the right arm stands; for the left one, where it has room to lift."""
     manager.start_egm()
-    for side, middle, change in ((Side.RIGHT, None, 2.0), (Side.LEFT, GOALS[Side.LEFT], 15.0)):
+    for side, change in ((Side.RIGHT, 2.0), (Side.LEFT, 15.0)):
         position = ArmClient(spinner, side).wait_for_state(TIMEOUT)
-        middle = middle or position
+        middle = GOALS[side] if side is Side.LEFT else position
         turn = copysign(radians(change), middle[6] - position[6] or -position[6])
         monkeypatch.setitem(GOALS, side, goal_near(middle, turn))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import radians
 
 import pytest
 
@@ -11,7 +12,7 @@ from system.virtual_time_bench import System
 from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
-from yumi.robot.joints import Joints, Side
+from yumi.robot.joints import Joints, Side, joints
 from yumi.rws.types import ControllerState, EventType, ExecutionState
 from yumi.virtual.controller.fault_names import Fault
 
@@ -20,6 +21,11 @@ CAUSES = {
     Fault.COLLISION: "50204 Motion supervision: an arm has collided",
     Fault.EMERGENCY_STOP: "10013 Emergency stop: an emergency stop was pressed",
 }
+MEETING: dict[Side, Joints] = {
+    Side.RIGHT: joints([radians(each) for each in (107, -111, -76, 39, -166, 113, -128)]),
+    Side.LEFT: joints([radians(each) for each in (-106, -105, 78, 38, 161, 111, 124)]),
+}
+APART = joints([radians(each) for each in (-76, -104, 79, 24, 102, 102, 94)])
 REQUESTS: dict[str, Callable[[System], object]] = {
     "recover": lambda system: system.manager.recover(print),
     "start_egm": lambda system: system.manager.start_egm(),
@@ -90,6 +96,20 @@ def test_confirmed_robot_stands_until_it_gets_a_new_goal(system: MovingSystem, f
     assert system.manager.state().stop == ""
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
+
+
+def test_arms_that_nothing_keeps_apart_meet_and_go_back_after_a_confirmation(system: MovingSystem) -> None:
+    """The limiter of this system does not know the arms' shapes."""
+    system.wait(4.0)
+    system.go(MEETING)
+    system.wait(6.0)
+    state = system.manager.state()
+    assert state.cause.startswith(CAUSES[Fault.COLLISION])
+    assert "has met the" in state.cause
+    system.recover(state.stop)
+    system.go({Side.LEFT: APART})
+    system.until(lambda: system.is_near(Side.LEFT, APART), 6.0)
+    assert system.world.controller.is_running
 
 
 def test_goals_given_while_the_stop_was_open_are_dropped(system: MovingSystem) -> None:

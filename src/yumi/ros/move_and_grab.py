@@ -519,7 +519,7 @@ class MoveAndGrab:
             self._executor.spin_once(timeout_sec=_SPIN)
 
     def _wait_for_motion(self, is_true: Callable[[], bool], what: str) -> None:
-        """The same for the end of a motion; the reason is told where the driver keeps an arm apart from something."""
+        """The same for the end of a motion; with the parts that the driver keeps apart, where it fails."""
         try:
             self._wait(is_true, MOVE_TIMEOUT / self._state.speed_scale, what)
         except RobotNotReady as error:

@@ -18,6 +18,7 @@ from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.contact import ContactDetector
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.sockets import is_loopback
 
@@ -113,6 +114,10 @@ class World:
             ),
             settings.start_time,
         )
+        self._contacts: ContactDetector | None = None
+        if robot.is_yumi and len(self.arms) > 1:
+            modules = {side: gripper.modules for side, gripper in self.grippers.items()}
+            self._contacts = ContactDetector(modules, self._positions)
 
     def exchange(self, inboxes: Mapping[Side, Sequence[bytes]]) -> list[Outgoing]:
         """One cycle with what can go wrong between the robot and the driver.
@@ -144,8 +149,23 @@ class World:
                 datagrams[side] = datagram
             unit.gripper.advance(self.cycle_time)
             unit.arm.advance(self.cycle_time)
+        if self._contacts is not None:
+            self._supervise_contacts(self._contacts)
         self.controller.supervise()
         return datagrams
+
+    def _supervise_contacts(self, contacts: ContactDetector) -> None:
+        """An arm that meets something stands where it met it."""
+        fingers = {side: gripper.position for side, gripper in self.grippers.items()}
+        supervised = [side for side in self.arms if self.controller.supervises_motion(side)]
+        touched = contacts.touched(self._positions, fingers, supervised)
+        for side, met in touched.items():
+            self.controller.collide(side, met)
+            self.arms[side].strike(contacts.free[side])
+
+    @property
+    def _positions(self) -> dict[Side, Joints]:
+        return {side: arm.position for side, arm in self.arms.items()}
 
     def egm_destination(self, side: Side) -> tuple[str, int]:
         """Address and port of the UDPUC device the arm sends its datagrams to.

@@ -373,15 +373,31 @@ class Irc5:
             self.mode = mode
             self.events.append(*_MODE_EVENTS[mode])
 
-    def collide(self, side: Side) -> None:
-        """An arm collides: motion supervision stops RAPID and both arms; the motors stay on."""
+    def supervises_motion(self, side: Side) -> bool:
+        """Whether a collision of an arm is noticed: its motors are on, and its motion supervision is (MotionSup)."""
+        unit, is_on = self._arms[side], self.controller_state is ControllerState.MOTORS_ON
+        supervision = self.motion.supervision.get(unit.mechanical_unit)
+        if self.is_running:
+            return is_on and unit.settings.supervision is not None and (supervision is None or supervision.path)
+        return is_on and (supervision is None or supervision.jogging)
+
+    def collide(self, side: Side, met: str = "something") -> None:
+        """An arm collides: motion supervision stops RAPID and both arms; the motors stay on (reference/yumi.md §3).
+
+        Args:
+            side: which arm.
+            met: what it has met, as it is shown.
+        """
         self.collision_state = CollisionState.TRIGGERED
         unit = self._arms[side].mechanical_unit
-        sentence = (
-            f"Motion supervision triggered for {unit}: the {self._arms[side].arm.kinematics.name} has met something."
-        )
+        name = self._arms[side].arm.kinematics.name
+        sentence = f"Motion supervision triggered for {unit}: the {name} has met {met}."
         self.events.append(50204, "Motion supervision", sentence, EventType.ERROR, arguments=(unit,))
-        self.execution.stop(sentence)
+        if self.is_running:
+            self.execution.stop(sentence)
+            return
+        for each in self._arms.values():  # that are jogged
+            each.arm.stop()
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""

@@ -248,7 +248,7 @@ class MotionSettingInstructions:
         self._unit.settings.softness.clear()
 
     def supervise(self, call: Call) -> None:
-        r"""MotionSup: kept, and without effect: collisions come from `yumi fault`."""
+        r"""MotionSup: whether arms that touch something stop the program; no forces are modelled that it could tune."""
         tune = call.get("TuneValue", 100.0)
         if not 1.0 <= tune <= 300.0:
             raise RapidRuntimeError("ERR_ARGVALERR", f"MotionSup takes a \\TuneValue of 1 to 300 %, not {tune:g}.")

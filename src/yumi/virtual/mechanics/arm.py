@@ -128,6 +128,11 @@ class Servo:
         self.target_delay = model.delay
         self.position = position
 
+    def rest_at(self, position: Joints) -> None:
+        """Stand at a position [rad], (7,), whatever motion it was following."""
+        self._planned = self._lagged = self.position = position
+        self._past = deque([(self._time, position)])
+
     def tune(self, gains: Mapping[int, float]) -> None:
         """Follow with other gains of position control, 1 being the usual one, by index of the joint."""
         lag = self._model.lag
@@ -371,6 +376,13 @@ class VirtualArm:
             self.path.holds.add(STOPPED)
         elif not self._motion.is_finished:
             self._motion, self._is_regaining = stopping(self._motion.state, self.model), False
+
+    def strike(self, position: Joints) -> None:
+        """It meets something and stands at once, at ``position`` [rad], (7,); a path is kept."""
+        if self._motion is self.path:
+            self.path.halt()
+        self._motion, self._is_regaining = Standstill(position), False
+        self._servo.rest_at(position)
 
     def start_egm(self, settings: EgmSettings) -> None:
         """Let EGM move the arm, from its planned position.

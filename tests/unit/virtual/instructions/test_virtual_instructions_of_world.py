@@ -150,7 +150,7 @@ def test_program_pointer_moved_in_manual_mode_is_remembered_until_it_is_reset(st
 
 CORRECTED = "VAR corrdescr one; VAR robtarget t; VAR jointtarget a; VAR jointtarget b;"
 CORRECT_AGAIN = """
-    ConfL \\Off; a:=CJointT(); CorrCon one; CorrWrite one,[0,5,0];
+    MotionSup \\Off; ConfL \\Off; a:=CJointT(); CorrCon one; CorrWrite one,[0,5,0];
     t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,20),v200,fine,tool0\\Corr;
     CorrWrite one,[0,0,0]; MoveL Offs(t,0,0,70),v20,fine,tool0\\Corr; b:=CJointT(); b.robax.rax_1:=b.robax.rax_1-60;
     MoveAbsJ b,v1000,fine,tool0; t:=CRobT(\\Tool:=tool0\\WObj:=wobj0); MoveL Offs(t,0,0,-20),v200,fine,tool0\\Corr;
