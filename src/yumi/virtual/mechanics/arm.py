@@ -381,7 +381,7 @@ class VirtualArm:
         """It meets something and stands at once, at ``position`` [rad], (7,); a path is kept."""
         if self._motion is self.path:
             self.path.halt()
-        self._motion, self._is_regaining = Standstill(position), False
+        self._motion, self._is_regaining, self._push_left = Standstill(position), False, 0.0
         self._servo.rest_at(position)
 
     def start_egm(self, settings: EgmSettings) -> None:

@@ -117,6 +117,17 @@ def test_jogged_arm_that_meets_the_other_one_stops(world: World) -> None:
     assert depth(world) == 0.0
 
 
+def test_arm_that_is_pushed_against_the_other_one_collides_once(world: World) -> None:
+    run(world, move(TOGETHER))
+    while world.controller.is_running:
+        world.cycle({})
+    before = len(collisions(world))
+    world.arms[Side.LEFT].push(radians(20.0))
+    world.arms[Side.RIGHT].push(radians(20.0))
+    cycle(world, 2.0)
+    assert before < len(collisions(world)) <= before + 2
+
+
 def test_arm_that_moves_into_the_body_names_it(world: World) -> None:
     inside = joints([*home(Side.RIGHT)[:3], radians(75.0), *home(Side.RIGHT)[4:]])
     run(world, {Side.RIGHT: move({Side.RIGHT: home(Side.RIGHT)})[Side.RIGHT] + move({Side.RIGHT: inside})[Side.RIGHT]})
