@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import inf
-from typing import Generic, NamedTuple, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from yumi.errors import ProtocolError
 from yumi.robot.joints import CYCLE, Joints
@@ -163,7 +163,8 @@ class SessionCounters:
         return self.lost + self.late + self.stale
 
 
-class _Heard(NamedTuple, Generic[Message]):
+@dataclass(frozen=True, slots=True)
+class _Heard(Generic[Message]):
     """A datagram and when it arrived [s]."""
 
     message: Message
