@@ -71,6 +71,7 @@ _TOOL0_TO_AXIS_6 = np.array([(0.0, 0.0, 1.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0)]
 _GRID = (128, 72)  # cells over the ranges of axes 1 and 2: 2.7° a cell
 _GRID_MARGIN = 0.02  # [rad] beyond the ranges: a root on the edge lies inside a cell
 _CELL_MARGIN = 0.75  # a cell may hold a root if zero is nearer to its values than this share of their spread
+_STARTS = np.array([(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)])  # in a cell, where an equation is steep
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
 _CONVERGED = 1e-12  # [m], [rad]: near a singularity a joint is off by a million times more
 _SAME = 1e-7  # [rad]
@@ -442,9 +443,10 @@ def _candidates(targets: _Targets) -> tuple[Array, Rows]:
             low, high = _over_corners(np.minimum, values), _over_corners(np.maximum, values)
             may_hold &= (low <= _CELL_MARGIN * (high - low)) & (high >= -_CELL_MARGIN * (high - low))
         i_sense, i, j = np.nonzero(may_hold)
-        starts.append(np.stack([a1[i], a2[j]], 1) + cell / 2.0)
-        senses.append(np.where(i_sense == 0, 1.0, -1.0))
-        numbers.append(np.full(len(i), number))
+        corners = np.stack([a1[i], a2[j]], 1)
+        starts.append(np.concatenate([corners + share * cell for share in _STARTS]))
+        senses.append(np.tile(np.where(i_sense == 0, 1.0, -1.0), len(_STARTS)))
+        numbers.append(np.full(len(i) * len(_STARTS), number))
     start, of = np.concatenate(starts), np.concatenate(numbers)
     sense: Array = np.concatenate(senses)
     at, step = start, 1e-6

@@ -112,6 +112,8 @@ NEARLY_SINGULAR = [
     (Side.RIGHT, (10.0, 0.001, 20.0, 30.0, 40.0, 50.0, 60.0)),
     (Side.LEFT, (10.0, -70.0, 20.0, 30.0, 40.0, 0.001, 60.0)),
     (Side.LEFT, (10.0, -70.0, 20.0, -89.99, 40.0, 30.0, 60.0)),
+    # Not singular, but one of the two equations is so steep there that not every start in its cell leads to it.
+    (Side.LEFT, (-80.312626, -142.084747, -163.557562, 76.396862, -190.617711, 72.754817, -29.889153)),
 ]
 
 
