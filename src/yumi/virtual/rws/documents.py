@@ -42,7 +42,7 @@ def write_status(status: Status, form: Form, *, base: str, title: str = "rw") ->
     if form is Form.JSON:
         embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
         return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
-    content = f'<div class="status">{_span("code", str(status.code))}{_span("msg", status.message)}</div>'
+    content = f'<div class="status">{_span("code", f"{status.code:d}")}{_span("msg", status.message)}</div>'
     return f"{_XML}\n{_html(title, base, content)}".encode("utf-8", "replace")
 
 
