@@ -271,6 +271,7 @@ _TYPES = {
 }
 _WITHOUT_LINKS = ("rap-module-info-li",)
 _TITLES = {("pnl-ctrlstate", "ctrlstate"): "ctrl-state"}
+_FIELDS = {"ms-mechunit-cartesian": {"j1": "cf1", "j4": "cf4", "j6": "cf6", "jx": "cfx"}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -515,10 +516,12 @@ class RwsService2(RwsService):
         return write_status(status, form, base=base, title=title)
 
     def _rws2_state(self, state: State, base: str) -> State:
+        names = _FIELDS.get(state.type, {})
         return replace(
             state,
             type=_TYPES.get(state.type, state.type),
             title=_TITLES.get((state.type, state.title), state.title),
+            fields={names.get(name, name): text for name, text in state.fields.items()},
             links=() if state.type in _WITHOUT_LINKS else self._rws2_links(state.links, base),
             children=tuple(self._rws2_state(child, base) for child in state.children),
         )
