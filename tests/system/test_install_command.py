@@ -112,3 +112,8 @@ def test_removal_of_what_is_not_there_changes_nothing(where: list[str], state: P
     result = run("uninstall", *where, "--dry-run")
     assert result.exit_code == 0
     assert "0 changes; nothing was changed." in result.stdout
+
+
+def test_removal_says_that_nothing_is_there(where: list[str], state: Path) -> None:
+    result = run("uninstall", *where, "--yes")
+    assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "Nothing of this package is there.")
