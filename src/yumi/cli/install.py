@@ -204,7 +204,10 @@ def install(
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
-        outcome = f"{len(plan.changes)} changes made and verified." if plan.changes else "Everything is there already."
+        if plan.changes:
+            outcome = f"{len(plan.changes)} changes made and verified."
+        else:
+            outcome = "Restarted; everything is there." if plan.needs_restart else "Everything is there already."
         if not stream:
             session.finish(outcome, plan)
             return

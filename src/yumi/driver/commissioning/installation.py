@@ -503,7 +503,10 @@ class Installation:
         """
         before = self._record.before
         if before is None:
-            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+            raise CommandRefused(
+                f"There is nothing to roll back: {self._record.path} does not exist. It is on the computer that "
+                "installed; `yumi uninstall` takes away what has the names of this package."
+            )
         present = self.read(before)
         wanted, notes = _without_loss(present, before)
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
