@@ -20,7 +20,7 @@ CONTRIBUTING = "contributing.md"
 GENERATED = (MESSAGES, CONTRIBUTING)
 """Pages that are made when the site is."""
 
-_LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)]*)?\)")
+_LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?(?: \"([^\"]*)\")?\)")
 _SHORTEST = 12  # letters; below that it is a word and no message
 
 
@@ -82,7 +82,7 @@ def messages_page() -> str:
 
 
 def rewritten(text: str, page: Path) -> str:
-    """The page's text, where links that lead out of docs/ are names."""
+    """The page's text, where links that lead out of docs/ are names; of code, the file is shown on hovering over it."""
 
     def link(found: re.Match[str]) -> str:
         words, target = found[1], found[2]
@@ -91,7 +91,12 @@ def rewritten(text: str, page: Path) -> str:
         file = (page.parent / target).resolve()
         if file.is_relative_to(ROOT / "docs"):
             return found[0]
-        return words if words.strip("`") in str(file) else f"{words} (`{file.relative_to(ROOT)}` in the repository)"
+        name = str(file.relative_to(ROOT))
+        if words.strip("`") in name:
+            return words
+        if words.startswith("`") and words.endswith("`"):
+            return f'{words}{{ title="{name}{f": {found[4]}" if found[4] else ""}" }}'
+        return f"{words} (`{name}` in the repository)"
 
     return _LINK.sub(link, text)
 

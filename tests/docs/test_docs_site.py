@@ -124,8 +124,18 @@ def test_link_out_of_the_pages_becomes_the_name_of_the_file() -> None:
     assert docs_site.rewritten("see [`egm.proto`](../../src/yumi/egm/egm.proto).", page) == "see `egm.proto`."
     named = docs_site.rewritten("see [the schema](../../src/yumi/egm/egm.proto)", page)
     assert named == "see the schema (`src/yumi/egm/egm.proto` in the repository)"
+    shown = docs_site.rewritten('[`EGMReset`](../../src/yumi/egm/egm.proto "Reset"), [`Stop`](../../LICENSE)', page)
+    assert shown == '`EGMReset`{ title="src/yumi/egm/egm.proto: Reset" }, `Stop`{ title="LICENSE" }'
     for kept in ("[x](egm.md#a)", "[x](https://example.org/a)"):
         assert docs_site.rewritten(kept, page) == kept
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(DOCS)))
+def test_no_link_of_the_site_leads_out_of_the_pages(file: Path) -> None:
+    """`make docs` would end with it."""
+    text = re.sub(r"```.*?```", "", docs_site.rewritten(file.read_text(encoding="utf-8"), file), flags=re.DOTALL)
+    targets = [each.partition("#")[0] for each in re.findall(r"\]\(([^)\s]+)", text) if "://" not in each]
+    assert [each for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)] == []
 
 
 def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
