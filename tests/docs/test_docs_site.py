@@ -123,11 +123,33 @@ def test_link_out_of_the_pages_becomes_the_name_of_the_file() -> None:
     page = DOCS / "reference" / "egm.md"
     assert docs_site.rewritten("see [`egm.proto`](../../src/yumi/egm/egm.proto).", page) == "see `egm.proto`."
     named = docs_site.rewritten("see [the schema](../../src/yumi/egm/egm.proto)", page)
-    assert named == "see the schema (`src/yumi/egm/egm.proto` in the repository)"
+    assert named == "see the schema `src/yumi/egm/egm.proto`"
     shown = docs_site.rewritten('[`EGMReset`](../../src/yumi/egm/egm.proto "Reset"), [`Stop`](../../LICENSE)', page)
     assert shown == '`EGMReset`{ title="src/yumi/egm/egm.proto: Reset" }, `Stop`{ title="LICENSE" }'
     for kept in ("[x](egm.md#a)", "[x](https://example.org/a)"):
         assert docs_site.rewritten(kept, page) == kept
+
+
+def test_chart_of_the_pages_is_drawn_without_another_host() -> None:
+    (source,) = re.findall(r"```mermaid\n(.*?)```", _text("docs/reference/readiness.md"), re.DOTALL)
+    drawn = docs_site.chart(source)
+    assert drawn.count("<rect") == 2 * source.count("{") + 1
+    for words in ("the motors are on?", "switch the motors on", "EGM can start"):
+        assert words in drawn
+    with pytest.raises(ValueError, match="a chain of questions, which this is none of: a --> b"):
+        docs_site.chart("flowchart TD\n  a --> b\n")
+
+
+def test_what_belongs_to_a_list_item_stays_in_the_list() -> None:
+    """MkDocs ends a list at a block that is not four columns in, and counts from 1 again."""
+    text = (
+        "1. One\n   goes on.\n\n   ```bash\n   - x\n     y\n   ```\n\n2. Two\n   - inner\n     more\n\nText\n"
+        "```\n   code\n```\n"
+    )
+    assert docs_site.indented(text) == (
+        "1. One\n    goes on.\n\n    ```bash\n    - x\n      y\n    ```\n\n2. Two\n    - inner\n        more\n\nText\n"
+        "```\n   code\n```\n"
+    )
 
 
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(DOCS)))
