@@ -212,8 +212,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Any) -> str:
-    """Without the colons before an example in a docstring, which Markdown does not know."""
-    return html.replace("<p>::</p>", "")
+    """Without the colons before an example in a docstring, and the roles of names, which Markdown does not know."""
+    return re.sub(r":(?:attr|class|data|exc|func|meth|mod):(?=<code)", "", html.replace("<p>::</p>", ""))
 
 
 def _text(node: ast.expr) -> str:
@@ -235,9 +235,13 @@ def _parts(node: ast.expr) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    for letter in "\\|<>*_[]{}":
-        text = text.replace(letter, f"\\{letter}")
-    return text.replace("\n", " ")
+    """For a cell of a table: between backticks nothing but the bar means something."""
+    parts = text.replace("\n", " ").split("`")
+    is_paired = len(parts) % 2
+    for index, part in enumerate(parts):
+        letters = "|" if index % 2 and is_paired else "\\|<>*_[]{}"
+        parts[index] = re.sub(f"([{re.escape(letters)}])", r"\\\1", part)
+    return "`".join(parts)
 
 
 if __name__ == "__main__":

@@ -170,6 +170,16 @@ def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
     assert docs_site.error_classes(tmp_path / "errors.py") == {"Bad": "It is bad."}
 
 
+def test_message_is_escaped_but_in_code() -> None:
+    assert docs_site._escaped("a*b | `x[y]` `p|q`") == r"a\*b \| `x[y]` `p\|q`"
+    assert docs_site._escaped("one ` and x[y]") == r"one ` and x\[y\]"
+
+
+def test_role_of_a_name_in_a_docstring_is_left_out() -> None:
+    html = "<p>::</p><p>See :attr:<code>a.b</code>, :class:<code>C</code>.</p>"
+    assert docs_site.on_page_content(html, None, None, None) == "<p>See <code>a.b</code>, <code>C</code>.</p>"
+
+
 def test_page_of_messages_has_those_a_user_meets() -> None:
     page = docs_site.messages_page()
     assert "## RobotNotReady" in page
