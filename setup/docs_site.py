@@ -99,7 +99,16 @@ def rewritten(text: str, page: Path) -> str:
             return f'{words}{{ title="{name}{f": {found[4]}" if found[4] else ""}" }}'
         return f"{words} `{name}`"
 
-    return indented(_LINK.sub(link, text))
+    return indented(_rows(_LINK.sub(link, text)))
+
+
+def _rows(text: str) -> str:
+    """The text with bare bars in the code of tables: GitHub wants a backslash before them, MkDocs shows it."""
+    lines = text.split("\n")
+    for index, line in enumerate(lines):
+        if line.lstrip().startswith("|"):
+            lines[index] = re.sub(r"`[^`]+`", lambda code: code[0].replace("\\|", "|"), line)
+    return "\n".join(lines)
 
 
 def indented(text: str) -> str:
@@ -235,12 +244,12 @@ def _parts(node: ast.expr) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    """For a cell of a table: between backticks nothing but the bar means something."""
+    """For a cell of a table: between backticks nothing means anything."""
     parts = text.replace("\n", " ").split("`")
     is_paired = len(parts) % 2
     for index, part in enumerate(parts):
-        letters = "|" if index % 2 and is_paired else "\\|<>*_[]{}"
-        parts[index] = re.sub(f"([{re.escape(letters)}])", r"\\\1", part)
+        if not (index % 2 and is_paired):
+            parts[index] = re.sub(r"([\\|<>*_\[\]{}])", r"\\\1", part)
     return "`".join(parts)
 
 

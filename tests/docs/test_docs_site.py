@@ -171,8 +171,13 @@ def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
 
 
 def test_message_is_escaped_but_in_code() -> None:
-    assert docs_site._escaped("a*b | `x[y]` `p|q`") == r"a\*b \| `x[y]` `p\|q`"
+    assert docs_site._escaped("a*b | `x[y]` `p|q`") == r"a\*b \| `x[y]` `p|q`"
     assert docs_site._escaped("one ` and x[y]") == r"one ` and x\[y\]"
+
+
+def test_bars_in_the_code_of_a_table_lose_the_backslash_that_github_wants() -> None:
+    text = "| `a\\|b` | c \\| d |\n`e\\|f`"
+    assert docs_site.rewritten(text, ROOT / "docs" / "index.md") == "| `a|b` | c \\| d |\n`e\\|f`"
 
 
 def test_role_of_a_name_in_a_docstring_is_left_out() -> None:
