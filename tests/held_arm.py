@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import selectors
 import socket
 import time
+from threading import Event
 
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
@@ -31,3 +33,13 @@ class HeldArm:
         self.times.append(time.perf_counter())
         reply = SensorMessage(seqno=message.seqno, position=message.planned)
         self.socket.sendto(self._codec.encode(reply), sender)
+
+
+def answer_all(arms: list[HeldArm], is_over: Event) -> None:
+    """Hold arms until it is over."""
+    with selectors.DefaultSelector() as selector:
+        for arm in arms:
+            selector.register(arm.socket, selectors.EVENT_READ, arm)
+        while not is_over.is_set():
+            for key, _ in selector.select(0.1):
+                key.data.answer()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from math import degrees
@@ -9,9 +10,10 @@ from math import degrees
 from digest_client import authorization
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.kinematics import tool0_to_body
-from yumi.rws.documents import FORM_TYPE
+from yumi.rws.documents import FORM_TYPE, decode_form
 from yumi.rws.types import GRANTS, Grant, OperatingMode
 from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.world import World
 
@@ -312,6 +314,16 @@ def example(line: str) -> Example:
     method, target, *form = request.split(" ", 2)
     names = tuple(name.strip() for name in before.split(",") if name.strip())
     return Example(method, target, form[0] if form else "", names)
+
+
+def operation_of(session: Session, example: Example) -> Operation:
+    path, _, query = re.sub("{[a-z]+}", "1", example.target).partition("?")
+    segments = tuple(part.partition(";")[0] for part in path.split("/") if part)
+    return session.service._router.find(Call(example.method, segments, decode_form(query)))[0]
+
+
+def content_type(reply: HttpReply) -> str:
+    return reply.header("Content-Type") or ""
 
 
 EXAMPLES = tuple(

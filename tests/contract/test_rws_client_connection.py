@@ -165,8 +165,8 @@ def test_server_that_hangs_up_is_said(words: bytes) -> None:
     with greeting(words) as address, pytest.raises(NoConnection) as refused:
         RwsClient(address).connect()
     assert str(refused.value) == (
-        f"{address} closed the connection without an HTTP answer; try again, and check that a controller "
-        "listens there (its port is 80)."
+        f"{address} closed the connection without an HTTP answer; a restart takes minutes: try again, and "
+        "check that a controller listens there (its port is 80)."
     )
 
 

@@ -123,9 +123,41 @@ def test_link_out_of_the_pages_becomes_the_name_of_the_file() -> None:
     page = DOCS / "reference" / "egm.md"
     assert docs_site.rewritten("see [`egm.proto`](../../src/yumi/egm/egm.proto).", page) == "see `egm.proto`."
     named = docs_site.rewritten("see [the schema](../../src/yumi/egm/egm.proto)", page)
-    assert named == "see the schema (`src/yumi/egm/egm.proto` in the repository)"
+    assert named == "see the schema `src/yumi/egm/egm.proto`"
+    shown = docs_site.rewritten('[`EGMReset`](../../src/yumi/egm/egm.proto "Reset"), [`Stop`](../../LICENSE)', page)
+    assert shown == '`EGMReset`{ title="src/yumi/egm/egm.proto: Reset" }, `Stop`{ title="LICENSE" }'
     for kept in ("[x](egm.md#a)", "[x](https://example.org/a)"):
         assert docs_site.rewritten(kept, page) == kept
+
+
+def test_chart_of_the_pages_is_drawn_without_another_host() -> None:
+    (source,) = re.findall(r"```mermaid\n(.*?)```", _text("docs/reference/readiness.md"), re.DOTALL)
+    drawn = docs_site.chart(source)
+    assert drawn.count("<rect") == 2 * source.count("{") + 1
+    for words in ("the motors are on?", "switch the motors on", "EGM can start"):
+        assert words in drawn
+    with pytest.raises(ValueError, match="a chain of questions, which this is none of: a --> b"):
+        docs_site.chart("flowchart TD\n  a --> b\n")
+
+
+def test_what_belongs_to_a_list_item_stays_in_the_list() -> None:
+    """MkDocs ends a list at a block that is not four columns in, and counts from 1 again."""
+    text = (
+        "1. One\n   goes on.\n\n   ```bash\n   - x\n     y\n   ```\n\n2. Two\n   - inner\n     more\n\nText\n"
+        "```\n   code\n```\n"
+    )
+    assert docs_site.indented(text) == (
+        "1. One\n    goes on.\n\n    ```bash\n    - x\n      y\n    ```\n\n2. Two\n    - inner\n        more\n\nText\n"
+        "```\n   code\n```\n"
+    )
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(DOCS)))
+def test_no_link_of_the_site_leads_out_of_the_pages(file: Path) -> None:
+    """`make docs` would end with it."""
+    text = re.sub(r"```.*?```", "", docs_site.rewritten(file.read_text(encoding="utf-8"), file), flags=re.DOTALL)
+    targets = [each.partition("#")[0] for each in re.findall(r"\]\(([^)\s]+)", text) if "://" not in each]
+    assert [each for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)] == []
 
 
 def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
@@ -136,6 +168,21 @@ def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
     (found,) = docs_site.messages(tmp_path)
     assert (found.error, found.text) == ("Bad", "The … gripper is not there at ….")
     assert docs_site.error_classes(tmp_path / "errors.py") == {"Bad": "It is bad."}
+
+
+def test_message_is_escaped_but_in_code() -> None:
+    assert docs_site._escaped("a*b | `x[y]` `p|q`") == r"a\*b \| `x[y]` `p|q`"
+    assert docs_site._escaped("one ` and x[y]") == r"one ` and x\[y\]"
+
+
+def test_bars_in_the_code_of_a_table_lose_the_backslash_that_github_wants() -> None:
+    text = "| `a\\|b` | c \\| d |\n`e\\|f`"
+    assert docs_site.rewritten(text, ROOT / "docs" / "index.md") == "| `a|b` | c \\| d |\n`e\\|f`"
+
+
+def test_role_of_a_name_in_a_docstring_is_left_out() -> None:
+    html = "<p>::</p><p>See :attr:<code>a.b</code>, :class:<code>C</code>.</p>"
+    assert docs_site.on_page_content(html, None, None, None) == "<p>See <code>a.b</code>, <code>C</code>.</p>"
 
 
 def test_page_of_messages_has_those_a_user_meets() -> None:

@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from system.test_doctor import served
 from yumi.cli.main import main
-from yumi.driver.commissioning.installation import Installation
+from yumi.driver.commissioning.installation import Contents, Installation, Plan
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.files import CAPACITY
@@ -86,6 +86,7 @@ def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
     result = run("install", *where, "--roll-back", "--yes")
     assert result.exit_code == 1
     assert "There is nothing to roll back" in result.output
+    assert "`yumi uninstall` takes away what has the names" in result.output
 
 
 def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
@@ -112,3 +113,15 @@ def test_removal_of_what_is_not_there_changes_nothing(where: list[str], state: P
     result = run("uninstall", *where, "--dry-run")
     assert result.exit_code == 0
     assert "0 changes; nothing was changed." in result.stdout
+
+
+def test_removal_says_that_nothing_is_there(where: list[str], state: Path) -> None:
+    result = run("uninstall", *where, "--yes")
+    assert (result.exit_code, result.stdout.splitlines()[-1]) == (0, "Nothing of this package is there.")
+
+
+def test_restart_that_was_due_is_said(where: list[str], state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Installation, "plan", lambda *_, **__: Plan((), Contents(), Contents(), is_restart_due=True))
+    monkeypatch.setattr(Installation, "install", lambda *_, **__: None)
+    result = run("install", *where, "--yes", "--no-stream")
+    assert result.stdout.splitlines()[-1] == "Restarted; everything is there."

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,14 +12,15 @@ import pytest
 
 from commissioning_bench import HERE, Interruption, Site
 from soak import long, short
-from yumi.driver.commissioning.installation import Installation, Record
+from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Contents, Installation, Plan, Record
 from yumi.driver.commissioning.modules import delivered_modules
 from yumi.driver.commissioning.stream import listen, streaming
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
-from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
+from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
-from yumi.rws.types import ControllerState, OperatingMode
+from yumi.rws.client import RwsClient
+from yumi.rws.types import GRANTS, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.system import factory_system
 from yumi.virtual.world import WorldSettings
@@ -133,6 +135,62 @@ def test_manual_mode_is_refused(site: Site) -> None:
     plan = site.plan()
     assert plan.refusals == ("the operating mode is MANR; turn it to AUTO on the FlexPendant",)
     with pytest.raises(RobotNotReady, match="Nothing was changed"):
+        site.installation().install(plan)
+    assert site.transport.changes == 0
+
+
+@pytest.mark.parametrize("domain", ["cfg", "rapid"])
+def test_what_another_client_works_on_is_left_alone(site: Site, domain: str) -> None:
+    """A restart would end its session, with what it has not saved."""
+    other = RwsClient(site.transport, clock=site)
+    with other.holding(domain):
+        (refusal,) = site.plan().refusals
+        assert re.search(rf"holds the mastership of {domain}; release it there \(RobotStudio, FlexPendant\)", refusal)
+        with pytest.raises(RobotNotReady, match=f"the mastership of {domain}"):
+            site.installation().undo(Plan((), Contents(), Contents()))
+        before = site.transport.changes
+        with pytest.raises(RobotNotReady, match="Nothing was changed"):
+            site.install()
+        assert site.transport.changes == before
+    site.install()
+
+
+@pytest.mark.parametrize(
+    ("missing", "what"),
+    [
+        (Grant.FTP_WRITE, "write files"),
+        (Grant.CFG_WRITE, "load configuration"),
+        (Grant.RAPID_LOADPROGRAM, "load modules"),
+        (Grant.RAPID_DEBUG, "ask for write access"),
+        (Grant.REMOTE_WARMSTART, "restart"),
+        (Grant.BACKUP, "make a backup, or say --no-backup"),
+    ],
+)
+def test_grants_that_are_missing_are_said_before_anything_is_changed(site: Site, missing: Grant, what: str) -> None:
+    site.transport.adapter._users.granted = tuple(set(GRANTS) - {missing, Grant.FULL_ACCESS})
+    plan = site.plan()
+    assert plan.refusals == (
+        f"the user lacks {missing.value} ({what}); give them to the user in RobotStudio (User Accounts), or log in as "
+        "another user (--user)",
+    )
+    with pytest.raises(RobotNotReady, match="Nothing was changed: the user lacks"):
+        site.installation().install(plan)
+    assert site.transport.changes == 0
+    assert bool(site.plan(makes_backup=False).refusals) is (missing is not Grant.BACKUP)
+
+
+def test_grants_that_are_asked_for_are_enough(site: Site) -> None:
+    needed = (*_GRANTS, *_BACKUP_GRANT)
+    site.transport.adapter._users.granted = needed
+    site.install()
+    site.transport.adapter._users.granted = needed
+    roll_back(site)
+
+
+def test_record_that_cannot_be_written_is_said_before_the_controller_makes_a_backup(site: Site) -> None:
+    plan = site.plan()
+    (site.folder / "installations").write_text("a file where the folder would be")
+    with pytest.raises(SettingsError, match="cannot be written: Not a directory; choose another folder with XDG_STATE"):
         site.installation().install(plan)
     assert site.transport.changes == 0
 

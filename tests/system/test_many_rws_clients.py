@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import selectors
 import socket
 import statistics
 import subprocess
@@ -15,7 +14,7 @@ from threading import Event, Thread
 
 import pytest
 
-from held_arm import HeldArm
+from held_arm import HeldArm, answer_all
 from rws_load import Client, Load
 from soak import tell
 from yumi.clock import SystemClock, wait_until
@@ -28,15 +27,6 @@ pytestmark = pytest.mark.real_time
 SCRIPT = Path(__file__).parents[1] / "rws_load.py"
 RATE = 20.0
 SOAK = (pytest.mark.soak, pytest.mark.timeout(180))
-
-
-def _answer(arms: list[HeldArm], is_over: Event) -> None:
-    with selectors.DefaultSelector() as selector:
-        for arm in arms:
-            selector.register(arm.socket, selectors.EVENT_READ, arm)
-        while not is_over.is_set():
-            for key, _ in selector.select(0.1):
-                key.data.answer()
 
 
 def test_changes_keep_their_distance_after_this_process_stood_still() -> None:
@@ -70,7 +60,7 @@ def test_clients_and_egm_do_not_disturb_each_other(clients: int, seconds: float,
         for arm in arms:
             stack.enter_context(arm.socket)
         stack.enter_context(controller)
-        thread = Thread(target=_answer, args=(arms, is_over))
+        thread = Thread(target=answer_all, args=(arms, is_over))
         thread.start()
         stack.callback(thread.join)
         stack.callback(is_over.set)

@@ -192,7 +192,9 @@ def install(
             session.finish("Everything is as it was before.", plan)
             return
         session.show_route()
-        plan = session.installation.plan(session.system, session.addresses, replaces_main=replace_main)
+        plan = session.installation.plan(
+            session.system, session.addresses, replaces_main=replace_main, makes_backup=backup
+        )
         session.show(plan)
         _stop_at_refusals(session, plan)
         if dry_run:
@@ -202,7 +204,10 @@ def install(
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         with _rolling_back_is_possible(session.installation):
             session.installation.install(plan, makes_backup=backup)
-        outcome = f"{len(plan.changes)} changes made and verified." if plan.changes else "Everything is there already."
+        if plan.changes:
+            outcome = f"{len(plan.changes)} changes made and verified."
+        else:
+            outcome = "Restarted; everything is there." if plan.needs_restart else "Everything is there already."
         if not stream:
             session.finish(outcome, plan)
             return
@@ -310,7 +315,10 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
         if not plan.is_empty and not yes:
             click.confirm(f"Make these {len(plan.changes)} changes{'; it restarts' * plan.needs_restart}", abort=True)
         session.installation.undo(plan)
-        session.finish(f"{len(plan.changes)} changes made and verified.", plan)
+        session.finish(
+            f"{len(plan.changes)} changes made and verified." if plan.changes else "Nothing of this package is there.",
+            plan,
+        )
 
 
 COMMANDS = (install, uninstall)

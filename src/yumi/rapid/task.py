@@ -6,7 +6,7 @@ import itertools
 import logging
 import math
 import re
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -117,15 +117,17 @@ class CyclicBool:
 
 @dataclass(frozen=True, slots=True)
 class Prepared:
-    """A module ready to be loaded.
+    """Modules ready to be loaded.
 
     Attributes:
-        base: the program it was prepared for.
-        program: the program with it.
+        replaces_program: whether they take the place of all program modules.
+        base: the program they were prepared for.
+        program: the program with them.
         is_linked: whether its data have their values.
     """
 
-    module: LoadedModule
+    modules: tuple[LoadedModule, ...]
+    replaces_program: bool
     base: Program
     program: Program
     is_linked: bool
@@ -221,17 +223,37 @@ class Task:
             ProgramTooLarge: there is no memory for it.
             RobotNotReady: the module it would replace is executing; in a stopped task the program pointer is lost.
         """
-        module = parse_module(text, filename)
-        self._check_loadable(module, replace=replace)
-        prepared, self._prepared = self._prepared, None
-        if prepared is None or not self._fits(prepared, module):
-            prepared = self._prepare(module)
-        self._adopt(prepared.program, self.program.modules.get(module.name.lower()))
+        (module,) = self._load({filename: text}, replace=replace)
         return module.name
 
-    def prepare(self, module: s.Module) -> None:
-        """Link and compile a module so that `load` finds it done, in any thread; raises as `load`."""
-        self._prepared = self._prepare(module)
+    def load_program(self, texts: Mapping[str, str], *, replace: bool) -> None:
+        """Load modules together, by their files, in the place of all program modules or beside them.
+
+        Raises as `load`, and nothing is loaded then.
+        """
+        self._load(texts, replace=replace, replaces_program=replace)
+
+    def _load(self, texts: Mapping[str, str], *, replace: bool, replaces_program: bool = False) -> tuple[s.Module, ...]:
+        modules = tuple(parse_module(text, filename) for filename, text in texts.items())
+        names: set[str] = set()
+        for module in modules:
+            if module.name.lower() in names:
+                raise ModuleNameTaken(f"{module.filename}: the program has two modules '{module.name}'.")
+            names.add(module.name.lower())
+        removed = _removed_by(modules, self.program, replaces_program=replaces_program)
+        for module in modules if not replaces_program else ():
+            self._check_loadable(module, replace=replace)
+        for old in removed:
+            self._check_not_executing(old)
+        prepared, self._prepared = self._prepared, None
+        if prepared is None or not self._fits(prepared, modules, replaces_program=replaces_program):
+            prepared = self._prepare(modules, replaces_program=replaces_program)
+        self._adopt(prepared.program, *removed)
+        return modules
+
+    def prepare(self, *modules: s.Module, replaces_program: bool = False) -> None:
+        """Link and compile modules so that loading them finds it done, in any thread; raises as `load`."""
+        self._prepared = self._prepare(modules, replaces_program=replaces_program)
 
     def compile(self) -> None:
         """Link and compile the program as far as it fits, in any thread; PP to main then finds it done."""
@@ -245,26 +267,31 @@ class Task:
     def loading(self, text: str, filename: str) -> Generator[None, None, None]:
         """Load a module in the background, waiting for it; raises as `load`."""
         prepared = None
-        while prepared is None or not self._fits(prepared, prepared.module.syntax):
-            work = self.background(lambda: self._prepare(parse_module(text, filename)))
+        while prepared is None or not self._fits(prepared, [each.syntax for each in prepared.modules]):
+            work = self.background(lambda: self._prepare([parse_module(text, filename)]))
             while not work.done():
                 yield
             prepared = work.result()
-            self._check_loadable(prepared.module.syntax, replace=False)
-        self._adopt(prepared.program, None)
+            self._check_loadable(prepared.modules[0].syntax, replace=False)
+        self._adopt(prepared.program)
 
-    def _prepare(self, module: s.Module) -> Prepared:
-        """The program with a module more; the program that is executed stays as it is."""
-        base, has_pp = self.program, bool(self._machine.frames)
-        others = [m.syntax for m in base.modules.values() if m.name.lower() != module.name.lower()]
-        length, count = (sum(len(m.text) for m in (module, *others)), sum(len(m.data) for m in (module, *others)))
+    def _prepare(self, modules: Sequence[s.Module], *, replaces_program: bool = False) -> Prepared:
+        """The program with other modules; the program that is executed stays as it is."""
+        base = self.program
+        removed = _removed_by(modules, base, replaces_program=replaces_program)
+        has_pp = self._has_pp(removed if replaces_program else ())
+        kept = [*modules, *(each.syntax for each in base.modules.values() if each not in removed)]
+        length, count = sum(len(each.text) for each in kept), sum(len(each.data) for each in kept)
         if length > LONGEST_PROGRAM or count > MOST_DATA:
             raise ProgramTooLarge(
-                f"{module.filename}: with '{module.name}' the task {self.name} would have {length} characters of text "
-                f"and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
+                f"{modules[0].filename}: with '{modules[0].name}' the task {self.name} would have {length} characters "
+                f"of text and {count} data, there is memory for {LONGEST_PROGRAM} and {MOST_DATA}."
             )
-        new = LoadedModule.of(module)
-        program = base.loaded(new)
+        program, loaded = base, tuple(LoadedModule.of(each) for each in modules)
+        for old in removed if replaces_program else ():
+            program = program.unloaded(old.name)
+        for new in loaded:
+            program = program.loaded(new)
         if has_pp:
             for each in program.modules.values():  # what the others lacked may have come
                 link_module(program, each)
@@ -272,13 +299,20 @@ class Task:
                 if routine not in program.codes:
                     with suppress(RapidReferenceError):  # an error of its call
                         program.codes[routine] = compile_routine(program, routine)
-        return Prepared(new, base, program, has_pp)
+        return Prepared(loaded, replaces_program, base, program, has_pp)
 
-    def _fits(self, prepared: Prepared, module: s.Module) -> bool:
-        """Whether a module was prepared for the program as it is now."""
-        syntax = prepared.module.syntax
-        is_same = (syntax.filename, syntax.text) == (module.filename, module.text)
-        return is_same and prepared.base is self.program and (prepared.is_linked or not self._machine.frames)
+    def _has_pp(self, removed: Sequence[LoadedModule] = ()) -> bool:
+        """Whether there is a program pointer that these modules do not take along."""
+        frames = self._machine.frames
+        return bool(frames) and not any(frame.routine.module in removed for frame in frames)
+
+    def _fits(self, prepared: Prepared, modules: Sequence[s.Module], *, replaces_program: bool = False) -> bool:
+        """Whether modules were prepared for the program as it is now."""
+        texts = [(each.syntax.filename, each.syntax.text) for each in prepared.modules]
+        if texts != [(each.filename, each.text) for each in modules] or prepared.base is not self.program:
+            return False
+        removed = _removed_by(modules, self.program, replaces_program=True) if replaces_program else ()
+        return prepared.replaces_program == replaces_program and (prepared.is_linked or not self._has_pp(removed))
 
     def _check_loadable(self, module: s.Module, *, replace: bool) -> None:
         old = self.program.modules.get(module.name.lower())
@@ -287,16 +321,16 @@ class Task:
         if old is not None:
             self._check_not_executing(old)
 
-    def _adopt(self, program: Program, removed: LoadedModule | None) -> None:
+    def _adopt(self, program: Program, *removed: LoadedModule) -> None:
         """Go on with another program."""
         executed = {id(frame.code) for frame in self._machine.frames}
         codes = self.program.codes.items()
         discarded = [code for routine, code in codes if routine not in program.codes and id(code) not in executed]
         self.program = program
-        if removed is not None:
-            if any(frame.routine.module is removed for frame in self._machine.frames):
-                self.lose_pp()
-            removed.clear()
+        if any(frame.routine.module in removed for frame in self._machine.frames):
+            self.lose_pp()
+        for module in removed:
+            module.clear()
         self.background(lambda: _free(discarded))
 
     def check_memory_for(self, count: int) -> None:
@@ -744,6 +778,16 @@ class Task:
             found = owner.symbols[found.name.lower()]  # of another task, where they share it
             assert isinstance(found, Variable)
         return found
+
+
+def _removed_by(modules: Sequence[s.Module], program: Program, *, replaces_program: bool) -> list[LoadedModule]:
+    """The modules whose place others take: those of their names, and all program modules where they are a program."""
+    names = {each.name.lower() for each in modules}
+    return [
+        each
+        for key, each in program.modules.items()
+        if key in names or (replaces_program and not each.syntax.is_system)
+    ]
 
 
 def _free(codes: Sequence[Code]) -> None:

@@ -377,8 +377,8 @@ def _converted_errors(address: str, timeout: float) -> Iterator[None]:
                 "address and the port (a controller's is 80)."
             ) from error
         raise ConnectionLost(
-            f"{address} closed the connection without an HTTP answer; try again, and check that a controller "
-            "listens there (its port is 80)."
+            f"{address} closed the connection without an HTTP answer; a restart takes minutes: try again, and "
+            "check that a controller listens there (its port is 80)."
         ) from error
 
 

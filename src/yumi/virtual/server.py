@@ -21,12 +21,9 @@ from typing import TypeVar
 
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient, resolve
-from yumi.errors import NoConnection, RapidError
+from yumi.errors import NoConnection
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
-from yumi.rapid.ast import Module
-from yumi.rapid.errors import RapidSyntaxError
-from yumi.rapid.parser import parse_expression, parse_module
-from yumi.rapid.task import Task
+from yumi.rapid.parser import LONGEST_MODULE
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.types import GRANTS, EventType, Grant
@@ -36,13 +33,11 @@ from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.path import PREFETCH
 from yumi.virtual.rws.certificate import self_signed_context
-from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer
-from yumi.virtual.rws.operations import Call, Failure
+from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
-from yumi.virtual.rws.symbols import quoted
 from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
 from yumi.virtual.sockets import ProgramNetwork
 from yumi.virtual.world import World, WorldSettings
@@ -123,9 +118,8 @@ class Pace:
 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
+_LARGEST_TEXT = 3 * LONGEST_MODULE + 1024  # bytes of a form with the text of a module, of which a character may take 3
 _RARELY = 1000  # young collections for each full one; 10 by default
-_LONG_VALUE = 180  # characters of a value that takes milliseconds to parse
-_LOAD_MODULE, _SET_SYMBOL, _RESET_PP = "loadmod", "set", "resetpp"
 
 
 class Background:
@@ -338,7 +332,13 @@ class VirtualController:
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):
                 return 0
-        return _LARGEST_UPLOAD if request.method == "PUT" else _LARGEST_FORM
+        if request.method == "PUT":
+            return _LARGEST_UPLOAD
+        try:
+            has_module = self._service.find(request)[0].prepare is not None
+        except Failure:  # the answer says what is wrong
+            return _LARGEST_FORM
+        return _LARGEST_TEXT if has_module else _LARGEST_FORM
 
     def _prepare(self, request: HttpRequest) -> Future[object] | None:
         """Begin what is too long for the world to stand still: parsing a module or a long value, compiling.
@@ -350,43 +350,12 @@ class VirtualController:
         with self._lock:  # first: nothing of a request is kept that belongs to no session
             if not self._service.may_enter(request, self._clock.now()):
                 return None
-        call = self._service.rws1_call(request)
-        work = self._work_before(call) if call is not None and call.path else None
-        return None if work is None else self._background.submit(work)
-
-    def _work_before(self, call: Call) -> Callable[[], object] | None:
-        """What takes long in a call; None where nothing does."""
-        action, value = call.option("action"), call.parameter("value", "")
-        if action == _LOAD_MODULE:
-            try:
-                path = path_of_file(call.parameter("modulepath", ""))
-            except Failure:  # the answer says what is wrong with it
+        try:
+            operation, call = self._service.find(request)
+            if operation.prepare is None:
                 return None
-            text = self.world.controller.files.get(path)
-            task = self.world.controller.tasks.get(call.path[-1].upper())
-            return None if text is None or task is None else partial(self._link, task, text, path)
-        if action == _SET_SYMBOL and len(value) > _LONG_VALUE:
-            return partial(_parse_value, value)
-        return self._compile if action == _RESET_PP else None
-
-    def _link(self, task: Task, text: str, path: str) -> None:
-        """Parse and link a module that is about to be loaded; loading raises the same errors."""
-        with suppress(RapidError):
-            task.prepare(parsed(text, path))
-
-    def _compile(self) -> None:
-        """Compile the programs of both tasks."""
-        for task in self.world.controller.tasks.values():
-            task.compile()
-
-
-def parsed(text: str, path: str) -> Module:
-    """The module, with its text encoded for clients that read it."""
-    quoted(text)
-    return parse_module(text, path)
-
-
-def _parse_value(text: str) -> None:
-    """Parse a value, so that the parser has it when the request is answered; that raises the same errors."""
-    with suppress(RapidSyntaxError):
-        parse_expression(text)
+            with self._lock:
+                work = operation.prepare(self.world.controller, call)
+        except Failure:  # the answer says what is wrong
+            return None
+        return None if work is None else self._background.submit(work)

@@ -15,7 +15,14 @@ from rapid_bench import Bench, error_of, evaluated, started
 from yumi.errors import RapidError
 from yumi.rapid import InstructionSet, compiler, parser, task
 from yumi.rapid.ast import Expression
-from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
+from yumi.rapid.errors import (
+    ModuleNameTaken,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidSyntaxError,
+    RapidValueError,
+    UnknownSymbol,
+)
 from yumi.rapid.expressions import Compiled, Expressions
 from yumi.rapid.library import Call
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
@@ -456,6 +463,61 @@ def test_other_text_than_was_prepared_is_what_is_loaded() -> None:
     bench.task.prepare(parse_module("MODULE late VAR num x := 1; ENDMODULE", "late.mod"))
     bench.task.load("MODULE late VAR num x := 2; ENDMODULE", "late.mod")
     assert bench.task.read("late", "x") == "2"
+
+
+PROGRAM = {
+    "a.mod": "MODULE a PROC main() WaitTime 10; ENDPROC ENDMODULE",
+    "b.mod": "MODULE b PROC q() p; ENDPROC ENDMODULE",
+}
+
+
+def test_program_takes_the_place_of_all_program_modules_at_once() -> None:
+    bench = started("WaitTime 10;")
+    bench.task.stop()
+    bench.task.load("MODULE kept(SYSMODULE) PROC p() ENDPROC ENDMODULE", "kept.sys")
+    bench.task.load_program(PROGRAM, replace=True)
+    assert [each.name for each in bench.task.modules] == ["kept", "a", "b"]
+    assert bench.task.call_stack == ()
+    bench.task.move_pp_to_main()
+    bench.task.load_program({"c.mod": "MODULE c ENDMODULE"}, replace=False)
+    assert [each.name for each in bench.task.modules] == ["kept", "a", "b", "c"]
+    assert bench.task.call_stack != ()
+
+
+@pytest.mark.parametrize(
+    ("text", "error"),
+    [
+        ("MODULE c PROC", RapidSyntaxError),
+        ("MODULE c PROC main() ENDPROC ENDMODULE", RapidReferenceError),
+        ("MODULE A ENDMODULE", ModuleNameTaken),
+    ],
+)
+def test_program_of_which_a_module_does_not_fit_changes_nothing(text: str, error: type[RapidError]) -> None:
+    bench = started("WaitTime 10;")
+    bench.task.stop()
+    before, stack = bench.task.modules, bench.task.call_stack
+    with pytest.raises(error):
+        bench.task.load_program({**PROGRAM, "c.mod": text}, replace=True)
+    assert (bench.task.modules, bench.task.call_stack) == (before, stack)
+
+
+def test_program_that_was_prepared_is_what_is_loaded_unless_another_one_came_between() -> None:
+    bench = started("WaitTime 10;")
+    bench.task.stop()
+    kept = "MODULE kept(SYSMODULE) PROC p() ENDPROC ENDMODULE"
+    bench.task.load(kept, "kept.sys")
+    modules = [parse_module(text, path) for path, text in PROGRAM.items()]
+    bench.task.prepare(*modules, replaces_program=True)
+    prepared = bench.task._prepared
+    bench.task.load(kept.replace("p()", "r()"), "kept.sys", replace=True)
+    bench.task.load_program(PROGRAM, replace=True)
+    assert prepared is not None
+    assert bench.task.program is not prepared.program
+    bench.task.prepare(*modules, replaces_program=True)
+    prepared = bench.task._prepared
+    bench.task.load_program(PROGRAM, replace=True)
+    assert prepared is not None
+    assert bench.task.program is prepared.program
 
 
 def test_code_in_which_a_name_came_to_mean_something_else_is_compiled_anew() -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
@@ -16,15 +16,17 @@ from lark import UnexpectedInput
 from digest_client import authorization
 from rws_examples_2 import BASIC, PASSWORD, USER
 from yumi.clock import ManualClock
+from yumi.rapid import compiler, parser
+from yumi.rapid import task as rapid_task
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
 from yumi.robot.joints import CYCLE, Side
-from yumi.virtual.rws import service
-from yumi.virtual.rws import symbols as rws_rapid
+from yumi.virtual.rws import rapid as rws_rapid
+from yumi.virtual.rws import service, symbols
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Call, Router
 from yumi.virtual.rws.version_2 import RwsService2
-from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController, parsed
+from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController
 from yumi.virtual.world import World, WorldSettings
 
 
@@ -80,13 +82,13 @@ def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
-    operation, call = Router(rws_rapid.OPERATIONS).find(Call("GET", ("rw", "rapid", "modules", "TRobMain"), options))
+    operation, call = Router(symbols.OPERATIONS).find(Call("GET", ("rw", "rapid", "modules", "TRobMain"), options))
     pages = [operation.handler(controller, call) for _ in range(3)]
     assert (len(texts), pages[1:]) == (1, pages[:-1])
 
 
 def test_module_that_is_parsed_in_the_background_is_quoted_there_too(background: Background) -> None:
-    background.submit(partial(parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
+    background.submit(partial(rws_rapid.parsed, "MODULE once ENDMODULE", "once.mod")).result(5.0)
     hits = rws_rapid.quoted.cache_info().hits
     assert rws_rapid.quoted("MODULE once ENDMODULE") == "MODULE%20once%20ENDMODULE"
     assert rws_rapid.quoted.cache_info().hits == hits + 1
@@ -241,3 +243,86 @@ def test_action_on_no_resource_is_not_prepared(served: Served, action: str) -> N
     virtual, cookie = served
     request = HttpRequest("POST", f"/?action={action}", (cookie,), b"modulepath=HOME:/x.mod")
     assert virtual._prepare(request) is None
+
+
+_EARLY = "MODULE early\n  PROC p()\n    x := 1;\n  ENDPROC\n  VAR num x;\nENDMODULE\n"
+_LATE = _EARLY.replace("1", "2")
+_TASK_1, _MODULES_1 = "/rw/rapid/tasks/T_ROB_L", "/rw/rapid/modules/early"
+LOADS = {  # targets of 1.0 and 2.0, form
+    "set-module-text": (
+        f"{_MODULES_1}?task=T_ROB_L&action=set-module-text",
+        f"{_TASK_1}/modules/early/text",
+        f"text={quote(_LATE)}",
+    ),
+    "set-text-range": (
+        f"{_MODULES_1}?action=set-text-range",
+        f"{_TASK_1}/modules/early/text/range",
+        "task=T_ROB_L&replace-mode=Replace&query-mode=Force&startrow=3&startcol=10&endrow=3&endcol=10&text=2",
+    ),
+    "loadprog": (
+        f"{_TASK_1}/program?action=loadprog",
+        f"{_TASK_1}/program/load",
+        "progpath=HOME:/late.pgf&loadmode=replace",
+    ),
+    "loadmod": (f"{_TASK_1}?action=loadmod", f"{_TASK_1}/loadmod", "modulepath=HOME:/late.mod&replace=true"),
+}
+
+
+@pytest.mark.parametrize("name", LOADS)
+def test_no_module_is_parsed_or_compiled_while_the_world_waits(
+    served: Served, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under the lock of the world it is only put in its place, so that EGM goes on."""
+    virtual, cookie = served
+    is_2 = isinstance(virtual._service, RwsService2)
+    task, files = virtual.world.controller.tasks["T_ROB_L"], virtual.world.controller.files
+    task.load(_EARLY, "HOME:/early.mod")
+    task.move_pp_to_main()
+    late = f"{_LATE}! {name} {is_2}"  # which nobody has parsed before
+    files["HOME:/late.mod"] = late
+    files["HOME:/late.pgf"] = "<Program><Module>late.mod</Module></Program>"
+    kind = "application/x-www-form-urlencoded" + (";v=2.0" if is_2 else "")
+    headers = (cookie, ("Content-Type", kind), ("Accept", "application/xhtml+xml;v=2.0"))
+    mastership = "/rw/mastership/request" if is_2 else "/rw/mastership?action=request"
+    assert answered(virtual, HttpRequest("POST", mastership, headers)).status == 204
+    work: list[bool] = []
+    for owner, function in ((parser, "_parse"), (compiler, "compile_routine"), (rapid_task, "compile_routine")):
+        real = getattr(owner, function)
+
+        def noted(*arguments: object, real: Callable[..., object] = real) -> object:
+            work.append(virtual._lock.locked())
+            return real(*arguments)
+
+        monkeypatch.setattr(owner, function, noted)
+    *targets, form = LOADS[name]
+    target = targets[is_2]
+    request = HttpRequest("POST", target, headers, form.replace(quote(_LATE), quote(late)).encode())
+    virtual._background.start()
+    try:
+        preparation = virtual._prepare(request)
+        assert preparation is not None
+        preparation.result(5.0)
+        reply = answered(virtual, request)
+        assert reply.status in (200, 204), reply.body
+    finally:
+        virtual._background.stop()
+    assert "x := 2;" in next(each.text for each in task.modules if each.name == "early")
+    assert work, "it was parsed"
+    assert True not in work
+
+
+@pytest.mark.parametrize("action", ["set-pp-routine", "set-pp-routine-from-url"])
+def test_moving_a_pointer_is_prepared(served: Served, action: str) -> None:
+    virtual, cookie = served
+    end = action.removeprefix("set-pp-")
+    target = f"/pcp/{end}" if isinstance(virtual._service, RwsService2) else f"/pcp?action={action}"
+    form = b"module=TRobMain&routine=main&routineurl=main&line=1&column=1"
+    assert virtual._prepare(HttpRequest("POST", _TASK_1 + target, (cookie,), form)) is not None
+
+
+def test_form_with_a_module_may_be_long_and_others_may_not(served: Served) -> None:
+    virtual, cookie = served
+    text = LOADS["set-module-text"][isinstance(virtual._service, RwsService2)]
+    limits = [virtual._body_limit(HttpRequest("POST", target, (cookie,))) for target in (text, "/rw/elog", "/nowhere")]
+    assert limits[0] > 3 * parser.LONGEST_MODULE > limits[1] == limits[2]
+    assert virtual._body_limit(HttpRequest("POST", text)) == 0

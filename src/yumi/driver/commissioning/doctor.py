@@ -11,7 +11,7 @@ from functools import partial
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, PROGRAM_VERSION, EgmAddress, LaunchChecks
 from yumi.driver.commissioning.findings import Finding, Verdict
-from yumi.driver.commissioning.installation import ADD_INS, delivered
+from yumi.driver.commissioning.installation import ADD_INS, MASTERSHIPS, delivered, missing_grants
 from yumi.driver.commissioning.machine import problem
 from yumi.driver.commissioning.modules import GRIPPER_MODULE, OWN_MODULE, delivered_modules, essence, foreign_mains
 from yumi.driver.commissioning.stream import ArmStream
@@ -35,7 +35,6 @@ _DISPENSABLE = {
 }
 _LOAD = "load the RAPID modules of this package: yumi install"
 _INSTALL = "yumi install"
-_DOMAINS = ("cfg", "rapid")
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
 NEEDED_GRANTS = {
     Grant.RAPID_EXECUTE: "start programs",
@@ -181,7 +180,7 @@ def _panel(client: RwsClient) -> list[Finding]:
 
 def _masterships(client: RwsClient) -> list[Finding]:
     """Who holds the right to change something; a driver needs it for moments only."""
-    held = [(domain, holder) for domain in _DOMAINS if (holder := client.mastership(domain))]
+    held = [(domain, holder) for domain in MASTERSHIPS if (holder := client.mastership(domain))]
     if not held:
         return [Finding("mastership", Verdict.OK, "free")]
     return [
@@ -197,10 +196,9 @@ def _masterships(client: RwsClient) -> list[Finding]:
 
 def _grants(client: RwsClient) -> list[Finding]:
     """What the user may do; a controller that does not say it in ABB's words is not judged."""
-    grants = set(client.grants())
-    missing = [f"{each.value} ({what})" for each, what in NEEDED_GRANTS.items() if each.value not in grants]
-    if not missing or Grant.FULL_ACCESS.value in grants or not any(name.startswith("UAS_") for name in grants):
-        return [Finding("grants", Verdict.OK, f"the user has {len(grants)}")]
+    missing = missing_grants(client, NEEDED_GRANTS)
+    if not missing:
+        return [Finding("grants", Verdict.OK, f"the user has {len(client.grants())}")]
     remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user"
     return [Finding("grants", Verdict.PROBLEM, f"the user lacks {', '.join(missing)}", remedy)]
 

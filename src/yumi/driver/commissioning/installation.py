@@ -34,7 +34,7 @@ from yumi.rws.cfg_files import FLAG, CfgFile, read_cfg, stated, write_cfg
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
 from yumi.rws.services.requests import OnProgress
-from yumi.rws.types import Code, ExecutionState, OperatingMode
+from yumi.rws.types import Code, ExecutionState, Grant, OperatingMode
 
 FOLDER = "HOME:/yumi/"
 """Where the modules are on the controller."""
@@ -62,6 +62,28 @@ _BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
 _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
+
+
+MASTERSHIPS = ("cfg", "rapid")
+"""Domains in which a client may hold the right to change something: a restart would take what it works on."""
+
+_GRANTS = {
+    Grant.FTP_READ: "read files",
+    Grant.FTP_WRITE: "write files",
+    Grant.CFG_WRITE: "load configuration",
+    Grant.RAPID_LOADPROGRAM: "load modules",
+    Grant.RAPID_DEBUG: "ask for write access",
+    Grant.REMOTE_WARMSTART: "restart",
+}
+_BACKUP_GRANT = {Grant.BACKUP: "make a backup, or say --no-backup"}
+
+
+def missing_grants(client: RwsClient, needed: Mapping[Grant, str]) -> list[str]:
+    """What the user may not do of what is needed; nothing on a controller that does not say it in ABB's words."""
+    grants = set(client.grants())
+    if Grant.FULL_ACCESS.value in grants or not any(name.startswith("UAS_") for name in grants):
+        return []
+    return [f"{each.value} ({what})" for each, what in needed.items() if each.value not in grants]
 
 
 class CfgKey(NamedTuple):
@@ -317,6 +339,23 @@ class Record:
                 ) from error
         return record
 
+    def check_writable(self) -> None:
+        """Refuse a folder that no record can be written to.
+
+        Raises:
+            SettingsError: it cannot; ``XDG_STATE_HOME`` chooses another one.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            trial = self.path.with_suffix(".new")
+            trial.write_bytes(b"")
+            trial.unlink()
+        except OSError as error:
+            raise SettingsError(
+                f"What was there before is kept in {self.path.parent}, which cannot be written: {error.strerror}; "
+                "choose another folder with XDG_STATE_HOME. Nothing was changed."
+            ) from error
+
     def save(self) -> None:
         """Write it, so that it is there whatever happens next.
 
@@ -399,18 +438,27 @@ class Installation:
 
     # Plans
 
-    def plan(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress], *, replaces_main: bool = False) -> Plan:
+    def plan(
+        self,
+        system: SystemInfo,
+        addresses: Mapping[Side, EgmAddress],
+        *,
+        replaces_main: bool = False,
+        makes_backup: bool = True,
+    ) -> Plan:
         """What is to be installed.
 
         Args:
             system: of the controller.
             addresses: where each arm's datagrams are awaited.
             replaces_main: whether modules of others that have a ``main`` are unloaded; they come back with a roll back.
+            makes_backup: whether the controller makes a backup first, for which the user needs a grant.
         """
         add_in = _add_in_of(system)
         has_grippers = GRIPPER_PRODUCT in system.options
         wanted = delivered(addresses, has_grippers=has_grippers, has_add_in=add_in is not None)
-        refusals = [*self._unsuitable(system), *self._busy()]
+        grants = {**_GRANTS, **(_BACKUP_GRANT if makes_backup else {})}
+        refusals = [*self._unsuitable(system), *self._ungranted(grants), *self._busy()]
         notes = []
         if add_in is not None:
             notes.append(
@@ -455,10 +503,13 @@ class Installation:
         """
         before = self._record.before
         if before is None:
-            raise CommandRefused(f"There is nothing to roll back: {self._record.path} does not exist.")
+            raise CommandRefused(
+                f"There is nothing to roll back: {self._record.path} does not exist. It is on the computer that "
+                "installed; `yumi uninstall` takes away what has the names of this package."
+            )
         present = self.read(before)
         wanted, notes = _without_loss(present, before)
-        return self._plan(present, wanted, self._busy(), notes)
+        return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
     def plan_removal(self, system: SystemInfo, addresses: Mapping[Side, EgmAddress]) -> Plan:
         """What is to be taken away: everything becomes as the record says, or, without one, what is ours goes."""
@@ -478,7 +529,7 @@ class Installation:
         for module, text in present.modules.items():
             if text is not None and module.name != OWN_MODULE and not _is_same_module(text, ours.modules.get(module)):
                 notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
-        return self._plan(present, wanted, self._busy(), notes)
+        return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
     def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
         version = ".".join(map(str, system.robotware))
@@ -500,6 +551,14 @@ class Installation:
             yield f"the operating mode is {mode.value}; turn it to AUTO on the FlexPendant"
         if self._client.execution() is ExecutionState.RUNNING:
             yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
+        for domain in MASTERSHIPS:
+            if holder := self._client.mastership(domain):
+                yield f"{holder} holds the mastership of {domain}; release it there (RobotStudio, FlexPendant)"
+
+    def _ungranted(self, needed: Mapping[Grant, str]) -> Iterator[str]:
+        if missing := missing_grants(self._client, needed):
+            remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user (--user)"
+            yield f"the user lacks {', '.join(missing)}; {remedy}"
 
     def _foreign_mains(self, wanted: Contents) -> Iterator[tuple[Contents, str, str]]:
         """What has a ``main`` and is not of this package: its removal, what it is, and how it is removed by hand."""
@@ -587,6 +646,7 @@ class Installation:
             raise RobotNotReady(f"Nothing was changed: {refusal}.")
         if plan.is_empty:
             return
+        self._record.check_writable()  # before the controller works for minutes, or is changed
         if makes_backup and plan.changes:
             self._back_up()
             self._refuse_if_busy()  # a backup takes minutes
@@ -609,11 +669,15 @@ class Installation:
                 "FlexPendant (Backup and Restore), and say --no-backup."
             )
         folder = self._record.path.parent
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
-        for path, content in tree.items():
-            local = folder / name / PurePosixPath(path)
-            local.parent.mkdir(parents=True, exist_ok=True)
-            local.write_bytes(content)
+        try:
+            for path, content in tree.items():
+                local = folder / name / PurePosixPath(path)
+                local.parent.mkdir(parents=True, exist_ok=True)
+                local.write_bytes(content)
+        except OSError as error:
+            raise SettingsError(
+                f"The backup cannot be written to {folder / name}: {error.strerror}; nothing was changed."
+            ) from error
         self._record.backups += (name,)
 
     def _keep(self, wanted: Contents) -> None:

@@ -20,7 +20,7 @@ from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
-from yumi.virtual.controller.signals import Configuration, Instance, Signals
+from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, TaskSettings, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
@@ -519,7 +519,7 @@ class Irc5:
                 state = partial(_any, tasks, lambda each: each.has_failed)
             if state is not None and signal in self.signals:
                 found.append((signal, state))
-        return tuple(found)
+        return (*found, *((signal, states["MotOnState"]) for signal in DRIVE_SIGNALS))
 
     def _inputs_of_speed_limits(self) -> frozenset[str]:
         """The signals, in lower case, that make speed limits of programs count (SYSSIG_IN)."""

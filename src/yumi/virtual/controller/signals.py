@@ -235,6 +235,17 @@ class CrossConnection:
         return float(any(all(bool(read(name)) is not inverted for name, inverted in term) for term in self.terms))
 
 
+DRIVE_SIGNALS: Mapping[str, SignalType] = {
+    "DRV1K1": SignalType("DI"),
+    "DRV1K2": SignalType("DI"),
+    "DRV1BRAKEFB": SignalType("DI"),
+    "DRV1BRAKE": SignalType("DO"),
+    "DRV1CHAIN1": SignalType("DO"),
+    "DRV1CHAIN2": SignalType("DO"),
+}
+"""Of the drive module, which every controller has beside the configured ones: contactors, brakes and run chains; all
+are 1 while the motors are on."""
+
 _MOST_ACTORS = 5
 _DEEPEST_CROSS = 20  # connections that lead from one signal to the next, as on a controller
 
@@ -317,6 +328,10 @@ class Signals:
                 device=attributes["Device"],
                 network=networks.get(attributes["Device"], ""),
             )
+        for name, type_ in DRIVE_SIGNALS.items():
+            if name.lower() not in self._signals:
+                value = known[name.lower()].value if name.lower() in known else 0.0
+                self._signals[name.lower()] = Signal(name, type_, "safety", "ReadOnly", value, "DRV_1", "Local")
         self._crosses, self.rejected = {}, []
         crosses = []
         for cross in (CrossConnection.of(each.attributes) for each in configuration.instances("EIO", "EIO_CROSS")):

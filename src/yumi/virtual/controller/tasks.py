@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -306,9 +306,23 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED, NAME_TAKEN or BAD_PROGRAM; the program is as it was.
         """
+        with self._loading(task):
+            self.tasks[task].load(text, path, replace=replace)
+
+    def load_program(self, task: str, texts: Mapping[str, str], *, replace: bool) -> None:
+        """Load modules by their paths, all or none, in the place of the program modules of ``task`` or beside them.
+
+        Raises:
+            Refused: NOT_STOPPED, NAME_TAKEN or BAD_PROGRAM; the program is as it was.
+        """
+        with self._loading(task):
+            self.tasks[task].load_program(texts, replace=replace)
+
+    @contextmanager
+    def _loading(self, task: str) -> Iterator[None]:
         self._check_stopped("modules are loaded", task)
         try:
-            self.tasks[task].load(text, path, replace=replace)
+            yield
         except ModuleNameTaken as error:
             raise Refused(Refusal.NAME_TAKEN, str(error)) from error
         except RobotNotReady as error:

@@ -134,10 +134,10 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     """Whether the credentials prove knowledge of the password for this request.
 
     Clients differ in how they escape the uri, so it is compared unescaped; the response is over the one they
-    sent. Python's ``requests`` leaves out what stands behind a ``;`` of the path.
+    sent. Python's ``requests`` leaves out what stands behind a ``;`` of the path, others the whole query.
     """
     path, mark, query = target.partition("?")
-    meant = {unquote(target), unquote(f"{_PARAMS.sub('', path)}{mark}{query}")}
+    meant = {unquote(target), unquote(f"{_PARAMS.sub('', path)}{mark}{query}"), unquote(path)}
     if credentials.realm != REALM or unquote(credentials.uri) not in meant:
         return False
     secret = _md5(f"{user}:{credentials.realm}:{password}")

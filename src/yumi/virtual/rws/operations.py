@@ -159,6 +159,13 @@ Handler = Callable[[Irc5, Call], Answer]
 """Answers a call; raises Failure or Refused."""
 
 
+Preparation = Callable[[Irc5, Call], Callable[[], object] | None]
+"""Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
+
+It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.
+"""
+
+
 Values = Mapping[str, tuple[str, ...]]
 """Parameters by name, each with the texts it may be; none where any text may come."""
 
@@ -182,6 +189,7 @@ class Operation:
         status: of HTTP where the call succeeds; 0 for the usual one of the method.
         needs_grant: what the user must be granted; None for what everybody may do.
         lacks: hardware or option that this robot does not have; such a call is answered with 404.
+        prepare: the part of a call that takes longer than a cycle.
     """
 
     method: str
@@ -196,6 +204,7 @@ class Operation:
     status: int = 0
     lacks: str = ""
     needs_grant: Grant | None = None
+    prepare: Preparation | None = None
 
     @property
     def success(self) -> int:

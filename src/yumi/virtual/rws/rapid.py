@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from functools import lru_cache, partial
+from urllib.parse import quote
 from xml.etree import ElementTree
 
+from yumi.errors import RapidError
 from yumi.rapid import ast as s
+from yumi.rapid.parser import parse_module
 from yumi.rapid.program import Execution, UserRoutine
 from yumi.rapid.task import StackEntry, StepKind, Task
 from yumi.rws.documents import Link, Page, State
@@ -143,6 +148,41 @@ def load_module(controller: Irc5, call: Call) -> None:
     is_replacing = call.parameter("replace", "false") == "true"
     path = path_of_file(call.required("modulepath"))
     controller.load_module(_task(controller, call).name, path, replace=is_replacing)
+
+
+def prepare_module(controller: Irc5, call: Call) -> Callable[[], None] | None:
+    path = path_of_file(call.required("modulepath"))
+    text = controller.files.get(path)
+    return None if text is None else partial(link, _task(controller, call), {path: text})
+
+
+def link(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
+    """Parse, link and compile modules that are about to be loaded, in any thread; loading raises the same errors."""
+    with suppress(RapidError):
+        task.prepare(*(parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
+
+
+def parsed(text: str, path: str) -> s.Module:
+    """The module, with its text encoded for clients that read it."""
+    quoted(text)
+    return parse_module(text, path)
+
+
+@lru_cache(maxsize=32)
+def quoted(text: str) -> str:
+    """A module's text, URL-encoded; a long one takes longer than a cycle the first time."""
+    return quote(text, encoding="latin-1")
+
+
+def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
+    """Compile the programs of all tasks, which moving a program pointer then finds done."""
+    tasks = tuple(controller.tasks.values())
+
+    def compile_all() -> None:
+        for task in tasks:
+            task.compile()
+
+    return compile_all
 
 
 def unload_module(controller: Irc5, call: Call) -> None:
@@ -398,8 +438,24 @@ def get_program(controller: Irc5, call: Call) -> Page | HttpReply:
 
 
 def load_program(controller: Irc5, call: Call) -> None:
-    """Load the modules that a program file (.pgf) lists, in the place of the program modules or beside them."""
+    """Load the modules that a program file (.pgf) lists, all or none, for the program modules or beside them."""
     task, path = _task(controller, call), path_of_file(call.required("progpath"))
+    texts = _program_files(controller, path)
+    controller.execution.load_program(task.name, texts, replace=_is_replacing(call))
+    controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
+
+
+def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:
+    texts = _program_files(controller, path_of_file(call.required("progpath")))
+    return partial(link, _task(controller, call), texts, replaces_program=_is_replacing(call))
+
+
+def _is_replacing(call: Call) -> bool:
+    return call.parameter("loadmode", "replace") == "replace"
+
+
+def _program_files(controller: Irc5, path: str) -> dict[str, str]:
+    """The texts of the modules of a program file, by path; raises Failure."""
     text = controller.files.get(path)
     if text is None:
         raise Failure(400, Code.FILE_NOT_FOUND, f"there is no file {path}")
@@ -408,25 +464,18 @@ def load_program(controller: Irc5, call: Call) -> None:
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise invalid(f"{path} is not a program file: {error}") from error
     paths = [f"{path.rpartition('/')[0]}/{name}" for name in names if name]
-    missing = [each for each in paths if controller.files.get(each) is None]
+    texts = {each: controller.files.get(each) for each in paths}
+    missing = [each for each, module in texts.items() if module is None]
     if not paths or missing:
         raise Failure(400, Code.FILE_NOT_FOUND, f"the program lists {missing[0] if missing else 'no modules'}")
-    is_replacing = call.parameter("loadmode", "replace") == "replace"
-    if is_replacing:
-        _unload_program(controller, task)
-    for each in paths:
-        controller.load_module(task.name, each, replace=is_replacing)
-    controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
-
-
-def _unload_program(controller: Irc5, task: Task) -> None:
-    for module in task.modules:
-        if not module.is_system:
-            controller.unload_module(task.name, module.name)
+    return {each: module for each, module in texts.items() if module is not None}
 
 
 def unload_program(controller: Irc5, call: Call) -> None:
-    _unload_program(controller, _task(controller, call))
+    task = _task(controller, call)
+    for module in task.modules:
+        if not module.is_system:
+            controller.unload_module(task.name, module.name)
 
 
 def save_program(controller: Irc5, call: Call) -> None:
@@ -539,13 +588,21 @@ OPERATIONS = (
     Operation("GET", _EXECUTION, get_execution, query=_CONTINUE),
     Operation("POST", _EXECUTION, start, "start", _START, needs_grant=Grant.RAPID_EXECUTE),
     Operation("POST", _EXECUTION, lambda controller, _: controller.stop_rapid(), "stop", _STOP),
-    Operation("POST", _EXECUTION, start_production, "startprodentry", needs_grant=Grant.RAPID_EXECUTE),
+    Operation(
+        "POST",
+        _EXECUTION,
+        start_production,
+        "startprodentry",
+        needs_grant=Grant.RAPID_EXECUTE,
+        prepare=prepare_compiled,
+    ),
     Operation(
         "POST",
         _EXECUTION,
         lambda controller, _: controller.move_pp_to_main(),
         "resetpp",
         needs_grant=Grant.RAPID_EXECUTE,
+        prepare=prepare_compiled,
     ),
     Operation(
         "POST",
@@ -589,6 +646,7 @@ OPERATIONS = (
         {"modulepath": (), "replace": ("true", "false")},
         "rapid",
         needs_grant=Grant.RAPID_LOADPROGRAM,
+        prepare=prepare_module,
     ),
     Operation("POST", _TASK, unload_module, "unloadmod", {"module": ()}, "rapid", needs_grant=Grant.RAPID_LOADPROGRAM),
     Operation("POST", _TASK, abort_level, "abortexeclevel", needs_mastership="rapid", needs_grant=Grant.RAPID_EXECUTE),
@@ -620,6 +678,7 @@ OPERATIONS = (
         {"progpath": (), "loadmode": ("add", "replace")},
         "rapid",
         needs_grant=Grant.RAPID_LOADPROGRAM,
+        prepare=prepare_program,
     ),
     Operation(
         "POST", _PROGRAM, unload_program, "unloadprog", needs_mastership="rapid", needs_grant=Grant.RAPID_LOADPROGRAM
@@ -648,9 +707,16 @@ OPERATIONS = (
     ),
     Operation("GET", f"{_TASK}/breakpoints", get_breakpoints),
     Operation("GET", _PCP, get_pointers),
-    Operation("POST", _PCP, move_pp, "set-pp-cursor", _CURSOR, "rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _PCP, move_pp, "set-pp-routine", _ROUTINE, "rapid", needs_grant=Grant.RAPID_DEBUG),
-    Operation("POST", _PCP, move_pp, "set-pp-routine-from-url", _ROUTINE, "rapid", needs_grant=Grant.RAPID_DEBUG),
+    *(
+        Operation(
+            "POST", _PCP, move_pp, action, values, "rapid", needs_grant=Grant.RAPID_DEBUG, prepare=prepare_compiled
+        )
+        for action, values in (
+            ("set-pp-cursor", _CURSOR),
+            ("set-pp-routine", _ROUTINE),
+            ("set-pp-routine-from-url", _ROUTINE),
+        )
+    ),
     Operation("POST", _PCP, refuse_pp_step, "set-pp-prev-inst", status=400, needs_grant=Grant.RAPID_DEBUG),
     Operation("POST", _PCP, refuse_pp_step, "set-pp-next-inst", status=400, needs_grant=Grant.RAPID_DEBUG),
     Operation("GET", "/rw/rapid/taskselection", get_task_selection),

@@ -67,6 +67,7 @@ OPERATIONS = (
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 
 NO_CONTENT = 204
+_LONG_FORM = 4096  # bytes
 
 log = logging.getLogger(__name__)
 
@@ -226,12 +227,16 @@ class RwsService:
 
     # Answering
 
-    def rws1_call(self, request: HttpRequest) -> Call | None:
-        """A request as the table of 1.0 has it, with its form; None for one that is not understood.
+    def find(self, request: HttpRequest) -> tuple[Operation, Call]:
+        """The operation of a request, and its call, neither authorized nor checked.
 
-        It is neither authorized nor checked.
+        Raises:
+            Failure: there is none.
         """
-        return replace(_call(request), form=decode_form(request.body.decode("utf-8", "replace")))
+        operation, call = self._router.find(_call(request))
+        if operation.prepare is None:
+            return operation, call
+        return operation, replace(call, form=form_of(request.body))
 
     def _answer(self, request: HttpRequest, session: Session) -> HttpReply | Upgrade:
         host = request.header("Host") or ""
@@ -301,7 +306,7 @@ class RwsService:
         kind = (request.header("Content-Type") or "").partition(";")[0].strip().lower()
         if request.body and kind != FORM_TYPE:  # only a body that is there must have its type
             raise Failure(415, Code.INVALIDARG, f"a body is {FORM_TYPE}, not {kind or 'of no type'}")
-        return decode_form(request.body.decode("utf-8", "replace"))
+        return form_of(request.body)
 
     def _wants_forms(self, call: Call) -> bool:
         """Whether a client asks what it can do with a resource."""
@@ -331,6 +336,16 @@ class RwsService:
             fields = {name: "|".join(allowed) for name, allowed in each.values.items()}
             states.append(State("form", each.action or each.method.lower(), {"method": each.method, **fields}))
         return resource(call.path[0], "/", "/".join(call.path), *states)
+
+
+def form_of(body: bytes) -> Pairs:
+    """The form in a body; that of a module's text takes longer than a cycle the first time."""
+    return _long_form(body) if len(body) > _LONG_FORM else decode_form(body.decode("utf-8", "replace"))
+
+
+@lru_cache(2)
+def _long_form(body: bytes) -> Pairs:
+    return decode_form(body.decode("utf-8", "replace"))
 
 
 def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:

@@ -6,14 +6,14 @@ import functools
 import json
 import re
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
-from urllib.parse import quote
 
 from yumi.errors import ProtocolError
 from yumi.rapid import ast as s
-from yumi.rapid.errors import RapidReferenceError, RapidValueError, UnknownSymbol
-from yumi.rapid.parser import format_value, parse_value
+from yumi.rapid.errors import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
+from yumi.rapid.parser import format_value, parse_expression, parse_value
 from yumi.rapid.program import LoadedModule, UserRoutine
 from yumi.rapid.task import Task
 from yumi.rapid.types import Variable
@@ -23,7 +23,7 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
-from yumi.virtual.rws.rapid import find_task
+from yumi.virtual.rws.rapid import find_task, link, quoted
 from yumi.virtual.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
@@ -39,6 +39,7 @@ _KINDS = {s.RoutineKind.PROC: "prc", s.RoutineKind.FUNC: "fun", s.RoutineKind.TR
 _ROUTINE_TYPES = {"prc": "rap-sympropproc", "fun": "rap-sympropfunc", "trp": "rap-symproptrap"}
 _LONGEST_PATTERN = 60
 _MOST_REPEATS = 3
+_LONG_VALUE = 180  # characters that take milliseconds to parse
 
 
 # Modules
@@ -169,12 +170,6 @@ def get_module_text(controller: Irc5, call: Call) -> Page:
     return _module_page(task, module, state)
 
 
-@functools.lru_cache(maxsize=32)
-def quoted(text: str) -> str:
-    """A module's text, URL-encoded; a long one takes longer than a cycle the first time."""
-    return quote(text, encoding="latin-1")
-
-
 def get_module_changes(controller: Irc5, call: Call) -> Page:
     task, module = _module(controller, call)
     state = State("rap-module-changecount", module.name, {"count": str(controller.program_changes(task.name))})
@@ -208,8 +203,12 @@ def save_module(controller: Irc5, call: Call) -> None:
 
 
 def set_module_text(controller: Irc5, call: Call) -> None:
+    _replace_text(controller, *_module(controller, call), call.required("text"))
+
+
+def prepare_module_text(controller: Irc5, call: Call) -> Callable[[], None]:
     task, module = _module(controller, call)
-    _replace_text(controller, task, module, call.required("text"))
+    return functools.partial(link, task, {module.syntax.filename: call.required("text")})
 
 
 def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str) -> None:
@@ -221,14 +220,27 @@ def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str)
 def set_text_range(controller: Irc5, call: Call) -> None:
     """Replace a range of a module's text, or put a text before or after it."""
     task, module = _module(controller, call)
+    text = _changed_text(module, call)
+    if call.required("query-mode") == "Try" and not task.call_stack:
+        raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer; Force changes the text all the same")
+    _replace_text(controller, task, module, text)
+
+
+def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
+    task, module = _module(controller, call)
+    return functools.partial(link, task, {module.syntax.filename: _changed_text(module, call)})
+
+
+def _changed_text(module: LoadedModule, call: Call) -> str:
     call.required("task")
     text, new = module.syntax.text, call.required("text")
     begin, end = _range(text, call)
+    modes = {"Before": (begin, begin), "After": (end, end), "Replace": (begin, end)}
     mode = call.required("replace-mode")
-    if call.required("query-mode") == "Try" and not task.call_stack:
-        raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer; Force changes the text all the same")
-    begin, end = {"Before": (begin, begin), "After": (end, end), "Replace": (begin, end)}[mode]
-    _replace_text(controller, task, module, text[:begin] + new + text[end:])
+    if mode not in modes:
+        raise invalid(f"replace-mode is {' or '.join(modes)}, not {mode[:50]!r}")
+    begin, end = modes[mode]
+    return text[:begin] + new + text[end:]
 
 
 def get_routines(controller: Irc5, call: Call) -> Page:
@@ -338,6 +350,17 @@ def set_symbol(controller: Irc5, call: Call) -> None:
     except RapidValueError as error:
         raise Failure(400, Code.SYNTAX, str(error)) from error
     controller.settle()
+
+
+def prepare_value(controller: Irc5, call: Call) -> Callable[[], None] | None:
+    literal = call.required("value")
+    return functools.partial(_parse, literal) if len(literal) > _LONG_VALUE else None
+
+
+def _parse(literal: str) -> None:
+    """Parse a value, so that the parser has it when it is set; that raises the same errors."""
+    with suppress(RapidSyntaxError):
+        parse_expression(literal)
 
 
 def set_initial_value(controller: Irc5, call: Call) -> None:
@@ -539,7 +562,16 @@ OPERATIONS = (
     Operation("GET", _MODULE, get_symbol_at, resource="module-symbol", query={**_OF_TASK, "row": (), "col": ()}),
     Operation("GET", _MODULE, refuse_positions, resource="mod-possible", query=_RANGE, status=400),
     Operation("POST", _MODULE, save_module, "save", {"name": (), "path": ()}, query=_OF_TASK, needs_grant=Grant.BACKUP),
-    Operation("POST", _MODULE, set_text_range, "set-text-range", _TEXT, "rapid", needs_grant=Grant.RAPID_EDIT),
+    Operation(
+        "POST",
+        _MODULE,
+        set_text_range,
+        "set-text-range",
+        _TEXT,
+        "rapid",
+        needs_grant=Grant.RAPID_EDIT,
+        prepare=prepare_text_range,
+    ),
     Operation(
         "POST",
         _MODULE,
@@ -550,6 +582,7 @@ OPERATIONS = (
         query=_OF_TASK,
         status=200,
         needs_grant=Grant.RAPID_EDIT,
+        prepare=prepare_module_text,
     ),
     Operation(
         "POST",
@@ -574,6 +607,7 @@ OPERATIONS = (
         {"value": ()},
         respects_mastership="rapid",
         needs_grant=Grant.RAPID_CURRVALUE,
+        prepare=prepare_value,
     ),
     Operation(
         "POST",

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from base64 import b64decode
 from binascii import Error as Base64Error
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from hmac import compare_digest
@@ -24,7 +24,7 @@ from yumi.virtual.rws.documents import write_hal, write_hal_status, write_page, 
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply, HttpRequest, Session
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, Values, resource
-from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.service import RwsService, form_of
 from yumi.virtual.rws.subscriptions import Rules
 from yumi.virtual.rws.users import Domains
 
@@ -271,6 +271,7 @@ _TYPES = {
 }
 _WITHOUT_LINKS = ("rap-module-info-li",)
 _TITLES = {("pnl-ctrlstate", "ctrlstate"): "ctrl-state"}
+_FIELDS = {"ms-mechunit-cartesian": {"j1": "cf1", "j4": "cf4", "j6": "cf6", "jx": "cfx"}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -382,7 +383,8 @@ def _translation(line: str, known: Mapping[tuple[str, str, str | None, str | Non
         respects_mastership="" if needed else rws1.respects_mastership,
     )
     found = Translation(operation, rws1, query, form, names)
-    return replace(found, operation=replace(operation, handler=partial(_answer, found)))
+    prepare = partial(_prepare, found) if rws1.prepare else None
+    return replace(found, operation=replace(operation, handler=partial(_answer, found), prepare=prepare))
 
 
 def _answer(translation: Translation, controller: Irc5, call: Call) -> Answer:
@@ -393,6 +395,11 @@ def _answer(translation: Translation, controller: Irc5, call: Call) -> Answer:
         name = next(iter(re.findall(r"^\s*MODULE\s+(\w+)", text, re.MULTILINE | re.IGNORECASE)), "")
         return resource("rapid", "/rw/rapid/", "tasks", State("rap-task-module-li", name, {"name": name}))
     return answer
+
+
+def _prepare(translation: Translation, controller: Irc5, call: Call) -> Callable[[], object] | None:
+    assert translation.rws1.prepare is not None
+    return translation.rws1.prepare(controller, translation.rws1_call(call))
 
 
 def _plain(path: str) -> str:
@@ -440,20 +447,9 @@ class RwsService2(RwsService):
     def _build_router(self) -> Router:
         self._rws1_router = Router(self.operations)
         self.translations = translations(self.operations)
-        self._by_operation = {id(each.operation): each for each in self.translations}
         self._by_rws1 = {id(each.rws1): each for each in reversed(self.translations)}
         self.operations = tuple(each.operation for each in self.translations)
         return Router(self.operations)
-
-    def rws1_call(self, request: HttpRequest) -> Call | None:
-        call = super().rws1_call(request)
-        if call is None:
-            return None
-        try:
-            operation, call = self._router.find(call)
-            return self._by_operation[id(operation)].rws1_call(call)
-        except Failure:
-            return None
 
     # Logging in
 
@@ -490,7 +486,7 @@ class RwsService2(RwsService):
         allowed = FILES if is_file else (FORM,)
         if (request.body or (kind and call.method in ("POST", "PUT"))) and kind not in allowed:
             raise Failure(415, Code.INVALIDARG, f"a body is {' or '.join(allowed)}, not {kind or 'of no type'}")
-        return () if is_file else decode_form(request.body.decode("utf-8", "replace"))
+        return () if is_file else form_of(request.body)
 
     def _wants_forms(self, call: Call) -> bool:
         return call.method == "OPTIONS"
@@ -520,10 +516,12 @@ class RwsService2(RwsService):
         return write_status(status, form, base=base, title=title)
 
     def _rws2_state(self, state: State, base: str) -> State:
+        names = _FIELDS.get(state.type, {})
         return replace(
             state,
             type=_TYPES.get(state.type, state.type),
             title=_TITLES.get((state.type, state.title), state.title),
+            fields={names.get(name, name): text for name, text in state.fields.items()},
             links=() if state.type in _WITHOUT_LINKS else self._rws2_links(state.links, base),
             children=tuple(self._rws2_state(child, base) for child in state.children),
         )

@@ -10,26 +10,15 @@ from urllib.parse import urljoin, urlsplit
 
 import pytest
 
-from rws_examples import EXAMPLES, Example, Session
-from yumi.rws.documents import Link, State, decode_form, read_page, read_status
+from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
+from yumi.rws.documents import Link, State, read_page, read_status
 from yumi.virtual.rws.documents import _FIELD_NAMES, _TYPES
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Call, Operation
 
 
 @pytest.fixture(scope="module")
 def session() -> Session:
     return Session()
-
-
-def operation_of(session: Session, example: Example) -> Operation:
-    path, _, query = re.sub("{[a-z]+}", "1", example.target).partition("?")
-    segments = tuple(part.partition(";")[0] for part in path.split("/") if part)
-    return session.service._router.find(Call(example.method, segments, decode_form(query)))[0]
-
-
-def content_type(reply: HttpReply) -> str:
-    return reply.header("Content-Type") or ""
 
 
 def in_json(body: bytes) -> list[tuple[str, str, list[str]]]:

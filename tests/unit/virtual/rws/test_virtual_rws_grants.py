@@ -6,8 +6,7 @@ import json
 
 import pytest
 
-from rws_examples import EXAMPLES, Example, Session
-from unit.virtual.rws.test_virtual_rws_coverage import content_type, operation_of
+from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 from yumi.rws.documents import read_page, read_status
 from yumi.rws.types import GRANTS, Code, Grant
 

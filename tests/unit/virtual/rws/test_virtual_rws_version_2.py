@@ -11,13 +11,12 @@ from urllib.parse import urljoin
 
 import pytest
 
-from rws_examples import Example
+from rws_examples import Example, content_type, operation_of
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
-from yumi.rws.documents import decode_form, read_page, read_status
+from yumi.rws.documents import read_page, read_status
 from yumi.rws.types import GRANTS, Grant, OperatingMode
 from yumi.virtual.memory import MemoryChannel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.rws.version_2 import FORM, HAL, XHTML
 
@@ -36,16 +35,6 @@ def client(session: Session2) -> Session2:
     session.reset()
     session.prepare("program")
     return session
-
-
-def operation_of(session: Session2, example: Example) -> Operation:
-    path, _, query = re.sub("{[a-z]+}", "1", example.target).partition("?")
-    segments = tuple(part.partition(";")[0] for part in path.split("/") if part)
-    return session.service._router.find(Call(example.method, segments, decode_form(query)))[0]
-
-
-def content_type(reply: HttpReply) -> str:
-    return reply.header("Content-Type") or ""
 
 
 def in_hal(body: bytes) -> list[tuple[str, str, list[str]]]:

@@ -1,0 +1,82 @@
+"""Modules of 20,000 lines that come over Robot Web Services, beside both arms under EGM."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+from threading import Event, Thread
+
+import pytest
+
+from held_arm import HeldArm, answer_all
+from soak import tell
+from yumi.clock import SystemClock, wait_until
+from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.robot.joints import CYCLE, Side
+from yumi.rws.client import RwsClient
+from yumi.virtual.process import ControllerProcess
+
+pytestmark = pytest.mark.real_time
+_CFG = """SYS:CFG_1.0:6:0::
+CAB_TASKS:
+
+      -Name "COOK" -Type "SEMISTATIC" -TrustLevel "NoSafety"
+"""
+
+
+def _module(name: str, value: int) -> str:
+    """20,000 lines."""
+    lines = [f"MODULE {name}", "  LOCAL VAR num x;"]
+    for number in range(200):
+        lines += [f"  LOCAL PROC p{number}()", *(f"    x := x + {value} * {line};" for line in range(97)), "  ENDPROC"]
+    return "\n".join([*lines, "ENDMODULE", ""])
+
+
+def test_egm_goes_on_while_long_modules_are_loaded_and_their_texts_are_set(tmp_path: Path) -> None:
+    (tmp_path / "tasks.cfg").write_text(_CFG)
+    is_over = Event()
+    with ExitStack() as stack:
+        controller = ControllerProcess(tmp_path / "log", {"cfg": tmp_path / "tasks.cfg"})
+        arms = [HeldArm(controller.egm_ports[side]) for side in Side]
+        for arm in arms:
+            stack.enter_context(arm.socket)
+        stack.enter_context(controller)
+        thread = Thread(target=answer_all, args=(arms, is_over))
+        thread.start()
+        stack.callback(thread.join)
+        stack.callback(is_over.set)
+        client = stack.enter_context(RwsClient(controller.address, timeout=60.0))
+        client.set_motors(True)
+        client.move_pp_to_main()
+        client.start_rapid()
+        for state, signal in ((MachineState.IDLE, "EGM_START_JOINT"), (MachineState.RUN_EGM_ROUTINE, "")):
+            wait_until(
+                SystemClock(),
+                lambda state=state: all(  # type: ignore[misc]
+                    read_machine_state(client.symbol(side.task, MAIN, "current_state")) is state for side in Side
+                ),
+                10.0,
+                f"The state machine does not reach {state}.",
+            )
+            if signal:
+                client.pulse_signal(signal)
+        counts = [len(arm.numbers) for arm in arms]
+        begin = time.perf_counter()
+        client.upload("HOME:/long.mod", _module("Long", 1))
+        client.upload("HOME:/long.pgf", "<Program><Module>long.mod</Module></Program>")
+        client.load_program("COOK", "HOME:/long.pgf")
+        client.set_module_text("COOK", "Long", _module("Long", 2))
+        taken = time.perf_counter() - begin
+        assert "x + 2 * 96" in client.module_text("COOK", "Long")
+        numbers = [arm.numbers[count:] for arm, count in zip(arms, counts, strict=True)]
+        times = [arm.times[count:] for arm, count in zip(arms, counts, strict=True)]
+    gaps = [after - before for each in times for before, after in pairwise(each)]
+    mean, longest = 1e3 * statistics.mean(gaps), 1e3 * max(gaps)
+    tell(f"Two modules in {taken:.1f} s; EGM cycle mean {mean:.3f} ms, longest {longest:.1f} ms")
+    for each in numbers:
+        assert each == list(range(each[0], each[0] + len(each))), "a cycle is missing"
+        assert len(each) > 0.9 * taken / CYCLE
+    assert max(gaps) < 0.1 * taken  # under the lock of the world it would be most of it
