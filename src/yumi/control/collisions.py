@@ -48,6 +48,13 @@ _MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
+_PATIENCE = 0.15  # [s] an arm that is limited may go on for so long without getting nearer to where it is commanded
+_NEARER = 1e-3  # [rad] by less it is no nearer
+_NEARER_SHARE = 0.1  # nor by less than this share of what is left
+_SAME = 5e-4  # [rad] a position desired that changes by less is the same
+_OWN = 0.5  # a proportional controller's changes with the arm itself, by less than this share of its motion
+_SAME_SPEED = 1e-2  # [rad/s]
+_ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
 
 
 class Limited(NamedTuple):
@@ -221,6 +228,43 @@ class Boundary:
 
 
 @dataclass(slots=True)
+class _Progress:
+    """Whether an arm that is limited still comes nearer to where it is commanded.
+
+    Attributes:
+        desired: what it is commanded.
+        measured: where it was measured then [rad], (7,).
+        nearest: how near to the position desired it was sent since [rad].
+        waited: for how long it has come no nearer than that while it could have [s].
+        limited: what has limited it meanwhile.
+        elsewhere: how far the other arm has to move before this one, if held, tries again [rad].
+        held_by: what is known of the other arm and of permitted pairs since it is held; None while it is not.
+    """
+
+    desired: ArmCommand
+    measured: Joints
+    nearest: float
+    waited: float = 0.0
+    limited: Limited | None = None
+    elsewhere: float = _ELSEWHERE
+    held_by: _Surroundings | None = None
+
+
+class _Surroundings(NamedTuple):
+    """What an arm is limited by, besides what stands still.
+
+    Attributes:
+        position: that the other arm is sent to [rad], (7,); None of one that is unknown.
+        heard: what is known of it: whether it is heard, was read, and may not have come to where it was sent.
+        margins: of all pairs of parts.
+    """
+
+    position: Joints | None
+    heard: tuple[bool, bool, bool]
+    margins: Array
+
+
+@dataclass(slots=True)
 class _Arm:
     """What is known of one arm.
 
@@ -230,6 +274,8 @@ class _Arm:
         is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
         boundaries: near it.
+        compared: its motion, the other arm's and the margins that were found to be clear last.
+        progress: how it gets on with what it is commanded; None while it is commanded nothing.
     """
 
     motion: ArmMotion | None = None
@@ -237,6 +283,8 @@ class _Arm:
     is_read: bool = False
     limited: Limited | None = None
     boundaries: list[Boundary] = field(default_factory=list)
+    compared: tuple[ArmMotion, ArmMotion | None, Array] | None = None
+    progress: _Progress | None = None
 
 
 class CollisionLimiter:
@@ -307,7 +355,67 @@ class CollisionLimiter:
 
     def begin_cycle(self, side: Side) -> None:
         """Nothing limits an arm so far."""
-        self._arms[side].limited = None
+        arm = self._arms[side]
+        if arm.progress is not None:
+            arm.progress.limited = arm.limited or arm.progress.limited
+        arm.limited = None
+
+    def holds(self, side: Side, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
+        """Whether an arm is to hold whatever is desired; to be asked once in a cycle, at its begin.
+
+        Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
+        that is limited has to come nearer to where it is commanded, in joint space, or it is held: until it is
+        commanded something else, or what limits it has changed. The other arm has to move twice as far each time that
+        was of no use; so both come to rest.
+
+        Args:
+            side: which arm.
+            desired: what it is commanded; None for nothing.
+            measured: where it was measured [rad], (7,).
+            dt: time since the cycle before [s].
+        """
+        arm = self._arms[side]
+        if desired is None or arm.motion is None:
+            arm.progress = None
+            return False
+        progress, far = arm.progress, dist(desired.position, arm.motion.sent.position)
+        if progress is None or not _is_same(desired, measured, progress):
+            arm.progress = _Progress(desired, measured, far)
+            return False
+        if progress.held_by is not None:
+            if not self._has_changed(side, progress):
+                arm.limited = progress.limited
+                return True
+            progress.held_by, progress.waited, arm.boundaries = None, 0.0, []
+        if far < progress.nearest - min(_NEARER, _NEARER_SHARE * progress.nearest):
+            arm.progress = _Progress(desired, measured, far)
+        elif progress.limited is not None and arm.motion.length < _SLOW:  # a faster one has to slow down first
+            progress.waited += dt
+            if progress.waited > _PATIENCE:
+                progress.desired, progress.measured = desired, measured
+                progress.held_by, arm.limited = self._surroundings(side), progress.limited
+                return True
+        return False
+
+    def _surroundings(self, side: Side) -> _Surroundings:
+        its = self._arms[side.other]
+        position = its.motion.sent.position if its.motion is not None else None
+        coasts = its.motion is not None and its.motion.coasts_to is not None
+        return _Surroundings(position, (its.is_heard, its.is_read, coasts), self._margins)
+
+    def _has_changed(self, side: Side, progress: _Progress) -> bool:
+        """Whether what holds an arm has changed by so much that it tries again."""
+        before, now = progress.held_by, self._surroundings(side)
+        assert before is not None
+        if before.heard != now.heard or before.margins is not now.margins:
+            progress.elsewhere = _ELSEWHERE
+            return True
+        if before.position is now.position or before.position is None or now.position is None:
+            return before.position is not now.position
+        if dist(before.position, now.position) <= progress.elsewhere:
+            return False
+        progress.elsewhere *= 2.0
+        return True
 
     def limited(self, side: Side) -> Limited | None:
         """What limits an arm in this cycle."""
@@ -360,13 +468,18 @@ class CollisionLimiter:
         """
         arm = self._arms[side]
         is_back, arm.is_heard = not arm.is_heard, True
-        # What it stands at may have left it, or have come nearer.
-        if not is_back and not arm.boundaries and _stays(arm.motion, planned, sent, robot):
-            return True
-        motion, last = ArmMotion(planned, sent, robot, self._limits), arm.motion
+        last, its = arm.motion, self._arms[side.other].motion
+        if last is not None and not is_back and _stays(last, planned, sent, robot):
+            # What it stands at may have left it, or have come nearer; else nothing has changed.
+            if not arm.boundaries or arm.compared == (last, its, self._margins):
+                return True
+            motion = last
+        else:
+            motion = ArmMotion(planned, sent, robot, self._limits)
         # Its first command is where it stands.
         if last is None or self._is_clear(side, motion, last):
             arm.motion = motion
+            arm.compared = (motion, its, self._margins)
             return True
         return False
 
@@ -587,6 +700,9 @@ class ArmCollisionLimiter(NamedTuple):
     def begin_cycle(self) -> None:
         self.both.begin_cycle(self.side)
 
+    def holds(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
+        return self.both.holds(self.side, desired, measured, dt)
+
     def connection_lost(self) -> None:
         self.both.connection_lost(self.side)
 
@@ -608,3 +724,13 @@ def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Set
     if motion is None or motion.sent != sent or motion.robot != robot:
         return False
     return motion.planned is planned or dist(motion.planned, planned) < _NOISE
+
+
+def _is_same(desired: ArmCommand, measured: Joints, before: _Progress) -> bool:
+    """Whether an arm is commanded the same as before, but for noise and for what its own motion makes of it."""
+    last = before.desired
+    if desired.position == last.position and desired.velocity == last.velocity:
+        return True
+    moved = dist(measured, before.measured)
+    is_same_speed = dist(desired.velocity, last.velocity) <= _SAME_SPEED
+    return is_same_speed and dist(desired.position, last.position) <= _SAME + _OWN * moved

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import gc
-from math import radians
+from collections.abc import Callable
+from math import dist, radians
 
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Piece
@@ -45,6 +46,11 @@ GOALS = {
 MEETING = {
     Side.RIGHT: joints([radians(angle) for angle in (107, -111, -76, 39, -166, 113, -128)]),
     Side.LEFT: joints([radians(angle) for angle in (-106, -105, 78, 38, 161, 111, 124)]),
+}
+
+
+BEFORE_MEETING = {
+    side: joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)]) for side in Side
 }
 
 
@@ -321,6 +327,60 @@ def test_arms_that_were_led_into_each_other_come_back() -> None:
         arms.cycle({side: behind(goal) for side, goal in GOALS.items()})
     for side, goal in GOALS.items():
         assert arms.arms[side].position == pytest.approx(goal, abs=radians(0.1))
+
+
+def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
+    """Both arms sent to where they meet, from shortly before, until no command has changed for 0.2 s."""
+    arms, generator = ApartArms(BEFORE_MEETING, obstacles=()), np.random.default_rng(1)
+
+    def noisy(goal: Joints) -> Drive:
+        return lambda *its: ArmCommand(
+            joints(list(np.add(drive(goal)(*its).position, noise * generator.normal(size=7))))
+        )
+
+    drives = {side: noisy(goal) if noise else drive(goal) for side, goal in MEETING.items()}
+    stood, before = 0, arms.commanded()
+    for _ in range(1000):
+        arms.cycle(drives)
+        now = arms.commanded()
+        stood, before = stood + 1 if now == before else 0, now
+        if stood == 50:
+            break
+    else:
+        raise AssertionError(f"The arms go on for ever, at {now}.")
+    counts = {side: arms.limiters[side].counters.kept_apart for side in Side}
+    for cycle in range(500):
+        arms.cycle(drives)
+        assert arms.commanded() == before
+        for side in Side:
+            assert arms.both.limited(side) is not None
+            assert arms.limiters[side].counters.kept_apart == counts[side] + cycle + 1
+    return arms
+
+
+@pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
+def test_arms_that_push_at_each_other_rest_until_one_retreats(drive: Callable[[Joints], Drive]) -> None:
+    """The arm that is held then goes on by itself; and so does the other one when its goal changes."""
+    arms = pushed(drive)
+    stood = arms.commanded()
+    for _ in range(600):
+        arms.cycle({Side.RIGHT: drive(MEETING[Side.RIGHT]), Side.LEFT: drive(GOALS[Side.LEFT])})
+    assert arms.sent[Side.LEFT].position == pytest.approx(GOALS[Side.LEFT], abs=2e-3)
+    assert arms.sent[Side.RIGHT].position == pytest.approx(MEETING[Side.RIGHT], abs=2e-3)
+    assert dist(stood[Side.RIGHT], MEETING[Side.RIGHT]) > 0.1
+
+
+@pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
+def test_noise_of_what_is_desired_does_not_move_arms_that_push_at_each_other(drive: Callable[[Joints], Drive]) -> None:
+    pushed(drive, noise=5e-5)
+
+
+def test_arm_that_is_held_goes_on_as_soon_as_the_parts_may_touch() -> None:
+    arms = pushed(to)
+    arms.both.permit(("right arm", "left arm"))
+    for _ in range(300):
+        arms.cycle({side: to(goal) for side, goal in MEETING.items()})
+    assert arms.commanded() == MEETING
 
 
 def test_every_cycle_in_which_an_arm_is_kept_apart_says_by_what() -> None:
