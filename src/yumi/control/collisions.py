@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import product
 from math import dist, fsum, inf
 from typing import NamedTuple
 
@@ -24,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.control.motion import BrakingPath, Setpoint, braking_paths, braking_positions
-from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts
+from yumi.control.shared_state import Limited
+from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts, Query
 from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
@@ -34,10 +36,13 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _TOLERANCE = 5e-4  # [m] a way is off the postures that are compared by more, or it counts as being there
-_POSTURES = 64  # that are compared for a command at most; a way that needs more is left to slower commands
-_COARSE = 0.2  # [m] pieces in which parts move further are cut at once: too many others are that near
-_SAMPLES = 64  # of each curve of a way; a power of two
-_SHORT = 5e-3  # [m] pieces in which parts move less are taken for straight
+_COMPARISONS = 48  # of pairs of segments for an arm in a cycle at most; what needs more is left to slower commands
+_COARSE = 0.15  # [m] segments in which parts move further are cut at once: too many others are that near
+_FINE = 0.05  # [m] or less, down to this, where that was of no use
+_AT_ONCE = 16  # unless there are as many of them
+_SIMILAR = 0.5  # of two segments, that in which parts move by this share of the other's is cut with it
+_SAMPLES = 64  # of each curve of a braking path; a power of two
+_SHORT = 5e-3  # [m] segments in which parts move less are taken for straight
 _BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
 _CORNERS = 3  # boundaries that count at once
@@ -57,78 +62,110 @@ _SAME_SPEED = 1e-2  # [rad/s]
 _ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
 
 
-class Limited(NamedTuple):
-    """What limits an arm.
-
-    Attributes:
-        part: of the arm, e.g. ``right gripper``.
-        other: of the other arm, ``body``, or a box by its name.
-        distance: between them now [m].
-    """
-
-    part: str
-    other: str
-    distance: float
-
-    def __str__(self) -> str:
-        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
-
-
-class _Piece:
-    """Of a way: a straight line in joint space, and how far each joint may be off it.
+class _Segment:
+    """Of a braking path: a straight line in joint space, and how far each joint may be off it.
 
     Args:
-        curve: postures that it leads along [rad], (n, 7).
-        cut: makes its parts; none of the smallest pieces.
+        rows: the four attributes [rad], (4, 7).
+        cut: makes its parts; none of the smallest segments.
 
     Attributes:
-        middle: of the line [rad], (7,).
-        along: from there to its end [rad], (7,).
-        off: it by so much, at most [rad], (7,).
-        half: how far each joint is from the middle, at most [rad], (7,).
+        rows: as above.
+        middle: of the line.
+        along: from there to its end.
+        off: it by so much, at most.
+        half: how far each joint is from the middle, at most.
     """
 
-    __slots__ = ("_cut", "_parts", "along", "half", "middle", "off")
+    __slots__ = ("_cut", "_parts", "rows")
 
-    def __init__(self, curve: Array, cut: Callable[[], tuple[_Piece, ...]]) -> None:
-        self.middle, self.along = 0.5 * (curve[0] + curve[-1]), 0.5 * (curve[-1] - curve[0])
-        self.off = np.zeros(JOINT_COUNT)
-        if len(curve) > _ENDS:
-            apart = curve - self.middle
-            shares = np.clip(apart @ self.along / max(float(self.along @ self.along), _TINY), -1.0, 1.0)
-            self.off = np.abs(apart - shares[:, None] * self.along).max(0)
-        self.half = np.abs(self.along) + self.off
+    def __init__(self, rows: Array, cut: Callable[[], tuple[_Segment, ...]]) -> None:
+        self.rows = rows
         self._cut = cut
-        self._parts: tuple[_Piece, ...] | None = None
+        self._parts: tuple[_Segment, ...] | None = None
 
     @property
-    def parts(self) -> tuple[_Piece, ...]:
+    def middle(self) -> Array:
+        return np.asarray(self.rows[_MIDDLE])
+
+    @property
+    def along(self) -> Array:
+        return np.asarray(self.rows[_ALONG])
+
+    @property
+    def off(self) -> Array:
+        return np.asarray(self.rows[_OFF])
+
+    @property
+    def half(self) -> Array:
+        return np.asarray(self.rows[_HALF])
+
+    @property
+    def parts(self) -> tuple[_Segment, ...]:
         """What it consists of."""
         if self._parts is None:
             self._parts = self._cut()
         return self._parts
 
 
-def _piece_of(curve: Array) -> _Piece:
-    def cut() -> tuple[_Piece, ...]:
-        middle = len(curve) // 2
-        return (_piece_of(curve[: middle + 1]), _piece_of(curve[middle:])) if len(curve) > _ENDS else ()
-
-    return _Piece(curve, cut)
+_MIDDLE, _ALONG, _OFF, _HALF = range(4)
 
 
-def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Piece, ...]]) -> _Piece:
+class _Curve:
+    """Segments of a braking path, level by level.
+
+    Args:
+        postures: along it [rad], (_SAMPLES + 1, 7); or the ends of a straight line, (2, 7).
+    """
+
+    def __init__(self, postures: Array) -> None:
+        self._postures = postures
+        self._levels: dict[int, Array] = {}
+
+    def segment(self, level: int = 0, index: int = 0) -> _Segment:
+        """One of the 2 ** level segments of the same number of postures."""
+
+        def cut() -> tuple[_Segment, ...]:
+            finer = level + 1
+            return () if 1 << level == _SAMPLES else tuple(self.segment(finer, 2 * index + each) for each in (0, 1))
+
+        return _Segment(self._rows(level)[index], cut)
+
+    def _rows(self, level: int) -> Array:
+        """Of all segments of a level, (2 ** level, 4, 7)."""
+        if level not in self._levels:
+            is_straight, step = len(self._postures) == _ENDS, _SAMPLES >> level
+            if is_straight:
+                first, last = self._postures
+                ends = first + np.linspace(0.0, 1.0, (1 << level) + 1)[:, None] * (last - first)
+            else:
+                ends = self._postures[::step]
+            rows = np.zeros((len(ends) - 1, 4, JOINT_COUNT))
+            rows[:, _MIDDLE], rows[:, _ALONG] = 0.5 * (ends[:-1] + ends[1:]), 0.5 * (ends[1:] - ends[:-1])
+            along = rows[:, _ALONG]
+            if step > 1 and not is_straight:
+                inner = self._postures[:-1].reshape(-1, step, JOINT_COUNT)[:, 1:] - rows[:, None, _MIDDLE]
+                lengths = np.maximum((along * along).sum(1), _TINY)[:, None, None]
+                shares = np.minimum(np.maximum(inner @ along[:, :, None] / lengths, -1.0), 1.0)
+                rows[:, _OFF] = np.abs(inner - shares * along[:, None]).max(1)
+            rows[:, _HALF] = np.abs(along) + rows[:, _OFF]
+            self._levels[level] = rows
+        return self._levels[level]
+
+
+def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Segment, ...]]) -> _Segment:
     """All that lies between some postures [rad], (n, 7), whichever joint moves first."""
     all_of_them = np.array(postures)
     low, high = all_of_them.min(0), all_of_them.max(0)
-    piece = _Piece(0.5 * (low + high)[None], cut)
-    piece.off = piece.half = 0.5 * (high - low)
-    return piece
+    rows = np.zeros((4, JOINT_COUNT))
+    rows[_MIDDLE], rows[_OFF] = 0.5 * (low + high), 0.5 * (high - low)
+    rows[_HALF] = rows[_OFF]
+    return _Segment(rows, cut)
 
 
 _ENDS = 2
 _TINY = 1e-12  # [rad²]
-_STILL = _Piece(np.zeros((1, JOINT_COUNT)), tuple)
+_STILL = _Segment(np.zeros((4, JOINT_COUNT)), tuple)
 """Instead of the other arm's, where what stands still is compared."""
 
 
@@ -164,19 +201,21 @@ class ArmMotion:
         """How far all joints together get from where they are until they rest [rad]."""
         return sum(path.highest - path.lowest for path in self._paths)
 
-    # The pieces hold no motion: the control process collects no garbage, and what refers to itself would stay for ever.
+    # No segment holds a motion: the control process collects no garbage, and what refers to itself would stay for ever.
 
     @cached_property
-    def ahead(self) -> _Piece:
+    def ahead(self) -> _Segment:
         """Where a new command may lead the arm that it did not come by earlier ones: its way to rest."""
         limits, starts = self._limits, [self.sent] if self.robot is None else [self.sent, self.robot]
         postures = _extremes(self.sent, self._paths)
         if self.robot is not None:
             postures += _extremes(self.robot, braking_paths(self.robot, limits))
-        return _hull(postures, lambda: tuple(_piece_of(braking_positions(start, limits, _SAMPLES)) for start in starts))
+        return _hull(
+            postures, lambda: tuple(_Curve(braking_positions(start, limits, _SAMPLES)).segment() for start in starts)
+        )
 
     @cached_property
-    def way(self) -> _Piece:
+    def reachable(self) -> _Segment:
         """Where it may come from now on: from where the robot plans to be to where it rests.
 
         A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
@@ -186,18 +225,16 @@ class ArmMotion:
         ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
         lines = [end for end in ends if end is not None]
         postures = (ahead.middle - ahead.half, ahead.middle + ahead.half, np.array(planned), *map(np.array, lines))
-        return _hull(postures, lambda: (*(_piece_of(_line(planned, end)) for end in lines), *(ahead.parts or (ahead,))))
+        return _hull(
+            postures,
+            lambda: (*(_Curve(np.array((planned, end))).segment() for end in lines), *(ahead.parts or (ahead,))),
+        )
 
 
 def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, ...]:
     """How far the joints get backwards and forwards while they brake [rad], (7,) each."""
     rows = list(zip(start.position, paths, strict=True))
     return joints([at + path.lowest for at, path in rows]), joints([at + path.highest for at, path in rows])
-
-
-def _line(begin: Joints, end: Joints) -> Array:
-    first, last = np.array(begin), np.array(end)
-    return np.asarray(first + np.linspace(0.0, 1.0, _SAMPLES + 1)[:, None] * (last - first))
 
 
 class Boundary:
@@ -276,6 +313,8 @@ class _Arm:
         boundaries: near it.
         compared: its motion, the other arm's and the margins that were found to be clear last.
         progress: how it gets on with what it is commanded; None while it is commanded nothing.
+        comparisons_left: in this cycle.
+        coarse: segments in which parts move further are cut at once [m]; as it proved useful.
     """
 
     motion: ArmMotion | None = None
@@ -283,8 +322,10 @@ class _Arm:
     is_read: bool = False
     limited: Limited | None = None
     boundaries: list[Boundary] = field(default_factory=list)
-    compared: tuple[ArmMotion, ArmMotion | None, Array] | None = None
+    compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
     progress: _Progress | None = None
+    comparisons_left: int = _COMPARISONS
+    coarse: float = _COARSE
 
 
 class CollisionLimiter:
@@ -311,9 +352,7 @@ class CollisionLimiter:
         is_near = is_shoulder | (np.array(model.names) == "body")
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
         # Of parts within their margins, how near they may be [m].
-        self._floors: dict[tuple[Side, bool], dict[tuple[int, int], float]] = {
-            (side, is_alone): {} for side in Side for is_alone in (False, True)
-        }
+        self._floors: dict[Side, dict[tuple[int, int], float]] = {side: {} for side in Side}
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -358,7 +397,7 @@ class CollisionLimiter:
         arm = self._arms[side]
         if arm.progress is not None:
             arm.progress.limited = arm.limited or arm.progress.limited
-        arm.limited = None
+        arm.limited, arm.comparisons_left = None, _COMPARISONS
 
     def holds(self, side: Side, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether an arm is to hold whatever is desired; to be asked once in a cycle, at its begin.
@@ -471,7 +510,8 @@ class CollisionLimiter:
         last, its = arm.motion, self._arms[side.other].motion
         if last is not None and not is_back and _stays(last, planned, sent, robot):
             # What it stands at may have left it, or have come nearer; else nothing has changed.
-            if not arm.boundaries or arm.compared == (last, its, self._margins):
+            known = zip(arm.compared, (last, its, self._margins), strict=True)
+            if not arm.boundaries or all(before is now for before, now in known):
                 return True
             motion = last
         else:
@@ -484,7 +524,10 @@ class CollisionLimiter:
         return False
 
     def _is_clear(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
-        """Whether an arm keeps apart from everything on all of its way to rest, whichever arm is quicker.
+        """Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker.
+
+        All pairs of segments of both arms' paths that may be too near are compared at once; those that are not decided
+        by that are cut, and so on.
 
         Args:
             side: which arm.
@@ -492,111 +535,122 @@ class CollisionLimiter:
             last: that of the command before.
         """
         arm, its = self._arms[side], self._arms[side.other].motion
-        arm.boundaries = []
-        if not self._is_apart(side, motion, last, None):
+        if arm.comparisons_left <= 0:
             return False
-        return its is None or self._is_apart(side, motion, last, its)
-
-    def _is_apart(self, side: Side, motion: ArmMotion, last: ArmMotion, its: ArmMotion | None) -> bool:
-        """Whether it keeps apart from the other arm; ``its`` None: from what stands still."""
-        reach, floors, limited = self.model.reach, None, None
-        parts = self.model.arms[side], self.model.arms[side.other]
-        pieces: list[tuple[_Piece, _Piece]] = [(motion.ahead, _STILL if its is None else its.way)]
-        compared = 0
-        while pieces:
-            mine, theirs = pieces.pop()
-            halves = (mine.half, theirs.half) if side is Side.RIGHT else (theirs.half, mine.half)
-            moved = reach @ np.concatenate(halves)
-            own, others = (float(moved[each].max()) for each in parts)
-            larger, smaller = (mine, theirs) if own >= others else (theirs, mine)
-            if own + others <= _COARSE or not larger.parts:
-                if compared == _POSTURES:
-                    break
-                compared += 1
-                lack = self._lack(side, mine, theirs, moved, floors or {}, motion, its)
-                if lack is not None and floors is None:
-                    floors = self._floors_of(side, last, its)
-                    if floors:
-                        lack = self._lack(side, mine, theirs, moved, floors, motion, its)
-                if lack is None:
-                    continue
-                limited = lack.limited
-                larger, smaller = (mine, theirs) if lack.is_mine_longer else (theirs, mine)
-                if lack.is_certain or not (larger.parts or smaller.parts):
-                    break
-            cut = larger if larger.parts else smaller
-            pieces += [(part, theirs) if cut is mine else (mine, part) for part in cut.parts]
-        else:
-            return True
-        self._arms[side].limited = limited
+        arm.boundaries = []
+        floors: dict[tuple[int, int], float] | None = None
+        violation: _Violation | None = None
+        pairs = [(motion.ahead, _STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
+        is_first = True
+        while pairs:
+            compared = self._cut_long(side, pairs)
+            arm.comparisons_left -= len(compared.pairs) if compared else _COMPARISONS
+            if compared is None or arm.comparisons_left < 0:
+                break
+            near = self._near(side, compared, steers=motion.length < _SLOW)
+            violation = self._violation(side, near, compared, floors or {})
+            if violation is not None and floors is None:
+                floors = self._floors_of(side, last, its)
+                violation = self._violation(side, near, compared, floors) if floors else violation
+            # Segments that have to be cut are so at once next time, as long as that is of use.
+            arm.coarse = max(_FINE, min(_COARSE, arm.coarse * (1.5 if is_first and violation is None else 0.8)))
+            if violation is None:
+                return True
+            pairs, is_first = [] if violation.is_certain else compared.cut_all(violation.undecided), False
+        if violation is not None:
+            arm.limited = self._limited_by(side, violation.part, violation.other, violation.distance)
         return False
 
-    def _lack(
-        self,
-        side: Side,
-        mine: _Piece,
-        theirs: _Piece,
-        moved: Array,
-        floors: Mapping[tuple[int, int], float],
-        motion: ArmMotion,
-        its: ArmMotion | None,
-    ) -> _Lack | None:
-        """Which parts may be too near on these pieces of both arms' ways; None where none are.
+    def _near(self, side: Side, compared: _Compared, *, steers: bool) -> Contacts:
+        """What is near on pairs of segments, and, if the arm ``steers`` beside boundaries, those."""
+        least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self.margin, 0.0)
+        postures = compared.rows[:, :, _MIDDLE].reshape(len(compared.pairs), -1)
+        rows = zip(postures, compared.own, compared.others, compared.pairs, strict=True)
+        near = self.model.contacts(
+            *(
+                Query(posture, max(own + others - _TOLERANCE, least) + margin, side if theirs is _STILL else None)
+                for posture, own, others, (_, theirs) in rows
+            )
+        )
+        if steers:
+            self._add_boundaries(side, near, compared)
+        return near
+
+    def _cut_long(self, side: Side, pairs: list[_Pair]) -> _Compared | None:
+        """Pairs of segments on which parts do not move too far to look at them, as far as they can be cut.
+
+        None where these are too many.
+        """
+        coarse = self._arms[side].coarse
+        own_parts, other_parts = self.model.arms[side], self.model.arms[side.other]
+        while len(pairs) <= _COMPARISONS:
+            both = pairs if side is Side.RIGHT else [pair[::-1] for pair in pairs]
+            rows = np.concatenate([each.rows for pair in both for each in pair]).reshape(len(pairs), 2, 4, JOINT_COUNT)
+            moved = rows[:, :, _HALF].reshape(len(pairs), -1) @ self.model.reach.T
+            own, others = moved[:, own_parts].max(1), moved[:, other_parts].max(1)
+            compared = _Compared(pairs, rows, moved, own.tolist(), others.tolist())
+            far = own + others
+            is_long = far > (coarse if len(pairs) < _AT_ONCE else _COARSE)
+            if not is_long.any():
+                return compared
+            pairs = []
+            for index, long in enumerate(is_long.tolist()):
+                pairs += (long and compared.cut(index)) or [compared.pairs[index]]
+            if len(pairs) == len(is_long):
+                return compared
+        return None
+
+    def _violation(
+        self, side: Side, near: Contacts, compared: _Compared, floors: Mapping[tuple[int, int], float]
+    ) -> _Violation | None:
+        """Which parts may be too near on these segments of both arms' paths; None where none are.
 
         Args:
             side: which arm.
-            mine: of its way.
-            theirs: of the other arm's.
-            moved: how far each part may be from where it is in the middle of both [m].
+            near: parts that are near each other in the middles of the segments.
+            compared: the segments.
             floors: of parts within their margins.
-            motion: the arm's, should the command be sent.
-            its: the other arm's; None where what stands still is compared.
         """
-        model, steers = self.model, motion.length < _SLOW
-        right, left = (mine, theirs) if side is Side.RIGHT else (theirs, mine)
-        furthest = float(moved[model.arms[side]].max() + moved[model.arms[side.other]].max())
-        seen = max(furthest - _TOLERANCE, _BOUNDARY_WITHIN if steers else 0.0)
-        postures = np.concatenate((right.middle, left.middle))
-        near = model.contacts(postures, max(self.margin, 0.0) + seen, side if its is None else None)
-        margins = self._margins
-        beyond = near.distances - margins[near.firsts, near.seconds]
-        off = moved[near.firsts] + moved[near.seconds]
-        if steers:
-            self._add_boundaries(side, mine, near, np.where(off < _SHORT, beyond, inf))
+        if not len(near.parts):
+            return None
+        model, rows, moved = self.model, compared.rows, compared.moved
+        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
+        beyond = near.distances - self._margins[firsts, seconds]
+        off = moved[near.queries, firsts] + moved[near.queries, seconds]
         lacking = np.flatnonzero(beyond < np.maximum(off - _TOLERANCE, 0.0))
         if not len(lacking):
             return None
-        # Not all that moves comes nearer: how far along the line of nearest distance.
-        bends = model.reach @ np.concatenate(
-            [piece.half * (np.cumsum(piece.half) - 0.5 * piece.half) for piece in (right, left)]
-        )
-        nearer = bends[near.firsts[lacking]] + bends[near.seconds[lacking]]
-        for which, piece in ((Side.RIGHT, right), (Side.LEFT, left)):
-            is_of = self._is_of[which]
-            concerned = np.flatnonzero(is_of[near.firsts[lacking]] | is_of[near.seconds[lacking]])
-            if len(concerned) and piece.half.any():
-                behind, slopes = model.slopes(lacking[concerned], which)
-                forward = np.abs(slopes @ piece.along) + np.abs(slopes) @ piece.off - behind
-                nearer[concerned] += np.maximum(forward.max(1), 0.0)
-        nearer = np.minimum(nearer, off[lacking])
+        parts, segments = near.parts[lacking], near.queries[lacking]
         beyond, off = beyond[lacking], off[lacking]
+        # Not all that moves comes nearer: how far along the line of nearest distance.
+        half = rows[:, :, _HALF]
+        bends = (half * (half.cumsum(2) - 0.5 * half)).reshape(len(rows), -1) @ model.reach.T
+        contacts, which = np.concatenate((lacking, lacking)), np.repeat(np.arange(2), len(lacking))
+        concerned = np.flatnonzero(near.parts[contacts, which] < model.arms[Side.LEFT].stop)
+        contacts, which = contacts[concerned], which[concerned]
+        numbers, its = near.queries[contacts], near.parts[contacts, which]
+        lines = rows[numbers, (its >= model.arms[Side.LEFT].start).astype(np.intp)]
+        behind, slopes = model.slopes(near, contacts, which)
+        forward = np.abs((slopes @ lines[:, _ALONG, :, None])[:, :, 0]) - behind
+        forward += (np.abs(slopes) @ lines[:, _OFF, :, None])[:, :, 0]
+        towards = np.zeros(2 * len(lacking))
+        towards[concerned] = np.maximum(forward.max(1), 0.0) + bends[numbers, its]
+        nearer = np.minimum(towards[: len(lacking)] + towards[len(lacking) :], off)
         free = beyond - np.maximum(nearer - _TOLERANCE, 0.0)
-        for index, at in enumerate(lacking.tolist()) if floors else ():
+        for pair, floor in floors.items():
             # A part within its margin already comes no nearer, and may leave it.
-            floor = floors.get(self._pair(side, near, at))
-            if floor is not None:
-                beyond[index] = float(near.distances[at]) - floor + _ALLOWED_APPROACH
-                free[index] = beyond[index] - nearer[index]
+            its = np.flatnonzero(((parts == pair) | (parts == pair[::-1])).all(1))
+            beyond[its] = near.distances[lacking[its]] - floor + _ALLOWED_APPROACH
+            free[its] = beyond[its] - nearer[its]
         worst = int(free.argmin())
         if free[worst] >= 0.0:
             return None
-        at = int(lacking[worst])
-        part, its_part = self._pair(side, near, at)
-        return _Lack(
-            self._limited_by(side, part, its_part, float(near.distances[at])),
-            is_certain=bool(beyond[worst] + off[worst] < 0.0),
-            is_mine_longer=bool(moved[part] >= moved[its_part]),
-        )
+        # Each path comes as near to the middle of a segment as it is off the line.
+        strays = rows[:, :, _OFF].reshape(len(rows), -1) @ model.reach.T
+        is_certain = bool((beyond + strays[segments[:, None], parts].sum(1) < 0.0).any())
+        part, other = self._own_first(side, parts[worst].tolist())
+        distance = float(near.distances[lacking[worst]])
+        return _Violation(part, other, distance, is_certain, sorted(set(segments[free < 0.0].tolist())))
 
     def _limited_by(self, side: Side, part: int, other: int, distance: float) -> Limited:
         names, its = self.model.names, self._arms[side.other]
@@ -607,40 +661,49 @@ class CollisionLimiter:
         """Of parts that are within their margins now, how near they may be to each other [m]."""
         postures = (last, its or last) if side is Side.RIGHT else (its or last, last)
         positions, margins = np.concatenate([each.sent.position for each in postures]), self._margins
-        near = self.model.contacts(positions, max(self.margin, 0.0), side if its is None else None)
+        kinds = (side,) if its is None else (side, None)
+        near = self.model.contacts(*(Query(positions, max(self.margin, 0.0), alone) for alone in kinds))
         within: dict[tuple[int, int], float] = {}
-        for index in np.flatnonzero(near.distances < margins[near.firsts, near.seconds]).tolist():
-            pair = self._pair(side, near, index)
+        for index in np.flatnonzero(near.distances < margins[near.parts[:, 0], near.parts[:, 1]]).tolist():
+            pair = self._own_first(side, near.parts[index].tolist())
             within[pair] = min(float(near.distances[index]), within.get(pair, inf))
         # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        known = self._floors[side, its is None]
+        known = self._floors[side]
         floors = {}
         for pair, now in within.items():
             floor = known.get(pair, now)
-            least = min(floor, float(margins[pair]) - _SPARE)
-            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, max(now, least)))
-        self._floors[side, its is None] = floors
+            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, float(margins[pair]) - _SPARE))
+        self._floors[side] = floors
         return floors
 
-    def _pair(self, side: Side, near: Contacts, index: int) -> tuple[int, int]:
+    def _own_first(self, side: Side, parts: Sequence[int]) -> tuple[int, int]:
         """The parts of a contact, that of the arm first."""
-        first, second = int(near.firsts[index]), int(near.seconds[index])
+        first, second = parts
         return (first, second) if self._is_of[side][first] else (second, first)
 
-    def _add_boundaries(self, side: Side, mine: _Piece, near: Contacts, beyond: Array) -> None:
+    def _add_boundaries(self, side: Side, near: Contacts, compared: _Compared) -> None:
         """Note what the arm must not cross; of two parts where they are nearest."""
-        arm = self._arms[side]
-        found = {each.limited[:2]: each for each in arm.boundaries}
-        nearest = np.flatnonzero(beyond < _BOUNDARY_WITHIN)
+        if not len(near.parts):
+            return
+        arm, rows, moved = self._arms[side], compared.rows, compared.moved
+        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
+        beyond = near.distances - self._margins[firsts, seconds]
+        is_short = moved[near.queries, firsts] + moved[near.queries, seconds] < _SHORT
+        nearest = np.flatnonzero((beyond < _BOUNDARY_WITHIN) & is_short)
+        if not len(nearest):
+            return
         nearest = nearest[np.argsort(beyond[nearest])[:_CORNERS]]
-        for index in nearest.tolist():
-            part, other = self._pair(side, near, index)
-            limited, lacks = self._limited_by(side, part, other, float(near.distances[index])), float(beyond[index])
-            if limited[:2] in found and found[limited[:2]].beyond <= lacks:
-                continue
-            behind, slopes = self.model.slopes(np.array([index]), side)
-            normal = -slopes[0, int(behind[0].argmin())]
-            found[limited[:2]] = Boundary(normal, float(normal @ mine.middle) - lacks, limited, lacks)
+        pairs = [self._own_first(side, parts) for parts in near.parts[nearest].tolist()]
+        which = np.array([int(part != first) for (part, _), first in zip(pairs, firsts[nearest].tolist(), strict=True)])
+        behind, slopes = self.model.slopes(near, nearest, which)
+        middles = rows[near.queries[nearest], 0 if side is Side.RIGHT else 1, _MIDDLE]
+        found = {(each.limited.part, each.limited.other): each for each in arm.boundaries}
+        for row, (index, (part, other)) in enumerate(zip(nearest.tolist(), pairs, strict=True)):
+            limited = self._limited_by(side, part, other, float(near.distances[index]))
+            lacks, names = float(beyond[index]), (limited.part, limited.other)
+            if names not in found or found[names].beyond > lacks:
+                normal = -slopes[row, int(behind[row].argmin())]
+                found[names] = Boundary(normal, float(normal @ middles[row]) - lacks, limited, lacks)
         arm.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
 
     def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
@@ -673,18 +736,58 @@ _LAST_HEARD = " where EGM reported it last"
 """Added to the name of a part of an arm whose datagrams do not arrive."""
 
 
-class _Lack(NamedTuple):
-    """Two parts that may come too near.
+class _Violation(NamedTuple):
+    """Parts that may come too near to each other.
 
     Attributes:
-        limited: which.
-        is_certain: whether smaller pieces would say the same.
-        is_mine_longer: whether the arm itself moves further on its piece than the other one.
+        part: the arm's, of the worst pair.
+        other: the other one.
+        distance: between them in the middle of their segments [m].
+        is_certain: whether smaller segments would say the same.
+        undecided: the numbers of the pairs of segments on which parts may be too near.
     """
 
-    limited: Limited
+    part: int
+    other: int
+    distance: float
     is_certain: bool
-    is_mine_longer: bool
+    undecided: list[int]
+
+
+_Pair = tuple[_Segment, _Segment]
+"""Of the arm's braking path, and of the other one's."""
+
+
+class _Compared(NamedTuple):
+    """Pairs of segments that are compared at once.
+
+    Attributes:
+        pairs: as above, (n).
+        rows: of the segments, the right arm's first, (n, 2, 4, 7).
+        moved: how far each part may be from where it is in the middle of its segment [m], (n, parts).
+        own: the most of it of the arm itself, (n).
+        others: and of the other one, (n).
+    """
+
+    pairs: list[_Pair]
+    rows: Array
+    moved: Array
+    own: list[float]
+    others: list[float]
+
+    def cut(self, index: int) -> list[_Pair]:
+        """The parts of a pair: of that segment on which parts move further, or of both; none of the smallest."""
+        (mine, theirs), own, others = self.pairs[index], self.own[index], self.others[index]
+        cuts_mine = (own >= _SIMILAR * others or not theirs.parts) and bool(mine.parts)
+        cuts_theirs = (others > _SIMILAR * own or not mine.parts) and bool(theirs.parts)
+        if not (cuts_mine or cuts_theirs):
+            return []
+        return list(product(mine.parts if cuts_mine else (mine,), theirs.parts if cuts_theirs else (theirs,)))
+
+    def cut_all(self, indices: Sequence[int]) -> list[_Pair]:
+        """The parts of some pairs; none where one of them is the smallest: that is not decided by cutting."""
+        parts = [self.cut(index) for index in indices]
+        return [pair for each in parts for pair in each] if all(parts) else []
 
 
 class ArmCollisionLimiter(NamedTuple):

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import degrees
 
-from yumi.control.collisions import Limited
-from yumi.control.shared_state import CAUSES, Problem
+from yumi.control.shared_state import CAUSES, Limited, Problem
 from yumi.robot.joints import Joints, Side
 
 

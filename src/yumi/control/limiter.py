@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
 
-from yumi.control.collisions import ArmCollisionLimiter, Limited
+from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
@@ -35,7 +35,7 @@ from yumi.control.motion import (
     step_to_rest,
     step_towards,
 )
-from yumi.control.shared_state import Factor, Problem
+from yumi.control.shared_state import Factor, Limited, Problem
 from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit

@@ -12,7 +12,7 @@ import pytest
 from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Piece
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Segment
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
@@ -217,15 +217,40 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> N
     assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
 
 
-def off(way: _Piece, postures: Array) -> float:
-    """By how much a joint is out of every smallest piece of a way, in one of these postures (n, 7) [rad], at most."""
-    pieces, smallest = [way], []
-    while pieces:
-        piece = pieces.pop()
-        pieces += piece.parts
-        if not piece.parts:
-            smallest.append(piece)
-    lines = np.array([(piece.middle, piece.along, piece.off) for piece in smallest])
+def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    both, compared = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), []
+    before, stands, goal, left = at_boundary(both.model)
+    for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
+        both.sent(side, position, Setpoint(position), None)
+    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+    contacts = CollisionModel.contacts
+    monkeypatch.setattr(CollisionModel, "contacts", lambda *its: compared.append(its) or contacts(*its))
+
+    def stands_on() -> int:
+        compared.clear()
+        both.begin_cycle(Side.RIGHT)
+        assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        return len(compared)
+
+    assert stands_on() == 0
+    both.permit(("right gripper", "body"))
+    both.begin_cycle(Side.RIGHT)
+    assert not both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
+    assert stands_on() > 0
+    assert stands_on() == 0
+    both.sent(Side.LEFT, turned(Side.LEFT, radians(-79.9)), Setpoint(turned(Side.LEFT, radians(-79.9))), None)
+    assert stands_on() > 0
+
+
+def off(path: _Segment, postures: Array) -> float:
+    """By how much a joint is out of every smallest segment of a path, in one of these postures (n, 7) [rad]."""
+    segments, smallest = [path], []
+    while segments:
+        segment = segments.pop()
+        segments += segment.parts
+        if not segment.parts:
+            smallest.append(segment)
+    lines = np.array([(each.middle, each.along, each.off) for each in smallest])
     worst = 0.0
     for posture in postures:
         apart = posture - lines[:, 0]
@@ -236,23 +261,23 @@ def off(way: _Piece, postures: Array) -> float:
     return worst
 
 
-def way_to_rest(sent: Setpoint, count: int = 400) -> Array:
+def braking_postures(sent: Setpoint, count: int = 400) -> Array:
     """Where the position sent comes when it brakes, (n, 7) [rad]."""
     braking = stop(sent, YUMI_LIMITS)
     return np.array([braking.at(braking.duration * index / count).position for index in range(count + 1)])
 
 
-def test_joint_that_turns_round_stays_in_its_way_to_rest() -> None:
+def test_joint_that_turns_round_stays_in_its_braking_path() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
     start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
     motion = ArmMotion(start, sent, None, YUMI_LIMITS)
-    assert off(motion.ahead, way_to_rest(sent)) < 1e-4
-    assert np.all(np.abs(way_to_rest(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
+    assert off(motion.ahead, braking_postures(sent)) < 1e-4
+    assert np.all(np.abs(braking_postures(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
+def test_braking_path_is_in_its_segments(seed: int) -> None:
     """Speeds and accelerations of opposite signs."""
     generator = np.random.default_rng(seed)
     top, jerk = np.array(YUMI_LIMITS.acceleration), np.array(YUMI_LIMITS.jerk)
@@ -263,10 +288,10 @@ def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
         turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
-        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), way_to_rest(sent)
+        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), braking_postures(sent)
         assert off(motion.ahead, postures) < 1e-4
         assert np.all(np.abs(postures - motion.ahead.middle) <= motion.ahead.half + 1e-9)
-        assert np.all(np.abs(postures - motion.way.middle) <= motion.way.half + 1e-9)
+        assert np.all(np.abs(postures - motion.reachable.middle) <= motion.reachable.half + 1e-9)
 
 
 class BesideArm:
@@ -404,7 +429,7 @@ def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycle
     try:
         for _ in range(100):
             arms.cycle({side: to(FORWARD[side]) for side in Side})
-        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Piece)]
+        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Segment)]
         assert len(kept) < 100
     finally:
         gc.enable()
