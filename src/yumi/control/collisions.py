@@ -1,13 +1,13 @@
 """Keeps both arms apart from each other, from the body and from what stands around the robot.
 
 The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
-come nearer to each other than the margin. A command is sent only if the whole of its way to rest is clear of the whole
-of the other arm's; else the arm brakes, along the way that was found clear when the command before was sent. So what
+come nearer to each other than the margin. A command is sent only if the whole of its braking path is clear of the whole
+of the other arm's; else the arm brakes, along the path that was found clear when the command before was sent. So what
 was once kept is kept, however the commands are chosen.
 
-A way is a piece in which each joint has a range; its middle is the posture whose distances are calculated, and no part
-is further from there than its reach from each joint times half of that joint's range. Where that is too much to say
-that the arms keep apart, the piece is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
+A braking path is a segment in which each joint has a range; its middle is the posture whose distances are calculated,
+and no part is further from there than its reach from each joint times half of that joint's range. Where that is too
+much to say that the arms keep apart, the segment is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
 """
@@ -35,10 +35,10 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_TOLERANCE = 5e-4  # [m] a way is off the postures that are compared by more, or it counts as being there
+_TOLERANCE = 5e-4  # [m] a path is off the postures that are compared by more, or it counts as being there
 _COMPARISONS = 48  # of pairs of segments for an arm in a cycle at most; what needs more is left to slower commands
 _COARSE = 0.15  # [m] segments in which parts move further are cut at once: too many others are that near
-_FINE = 0.05  # [m] or less, down to this, where that was of no use
+_FINE = 0.05  # [m] or, down to this, those that had to be cut in the last cycles all the same
 _AT_ONCE = 16  # unless there are as many of them
 _SIMILAR = 0.5  # of two segments, that in which parts move by this share of the other's is cut with it
 _SAMPLES = 64  # of each curve of a braking path; a power of two
@@ -170,7 +170,7 @@ _STILL = _Segment(np.zeros((4, JOINT_COUNT)), tuple)
 
 
 class ArmMotion:
-    """How an arm moves, and where it may come on its way to rest.
+    """How an arm moves, and where it may come until it rests.
 
     Args:
         planned: where the robot plans to be [rad], (7,).
@@ -205,7 +205,7 @@ class ArmMotion:
 
     @cached_property
     def ahead(self) -> _Segment:
-        """Where a new command may lead the arm that it did not come by earlier ones: its way to rest."""
+        """Where a new command may lead the arm that it did not come by earlier ones: its braking path."""
         limits, starts = self._limits, [self.sent] if self.robot is None else [self.sent, self.robot]
         postures = _extremes(self.sent, self._paths)
         if self.robot is not None:
@@ -219,7 +219,7 @@ class ArmMotion:
         """Where it may come from now on: from where the robot plans to be to where it rests.
 
         A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
-        way of that position is left to the margin.
+        path of that position is left to the margin.
         """
         ahead, planned = self.ahead, self.planned
         ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
@@ -244,7 +244,7 @@ class Boundary:
         normal: by how much a radian of each joint moves the parts apart [m/rad], (7,).
         least: [m].
         limited: the pair of parts.
-        beyond: how far the arm is on this side of it on its way to rest [m].
+        beyond: how far the arm is on this side of it on its braking path [m].
     """
 
     __slots__ = ("_square", "beyond", "least", "limited", "normal")
@@ -463,7 +463,7 @@ class CollisionLimiter:
     def connection_lost(self, side: Side) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
-        The other arm keeps clear of that until they arrive again, or the arm's joints are read; see :meth:`stands`.
+        The other arm keeps clear of that until they arrive again, or the arm's joints are read: :meth:`note_measured`.
         """
         arm = self._arms[side]
         if not arm.is_heard or arm.motion is None:
@@ -475,7 +475,7 @@ class CollisionLimiter:
             coasts_to = joints([p + v / self._gain for p, v in rows])
         arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, coasts_to)
 
-    def stands(self, side: Side, position: Joints) -> None:
+    def note_measured(self, side: Side, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
 
         The other arm keeps clear of what lies between there and where it was read before.
@@ -809,8 +809,8 @@ class ArmCollisionLimiter(NamedTuple):
     def connection_lost(self) -> None:
         self.both.connection_lost(self.side)
 
-    def stands(self, position: Joints) -> None:
-        self.both.stands(self.side, position)
+    def note_measured(self, position: Joints) -> None:
+        self.both.note_measured(self.side, position)
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         return self.both.accepts(self.side, planned, sent, robot)

@@ -497,7 +497,7 @@ class Limiter:
     def note_position(self, position: Joints) -> None:
         """The arm, whose datagrams do not arrive, was read from the controller to be at ``position`` [rad], (7,)."""
         if self._collisions is not None:
-            self._collisions.stands(position)
+            self._collisions.note_measured(position)
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""

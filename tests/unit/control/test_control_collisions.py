@@ -154,15 +154,15 @@ def test_arm_that_was_read_from_the_controller_is_where_it_was_read() -> None:
     # The left arm has sent nothing yet, so nothing is known of it; then it is read.
     assert both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
     both.sent(Side.RIGHT, before, Setpoint(before), None)
-    both.stands(Side.LEFT, left)
+    both.note_measured(Side.LEFT, left)
     assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
     limited = both.limited(Side.RIGHT)
     assert limited is not None
     assert not limited.other.endswith("last")
     # RAPID takes it away: what lies between two readings is kept clear of, then it has left.
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
     assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
     assert both.accepts(Side.RIGHT, before, Setpoint(goal), None)
 
 
@@ -171,7 +171,7 @@ def test_arm_whose_datagrams_arrive_is_not_where_it_was_read() -> None:
     before, _, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
         both.sent(side, position, Setpoint(position), None)
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
+    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
     assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
 
 
