@@ -77,7 +77,7 @@ class ApartArms:
                 self.silent[side] -= 1
                 self._unheard[side] += 1
                 if self._unheard[side] == LOST_AFTER:
-                    self.both.connection_lost(side)
+                    self.both.arm(side).connection_lost()
             else:
                 is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])

@@ -15,7 +15,7 @@ This is no safety function: a person in the way, or a part that was not declared
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import dist, fsum, inf
@@ -301,63 +301,39 @@ class _Surroundings(NamedTuple):
     margins: Array
 
 
-@dataclass(slots=True)
-class _Arm:
-    """What is known of one arm.
-
-    Attributes:
-        motion: of the command sent last; None before the first.
-        is_heard: whether its robot's datagrams arrive.
-        is_read: whether its joints were read from the controller since they did.
-        limited: what limits it in this cycle.
-        boundaries: near it.
-        compared: its motion, the other arm's and the margins that were found to be clear last.
-        progress: how it gets on with what it is commanded; None while it is commanded nothing.
-        comparisons_left: in this cycle.
-        coarse: segments in which parts move further are cut at once [m]; as it proved useful.
-    """
-
-    motion: ArmMotion | None = None
-    is_heard: bool = False
-    is_read: bool = False
-    limited: Limited | None = None
-    boundaries: list[Boundary] = field(default_factory=list)
-    compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
-    progress: _Progress | None = None
-    comparisons_left: int = _COMPARISONS
-    coarse: float = _COARSE
-
-
 class CollisionLimiter:
-    """Says of both arms' commands whether they keep the arms apart.
+    """Keeps both arms apart: what is known of them together; :meth:`arm` says of one arm's commands whether they may.
 
     Args:
         model: the shapes.
         limits: of the joints: how hard they brake.
         gain: of the robots' position loops [1/s].
         margin: the distance kept [m].
+
+    Attributes:
+        model, limits, gain, margin: as above.
+        is_of: which parts are an arm's, (parts,).
+        margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
     """
 
     def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
         self.model = model
         self.margin = margin
-        self._limits = limits
-        self._gain = gain
-        self._arms = {side: _Arm() for side in Side}
-        self._is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
+        self.limits = limits
+        self.gain = gain
+        self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
+        self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
-            self._is_of[side][parts] = True
+            self.is_of[side][parts] = True
         is_shoulder = model.frames == 0
         # The shoulders are as near to the other arm as to the body, and bolted to it.
         is_near = is_shoulder | (np.array(model.names) == "body")
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
-        # Of parts within their margins, how near they may be [m].
-        self._floors: dict[Side, dict[tuple[int, int], float]] = {side: {} for side in Side}
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
-        """The part of it that one arm's limiter asks."""
-        return ArmCollisionLimiter(self, side)
+        """What one arm's limiter asks."""
+        return self._arms[side]
 
     def pairs_of(self, name: str, other: str) -> int:
         """How many pairs of parts have these names, in either order; see :meth:`permit`."""
@@ -371,7 +347,7 @@ class CollisionLimiter:
         margins = self._declared.copy()
         for pair in pairs:
             margins[self._found(*pair)] = -inf
-        self._margins = margins
+        self.margins = margins
         for arm in self._arms.values():
             arm.boundaries = []
 
@@ -382,24 +358,61 @@ class CollisionLimiter:
         cups and declared tools, too.
         """
         first, second = (np.array(self.model.names) == wanted for wanted in (name, other))
-        for side, its in self._is_of.items():
+        for side, its in self.is_of.items():
             for group, parts in (("arm", its), ("gripper", its & (self.model.frames == TOOL_FRAME))):
                 first, second = (
                     found | parts if wanted == f"{side.word} {group}" else found
                     for found, wanted in ((first, name), (second, other))
                 )
-        one_arm = sum(np.outer(its, its) for its in self._is_of.values()) > 0
-        still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
+        one_arm = sum(np.outer(its, its) for its in self.is_of.values()) > 0
+        still = ~(self.is_of[Side.RIGHT] | self.is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
 
-    def begin_cycle(self, side: Side) -> None:
-        """Nothing limits an arm so far."""
-        arm = self._arms[side]
-        if arm.progress is not None:
-            arm.progress.limited = arm.limited or arm.progress.limited
-        arm.limited, arm.comparisons_left = None, _COMPARISONS
+    def limited(self, side: Side) -> Limited | None:
+        """What limits an arm in this cycle."""
+        return self._arms[side].limited
 
-    def holds(self, side: Side, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
+
+class ArmCollisionLimiter:
+    """Says of one arm's commands whether they keep the arms apart; see :class:`CollisionLimiter`.
+
+    Attributes:
+        side: which arm.
+        motion: of the command sent last; None before the first.
+        is_heard: whether its robot's datagrams arrive.
+        is_read: whether its joints were read from the controller since they did.
+        limited: what limits it in this cycle.
+        boundaries: near it.
+    """
+
+    def __init__(self, both: CollisionLimiter, side: Side) -> None:
+        self.side = side
+        self.motion: ArmMotion | None = None
+        self.is_heard = self.is_read = False
+        self.limited: Limited | None = None
+        self.boundaries: list[Boundary] = []
+        self._both = both
+        # Its motion, the other arm's and the margins that were found to be clear last.
+        self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
+        # How it gets on with what it is commanded; None while that is nothing.
+        self._progress: _Progress | None = None
+        # Of parts within their margins, how near they may be [m].
+        self._floors: dict[tuple[int, int], float] = {}
+        self._comparisons_left = _COMPARISONS  # in this cycle
+        self._coarse = _COARSE  # [m] segments in which parts move further are cut at once, as it proved useful
+
+    @property
+    def other(self) -> ArmCollisionLimiter:
+        """That of the other arm."""
+        return self._both.arm(self.side.other)
+
+    def begin_cycle(self) -> None:
+        """Nothing limits an arm so far."""
+        if self._progress is not None:
+            self._progress.limited = self.limited or self._progress.limited
+        self.limited, self._comparisons_left = None, _COMPARISONS
+
+    def holds(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether an arm is to hold whatever is desired; to be asked once in a cycle, at its begin.
 
         Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
@@ -408,43 +421,41 @@ class CollisionLimiter:
         was of no use; so both come to rest.
 
         Args:
-            side: which arm.
             desired: what it is commanded; None for nothing.
             measured: where it was measured [rad], (7,).
             dt: time since the cycle before [s].
         """
-        arm = self._arms[side]
-        if desired is None or arm.motion is None:
-            arm.progress = None
+        if desired is None or self.motion is None:
+            self._progress = None
             return False
-        progress, far = arm.progress, dist(desired.position, arm.motion.sent.position)
+        progress, far = self._progress, dist(desired.position, self.motion.sent.position)
         if progress is None or not _is_same(desired, measured, progress):
-            arm.progress = _Progress(desired, measured, far)
+            self._progress = _Progress(desired, measured, far)
             return False
         if progress.held_by is not None:
-            if not self._has_changed(side, progress):
-                arm.limited = progress.limited
+            if not self._has_changed(progress):
+                self.limited = progress.limited
                 return True
-            progress.held_by, progress.waited, arm.boundaries = None, 0.0, []
+            progress.held_by, progress.waited, self.boundaries = None, 0.0, []
         if far < progress.nearest - min(_NEARER, _NEARER_SHARE * progress.nearest):
-            arm.progress = _Progress(desired, measured, far)
-        elif progress.limited is not None and arm.motion.length < _SLOW:  # a faster one has to slow down first
+            self._progress = _Progress(desired, measured, far)
+        elif progress.limited is not None and self.motion.length < _SLOW:  # a faster one has to slow down first
             progress.waited += dt
             if progress.waited > _PATIENCE:
                 progress.desired, progress.measured = desired, measured
-                progress.held_by, arm.limited = self._surroundings(side), progress.limited
+                progress.held_by, self.limited = self._surroundings(), progress.limited
                 return True
         return False
 
-    def _surroundings(self, side: Side) -> _Surroundings:
-        its = self._arms[side.other]
+    def _surroundings(self) -> _Surroundings:
+        its = self.other
         position = its.motion.sent.position if its.motion is not None else None
         coasts = its.motion is not None and its.motion.coasts_to is not None
-        return _Surroundings(position, (its.is_heard, its.is_read, coasts), self._margins)
+        return _Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins)
 
-    def _has_changed(self, side: Side, progress: _Progress) -> bool:
+    def _has_changed(self, progress: _Progress) -> bool:
         """Whether what holds an arm has changed by so much that it tries again."""
-        before, now = progress.held_by, self._surroundings(side)
+        before, now = progress.held_by, self._surroundings()
         assert before is not None
         if before.heard != now.heard or before.margins is not now.margins:
             progress.elsewhere = _ELSEWHERE
@@ -456,137 +467,127 @@ class CollisionLimiter:
         progress.elsewhere *= 2.0
         return True
 
-    def limited(self, side: Side) -> Limited | None:
-        """What limits an arm in this cycle."""
-        return self._arms[side].limited
-
-    def connection_lost(self, side: Side) -> None:
+    def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
         The other arm keeps clear of that until they arrive again, or the arm's joints are read: :meth:`note_measured`.
         """
-        arm = self._arms[side]
-        if not arm.is_heard or arm.motion is None:
+        if not self.is_heard or self.motion is None:
             return
-        arm.is_heard, arm.is_read, motion = False, False, arm.motion
+        self.is_heard, self.is_read, motion = False, False, self.motion
         coasts_to = motion.sent.position
-        if motion.robot is not None and self._gain > 0.0:
+        if motion.robot is not None and self._both.gain > 0.0:
             rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
-            coasts_to = joints([p + v / self._gain for p, v in rows])
-        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, coasts_to)
+            coasts_to = joints([p + v / self._both.gain for p, v in rows])
+        self.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._both.limits, coasts_to)
 
-    def note_measured(self, side: Side, position: Joints) -> None:
+    def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
 
         The other arm keeps clear of what lies between there and where it was read before.
         """
-        arm = self._arms[side]
-        if arm.is_heard:
+        if self.is_heard:
             return
-        last, arm.is_read = arm.motion, True
+        last, self.is_read = self.motion, True
         before = last.sent.position if last is not None else position
         # It may not have come yet to where its last command leads it.
         coasts_to = last.coasts_to if last is not None and dist(before, position) > _NOISE else None
-        arm.motion = ArmMotion(before, Setpoint(position), None, self._limits, coasts_to)
+        self.motion = ArmMotion(before, Setpoint(position), None, self._both.limits, coasts_to)
 
-    def sent(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
+    def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
-        arm = self._arms[side]
-        if not arm.is_heard or not _stays(arm.motion, planned, sent, robot):
-            arm.motion = ArmMotion(planned, sent, robot, self._limits)
-        arm.is_heard = True
+        if not self.is_heard or not _stays(self.motion, planned, sent, robot):
+            self.motion = ArmMotion(planned, sent, robot, self._both.limits)
+        self.is_heard = True
 
-    def accepts(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
+    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
 
         Args:
-            side: which arm.
             planned: where its robot plans to be [rad], (7,).
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
         """
-        arm = self._arms[side]
-        is_back, arm.is_heard = not arm.is_heard, True
-        last, its = arm.motion, self._arms[side.other].motion
+        is_back, self.is_heard = not self.is_heard, True
+        last, its = self.motion, self.other.motion
         if last is not None and not is_back and _stays(last, planned, sent, robot):
             # What it stands at may have left it, or have come nearer; else nothing has changed.
-            known = zip(arm.compared, (last, its, self._margins), strict=True)
-            if not arm.boundaries or all(before is now for before, now in known):
+            known = zip(self._compared, (last, its, self._both.margins), strict=True)
+            if not self.boundaries or all(before is now for before, now in known):
                 return True
             motion = last
         else:
-            motion = ArmMotion(planned, sent, robot, self._limits)
+            motion = ArmMotion(planned, sent, robot, self._both.limits)
         # Its first command is where it stands.
-        if last is None or self._is_clear(side, motion, last):
-            arm.motion = motion
-            arm.compared = (motion, its, self._margins)
+        if last is None or self._is_clear(motion, last):
+            self.motion = motion
+            self._compared = (motion, its, self._both.margins)
             return True
         return False
 
-    def _is_clear(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
+    def _is_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
         """Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker.
 
         All pairs of segments of both arms' paths that may be too near are compared at once; those that are not decided
         by that are cut, and so on.
 
         Args:
-            side: which arm.
             motion: its motion, should the command be sent.
             last: that of the command before.
         """
-        arm, its = self._arms[side], self._arms[side.other].motion
-        if arm.comparisons_left <= 0:
+        its = self.other.motion
+        if self._comparisons_left <= 0:
             return False
-        arm.boundaries = []
+        self.boundaries = []
         floors: dict[tuple[int, int], float] | None = None
         violation: _Violation | None = None
         pairs = [(motion.ahead, _STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
         is_first = True
         while pairs:
-            compared = self._cut_long(side, pairs)
-            arm.comparisons_left -= len(compared.pairs) if compared else _COMPARISONS
-            if compared is None or arm.comparisons_left < 0:
+            compared = self._cut_long(pairs)
+            self._comparisons_left -= len(compared.pairs) if compared else _COMPARISONS
+            if compared is None or self._comparisons_left < 0:
                 break
-            near = self._near(side, compared, steers=motion.length < _SLOW)
-            violation = self._violation(side, near, compared, floors or {})
+            near = self._near(compared, steers=motion.length < _SLOW)
+            violation = self._violation(near, compared, floors or {})
             if violation is not None and floors is None:
-                floors = self._floors_of(side, last, its)
-                violation = self._violation(side, near, compared, floors) if floors else violation
+                floors = self._floors_of(last, its)
+                violation = self._violation(near, compared, floors) if floors else violation
             # Segments that have to be cut are so at once next time, as long as that is of use.
-            arm.coarse = max(_FINE, min(_COARSE, arm.coarse * (1.5 if is_first and violation is None else 0.8)))
+            self._coarse = max(_FINE, min(_COARSE, self._coarse * (1.5 if is_first and violation is None else 0.8)))
             if violation is None:
                 return True
             pairs, is_first = [] if violation.is_certain else compared.cut_all(violation.undecided), False
         if violation is not None:
-            arm.limited = self._limited_by(side, violation.part, violation.other, violation.distance)
+            self.limited = self._limited_by(violation.part, violation.other, violation.distance)
         return False
 
-    def _near(self, side: Side, compared: _Compared, *, steers: bool) -> Contacts:
+    def _near(self, compared: _Compared, *, steers: bool) -> Contacts:
         """What is near on pairs of segments, and, if the arm ``steers`` beside boundaries, those."""
-        least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self.margin, 0.0)
+        least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self._both.margin, 0.0)
         postures = compared.rows[:, :, _MIDDLE].reshape(len(compared.pairs), -1)
         rows = zip(postures, compared.own, compared.others, compared.pairs, strict=True)
-        near = self.model.contacts(
+        near = self._both.model.contacts(
             *(
-                Query(posture, max(own + others - _TOLERANCE, least) + margin, side if theirs is _STILL else None)
+                Query(posture, max(own + others - _TOLERANCE, least) + margin, self.side if theirs is _STILL else None)
                 for posture, own, others, (_, theirs) in rows
             )
         )
         if steers:
-            self._add_boundaries(side, near, compared)
+            self._add_boundaries(near, compared)
         return near
 
-    def _cut_long(self, side: Side, pairs: list[_Pair]) -> _Compared | None:
+    def _cut_long(self, pairs: list[_Pair]) -> _Compared | None:
         """Pairs of segments on which parts do not move too far to look at them, as far as they can be cut.
 
         None where these are too many.
         """
-        coarse = self._arms[side].coarse
-        own_parts, other_parts = self.model.arms[side], self.model.arms[side.other]
+        coarse = self._coarse
+        own_parts, other_parts = self._both.model.arms[self.side], self._both.model.arms[self.side.other]
         while len(pairs) <= _COMPARISONS:
-            both = pairs if side is Side.RIGHT else [pair[::-1] for pair in pairs]
+            both = pairs if self.side is Side.RIGHT else [pair[::-1] for pair in pairs]
             rows = np.concatenate([each.rows for pair in both for each in pair]).reshape(len(pairs), 2, 4, JOINT_COUNT)
-            moved = rows[:, :, _HALF].reshape(len(pairs), -1) @ self.model.reach.T
+            moved = rows[:, :, _HALF].reshape(len(pairs), -1) @ self._both.model.reach.T
             own, others = moved[:, own_parts].max(1), moved[:, other_parts].max(1)
             compared = _Compared(pairs, rows, moved, own.tolist(), others.tolist())
             far = own + others
@@ -601,21 +602,20 @@ class CollisionLimiter:
         return None
 
     def _violation(
-        self, side: Side, near: Contacts, compared: _Compared, floors: Mapping[tuple[int, int], float]
+        self, near: Contacts, compared: _Compared, floors: Mapping[tuple[int, int], float]
     ) -> _Violation | None:
         """Which parts may be too near on these segments of both arms' paths; None where none are.
 
         Args:
-            side: which arm.
             near: parts that are near each other in the middles of the segments.
             compared: the segments.
             floors: of parts within their margins.
         """
         if not len(near.parts):
             return None
-        model, rows, moved = self.model, compared.rows, compared.moved
+        model, rows, moved = self._both.model, compared.rows, compared.moved
         firsts, seconds = near.parts[:, 0], near.parts[:, 1]
-        beyond = near.distances - self._margins[firsts, seconds]
+        beyond = near.distances - self._both.margins[firsts, seconds]
         off = moved[near.queries, firsts] + moved[near.queries, seconds]
         lacking = np.flatnonzero(beyond < np.maximum(off - _TOLERANCE, 0.0))
         if not len(lacking):
@@ -647,75 +647,76 @@ class CollisionLimiter:
             return None
         # Each path comes as near to the middle of a segment as it is off the line.
         strays = rows[:, :, _OFF].reshape(len(rows), -1) @ model.reach.T
-        is_certain = bool((beyond + strays[segments[:, None], parts].sum(1) < 0.0).any())
-        part, other = self._own_first(side, parts[worst].tolist())
+        certain = beyond + strays[segments[:, None], parts].sum(1)
+        is_certain = bool(certain.min() < 0.0)
+        worst = int(certain.argmin()) if is_certain else worst
+        part, other = self._own_first(parts[worst].tolist())
         distance = float(near.distances[lacking[worst]])
         return _Violation(part, other, distance, is_certain, sorted(set(segments[free < 0.0].tolist())))
 
-    def _limited_by(self, side: Side, part: int, other: int, distance: float) -> Limited:
-        names, its = self.model.names, self._arms[side.other]
-        is_old = self._is_of[side.other][other] and not its.is_heard and not its.is_read
+    def _limited_by(self, part: int, other: int, distance: float) -> Limited:
+        names, its = self._both.model.names, self.other
+        is_old = self._both.is_of[self.side.other][other] and not its.is_heard and not its.is_read
         return Limited(names[part], names[other] + (_LAST_HEARD if is_old else ""), distance)
 
-    def _floors_of(self, side: Side, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
+    def _floors_of(self, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
         """Of parts that are within their margins now, how near they may be to each other [m]."""
-        postures = (last, its or last) if side is Side.RIGHT else (its or last, last)
-        positions, margins = np.concatenate([each.sent.position for each in postures]), self._margins
-        kinds = (side,) if its is None else (side, None)
-        near = self.model.contacts(*(Query(positions, max(self.margin, 0.0), alone) for alone in kinds))
+        postures = (last, its or last) if self.side is Side.RIGHT else (its or last, last)
+        positions, margins = np.concatenate([each.sent.position for each in postures]), self._both.margins
+        kinds = (self.side,) if its is None else (self.side, None)
+        near = self._both.model.contacts(*(Query(positions, max(self._both.margin, 0.0), alone) for alone in kinds))
         within: dict[tuple[int, int], float] = {}
         for index in np.flatnonzero(near.distances < margins[near.parts[:, 0], near.parts[:, 1]]).tolist():
-            pair = self._own_first(side, near.parts[index].tolist())
+            pair = self._own_first(near.parts[index].tolist())
             within[pair] = min(float(near.distances[index]), within.get(pair, inf))
         # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        known = self._floors[side]
         floors = {}
         for pair, now in within.items():
-            floor = known.get(pair, now)
+            floor = self._floors.get(pair, now)
             floors[pair] = now if now < floor - _MOVED else max(now, min(floor, float(margins[pair]) - _SPARE))
-        self._floors[side] = floors
+        self._floors = floors
         return floors
 
-    def _own_first(self, side: Side, parts: Sequence[int]) -> tuple[int, int]:
+    def _own_first(self, parts: Sequence[int]) -> tuple[int, int]:
         """The parts of a contact, that of the arm first."""
         first, second = parts
-        return (first, second) if self._is_of[side][first] else (second, first)
+        return (first, second) if self._both.is_of[self.side][first] else (second, first)
 
-    def _add_boundaries(self, side: Side, near: Contacts, compared: _Compared) -> None:
+    def _add_boundaries(self, near: Contacts, compared: _Compared) -> None:
         """Note what the arm must not cross; of two parts where they are nearest."""
         if not len(near.parts):
             return
-        arm, rows, moved = self._arms[side], compared.rows, compared.moved
+        rows, moved = compared.rows, compared.moved
         firsts, seconds = near.parts[:, 0], near.parts[:, 1]
-        beyond = near.distances - self._margins[firsts, seconds]
+        beyond = near.distances - self._both.margins[firsts, seconds]
         is_short = moved[near.queries, firsts] + moved[near.queries, seconds] < _SHORT
         nearest = np.flatnonzero((beyond < _BOUNDARY_WITHIN) & is_short)
         if not len(nearest):
             return
         nearest = nearest[np.argsort(beyond[nearest])[:_CORNERS]]
-        pairs = [self._own_first(side, parts) for parts in near.parts[nearest].tolist()]
+        pairs = [self._own_first(parts) for parts in near.parts[nearest].tolist()]
         which = np.array([int(part != first) for (part, _), first in zip(pairs, firsts[nearest].tolist(), strict=True)])
-        behind, slopes = self.model.slopes(near, nearest, which)
-        middles = rows[near.queries[nearest], 0 if side is Side.RIGHT else 1, _MIDDLE]
-        found = {(each.limited.part, each.limited.other): each for each in arm.boundaries}
+        behind, slopes = self._both.model.slopes(near, nearest, which)
+        middles = rows[near.queries[nearest], 0 if self.side is Side.RIGHT else 1, _MIDDLE]
+        found = {(each.limited.part, each.limited.other): each for each in self.boundaries}
         for row, (index, (part, other)) in enumerate(zip(nearest.tolist(), pairs, strict=True)):
-            limited = self._limited_by(side, part, other, float(near.distances[index]))
+            limited = self._limited_by(part, other, float(near.distances[index]))
             lacks, names = float(beyond[index]), (limited.part, limited.other)
             if names not in found or found[names].beyond > lacks:
                 normal = -slopes[row, int(behind[row].argmin())]
                 found[names] = Boundary(normal, float(normal @ middles[row]) - lacks, limited, lacks)
-        arm.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
+        self.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
 
-    def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
+    def steered(self, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        arm, limited = self._arms[side], None
-        if not arm.boundaries or arm.motion is None or arm.motion.length >= _SLOW:
-            # First an arm is slowed down on the way it goes: where that is free after all, it is not left.
+        limited = None
+        if not self.boundaries or self.motion is None or self.motion.length >= _SLOW:
+            # First an arm is slowed down on its path: where that is free after all, it is not left.
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
         for _ in range(_REPEATS):
             is_clear = True
-            for boundary in arm.boundaries:
+            for boundary in self.boundaries:
                 missing = boundary.missing(position)
                 if missing <= _EXACT:
                     continue
@@ -728,7 +729,7 @@ class CollisionLimiter:
                 break
         if limited is None:
             return desired
-        arm.limited = limited
+        self.limited = limited
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
 
@@ -788,38 +789,6 @@ class _Compared(NamedTuple):
         """The parts of some pairs; none where one of them is the smallest: that is not decided by cutting."""
         parts = [self.cut(index) for index in indices]
         return [pair for each in parts for pair in each] if all(parts) else []
-
-
-class ArmCollisionLimiter(NamedTuple):
-    """What the limiter of one arm asks of and reports to :class:`CollisionLimiter`; methods as there."""
-
-    both: CollisionLimiter
-    side: Side
-
-    @property
-    def limited(self) -> Limited | None:
-        return self.both.limited(self.side)
-
-    def begin_cycle(self) -> None:
-        self.both.begin_cycle(self.side)
-
-    def holds(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
-        return self.both.holds(self.side, desired, measured, dt)
-
-    def connection_lost(self) -> None:
-        self.both.connection_lost(self.side)
-
-    def note_measured(self, position: Joints) -> None:
-        self.both.note_measured(self.side, position)
-
-    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
-        return self.both.accepts(self.side, planned, sent, robot)
-
-    def steered(self, desired: ArmCommand) -> ArmCommand:
-        return self.both.steered(self.side, desired)
-
-    def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
-        self.both.sent(self.side, planned, sent, robot)
 
 
 def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:

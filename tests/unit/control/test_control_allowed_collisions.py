@@ -162,7 +162,7 @@ class Driven:
     def __init__(self) -> None:
         self.both, self.goals = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
         right, speed = home(Side.RIGHT), SpeedScale()
-        self.both.sent(Side.RIGHT, right, Setpoint(right), None)
+        self.both.arm(Side.RIGHT).sent(right, Setpoint(right), None)
         limiter = Limiter(YUMI_LIMITS, collisions=self.both.arm(Side.LEFT))
         controllers = {
             "position": JointPositionController(self.goals, speed=speed),

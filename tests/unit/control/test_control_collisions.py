@@ -150,29 +150,29 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
 def test_arm_that_was_read_from_the_controller_is_where_it_was_read() -> None:
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
-    both.sent(Side.RIGHT, before, Setpoint(before), None)
+    both.arm(Side.RIGHT).sent(before, Setpoint(before), None)
     # The left arm has sent nothing yet, so nothing is known of it; then it is read.
-    assert both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
-    both.sent(Side.RIGHT, before, Setpoint(before), None)
-    both.note_measured(Side.LEFT, left)
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(goal), None)
+    both.arm(Side.RIGHT).sent(before, Setpoint(before), None)
+    both.arm(Side.LEFT).note_measured(left)
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
     limited = both.limited(Side.RIGHT)
     assert limited is not None
     assert not limited.other.endswith("last")
     # RAPID takes it away: what lies between two readings is kept clear of, then it has left.
-    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
-    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
-    assert both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
 
 def test_arm_whose_datagrams_arrive_is_not_where_it_was_read() -> None:
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, _, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    both.note_measured(Side.LEFT, FORWARD[Side.LEFT])
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
 
 def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
@@ -195,15 +195,15 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     for _ in range(3):
-        assert both.steered(Side.RIGHT, ArmCommand(goal)) != ArmCommand(goal)
-        assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
-    both.sent(Side.LEFT, FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
-    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
-    both.begin_cycle(Side.RIGHT)
+        assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) != ArmCommand(goal)
+        assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+    both.arm(Side.LEFT).sent(FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+    assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
+    both.arm(Side.RIGHT).begin_cycle()
     assert both.limited(Side.RIGHT) is None
 
 
@@ -211,34 +211,34 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> N
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     both.permit(("right arm", "left arm"))
-    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
+    assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
 
 
 def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     both, compared = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), []
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     contacts = CollisionModel.contacts
     monkeypatch.setattr(CollisionModel, "contacts", lambda *its: compared.append(its) or contacts(*its))
 
     def stands_on() -> int:
         compared.clear()
-        both.begin_cycle(Side.RIGHT)
-        assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(Side.RIGHT).begin_cycle()
+        assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
         return len(compared)
 
     assert stands_on() == 0
     both.permit(("right gripper", "body"))
-    both.begin_cycle(Side.RIGHT)
-    assert not both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
+    both.arm(Side.RIGHT).begin_cycle()
+    assert not both.arm(Side.RIGHT).accepts(stands, Setpoint(goal), None)
     assert stands_on() > 0
     assert stands_on() == 0
-    both.sent(Side.LEFT, turned(Side.LEFT, radians(-79.9)), Setpoint(turned(Side.LEFT, radians(-79.9))), None)
+    both.arm(Side.LEFT).sent(turned(Side.LEFT, radians(-79.9)), Setpoint(turned(Side.LEFT, radians(-79.9))), None)
     assert stands_on() > 0
 
 
@@ -310,7 +310,7 @@ class BesideArm:
         self.arm = TrajectoryArm(loop, {})
 
     def right_stands(self, position: Joints) -> None:
-        self.both.sent(Side.RIGHT, position, Setpoint(position), None)
+        self.both.arm(Side.RIGHT).sent(position, Setpoint(position), None)
 
     def go_towards_it(self, tolerances: Tolerances | None = None) -> Joints:
         goal = turned(Side.LEFT, radians(-60.0))
@@ -499,7 +499,7 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     """The left forearm, sent from home into the body."""
     model = CollisionModel(SERVO_GRIPPERS)
     both, goals = CollisionLimiter(model, YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
-    both.sent(Side.RIGHT, home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
+    both.arm(Side.RIGHT).sent(home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
     limiter = Limiter(YUMI_LIMITS, collisions=both.arm(Side.LEFT))
     arm = VirtualArmRig({"controller": JointPositionController(goals)}, side=Side.LEFT, limiter=limiter)
     arm.start()
