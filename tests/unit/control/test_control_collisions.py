@@ -12,7 +12,7 @@ import pytest
 from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Segment
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter, _Segment
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
@@ -22,7 +22,7 @@ from yumi.control.motion import EGM_GAIN, Setpoint, stop
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
 from yumi.robot.kinematics import tool0_to_body
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
@@ -398,6 +398,22 @@ def test_arms_that_push_at_each_other_rest_until_one_retreats(drive: Callable[[J
 @pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
 def test_noise_of_what_is_desired_does_not_move_arms_that_push_at_each_other(drive: Callable[[Joints], Drive]) -> None:
     pushed(drive, noise=5e-5)
+
+
+def test_stream_along_a_boundary_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: turned(Side.LEFT, radians(-80.0))}, obstacles=())
+    goal, holds, held = list(turned(Side.RIGHT, radians(70.0))), ArmCollisionLimiter.holds, []
+
+    def noted(*its: object) -> bool:
+        held.append(holds(*its))  # type: ignore[arg-type]
+        return held[-1]
+
+    monkeypatch.setattr(ArmCollisionLimiter, "holds", noted)
+    for _ in range(400):
+        goal[5] += 0.1 * CYCLE
+        arms.cycle({Side.RIGHT: to(joints(goal))})
+    assert not any(held)
+    assert arms.limiters[Side.RIGHT].counters.kept_apart > 100
 
 
 def test_arm_that_is_held_goes_on_as_soon_as_the_parts_may_touch() -> None:
