@@ -12,7 +12,7 @@ import numpy as np
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
-from yumi.robot.collision import CollisionModel, Obstacle
+from yumi.robot.collision import CollisionModel, Obstacle, Query
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
@@ -77,7 +77,7 @@ class ApartArms:
                 self.silent[side] -= 1
                 self._unheard[side] += 1
                 if self._unheard[side] == LOST_AFTER:
-                    self.both.connection_lost(side)
+                    self.both.arm(side).connection_lost()
             else:
                 is_first = not self.costs
                 dt = 0.0 if self._unheard[side] >= LOST_AFTER or is_first else CYCLE * (1 + self._unheard[side])
@@ -130,15 +130,16 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
     """
     shapes = arms.shapes
     postures = np.concatenate([arms.sent[each].position for each in Side])
-    near = shapes.contacts(postures, 5.0, side if group else None)
+    near = shapes.contacts(Query(postures, 5.0, side if group else None))
     mine = range(shapes.arms[side].start, shapes.arms[side].stop)
     least, found = np.inf, -1
-    for index, pair in enumerate(zip(near.firsts.tolist(), near.seconds.tolist(), strict=True)):
+    for index, pair in enumerate(near.parts.tolist()):
         part, other = pair if pair[0] in mine else pair[::-1]
         is_moved = shapes.frames[part] > 0 or (not group and shapes.frames[other] > 0)
         if is_moved and (not name or shapes.names[other] == name) and near.distances[index] < least:
             least, found = float(near.distances[index]), index
-    behind, slopes = shapes.slopes(np.array([found]), side)
+    which = 0 if near.parts[found, 0] in mine else 1
+    behind, slopes = shapes.slopes(near, np.array([found]), np.array([which]))
     normal = -slopes[0, int(behind[0].argmin())]
     return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
 

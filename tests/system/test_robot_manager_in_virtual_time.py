@@ -64,7 +64,7 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
 
 def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     manager = system.manager
-    manager.note(AllowedCollisionsChanged(Side.RIGHT, (("left gripper", "right gripper"),)))
+    manager.note(AllowedCollisionsChanged((("left gripper", "right gripper"),)))
     limited = {"limited_part": "left forearm", "limited_other": "body", "limited_distance": 0.0104}
     now = {Side.RIGHT: Snapshot(is_streaming=True, speed_cap=0.1), Side.LEFT: Snapshot(**limited)}
     monkeypatch.setattr(system.control, "snapshot", now.__getitem__)
@@ -74,7 +74,7 @@ def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkey
     assert "may touch: left gripper - right gripper" in str(state)
     assert state.speed_scale == 0.1
     now.update(dict.fromkeys(Side, Snapshot()))
-    manager.note(AllowedCollisionsChanged(Side.RIGHT, ()))
+    manager.note(AllowedCollisionsChanged(()))
     state = manager.state()
     assert (state.allowed_collisions, state.limited_by, state.speed_scale) == ((), (), 1.0)
 

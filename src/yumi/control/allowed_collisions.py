@@ -8,13 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.events import AllowedCollisionsChanged
 from yumi.control.limiter import FULL
 from yumi.errors import CommandRefused
-from yumi.robot.joints import Side
+
+if TYPE_CHECKING:
+    from yumi.control.loop import ArmLoop  # it has these
 
 CONTACT_SPEED_SCALE = 0.1
 """No arm is faster than this share of its speeds while a collision is allowed."""
@@ -23,24 +25,6 @@ LONGEST = 60.0
 """A collision is allowed for so long at most [s]; asked for again, the time begins anew."""
 
 Pair = tuple[str, str]
-
-
-class Arm(Protocol):
-    """What is needed of an arm's loop."""
-
-    def check_stands(self) -> None:
-        """Raise CommandRefused where the arm moves, or would if nothing held it."""
-
-    @property
-    def is_running(self) -> bool:
-        """Whether its robot is heard, and follows."""
-
-    @property
-    def speed_scale(self) -> float:
-        """The factor on its speeds that is in force."""
-
-    def cap_speed(self, highest: float) -> None:
-        """Let no speed scale be higher, gradually."""
 
 
 class AllowedCollisions:
@@ -52,7 +36,7 @@ class AllowedCollisions:
         now: the time [s].
     """
 
-    def __init__(self, arms: Sequence[Arm], collisions: CollisionLimiter | None, now: Callable[[], float]) -> None:
+    def __init__(self, arms: Sequence[ArmLoop], collisions: CollisionLimiter | None, now: Callable[[], float]) -> None:
         self._arms, self._collisions, self._now = arms, collisions, now
         self._until: dict[Pair, float] = {}
         self._first_end = inf
@@ -135,7 +119,7 @@ class AllowedCollisions:
             return
         self._permitted = permitted
         self._collisions.permit(*permitted)
-        self._events.append(AllowedCollisionsChanged(Side.RIGHT, permitted))
+        self._events.append(AllowedCollisionsChanged(permitted))
 
 
 def _pair(part: str, other: str) -> Pair:

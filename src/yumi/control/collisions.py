@@ -1,13 +1,13 @@
 """Keeps both arms apart from each other, from the body and from what stands around the robot.
 
 The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
-come nearer to each other than the margin. A command is sent only if the whole of its way to rest is clear of the whole
-of the other arm's; else the arm brakes, along the way that was found clear when the command before was sent. So what
+come nearer to each other than the margin. A command is sent only if the whole of its braking path is clear of the whole
+of the other arm's; else the arm brakes, along the path that was found clear when the command before was sent. So what
 was once kept is kept, however the commands are chosen.
 
-A way is a piece in which each joint has a range; its middle is the posture whose distances are calculated, and no part
-is further from there than its reach from each joint times half of that joint's range. Where that is too much to say
-that the arms keep apart, the piece is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
+A braking path is a segment in which each joint has a range; its middle is the posture whose distances are calculated,
+and no part is further from there than its reach from each joint times half of that joint's range. Where that is too
+much to say that the arms keep apart, the segment is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
 """
@@ -15,8 +15,9 @@ This is no safety function: a person in the way, or a part that was not declared
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from math import dist, fsum, inf
 from typing import NamedTuple
 
@@ -24,7 +25,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.control.motion import BrakingPath, Setpoint, braking_paths, braking_positions
-from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts
+from yumi.control.shared_state import Limited
+from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts, Query
 from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
@@ -33,11 +35,14 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_TOLERANCE = 5e-4  # [m] a way is off the postures that are compared by more, or it counts as being there
-_POSTURES = 64  # that are compared for a command at most; a way that needs more is left to slower commands
-_COARSE = 0.2  # [m] pieces in which parts move further are cut at once: too many others are that near
-_SAMPLES = 64  # of each curve of a way; a power of two
-_SHORT = 5e-3  # [m] pieces in which parts move less are taken for straight
+_TOLERANCE = 5e-4  # [m] a path is off the postures that are compared by more, or it counts as being there
+_COMPARISONS = 48  # of pairs of segments for an arm in a cycle at most; what needs more is left to slower commands
+_COARSE = 0.15  # [m] segments in which parts move further are cut at once: too many others are that near
+_FINE = 0.05  # [m] or, down to this, those that had to be cut in the last cycles all the same
+_AT_ONCE = 16  # unless there are as many of them
+_SIMILAR = 0.5  # of two segments, that in which parts move by this share of the other's is cut with it
+_SAMPLES = 64  # of each curve of a braking path; a power of two
+_SHORT = 5e-3  # [m] segments in which parts move less are taken for straight
 _BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
 _CORNERS = 3  # boundaries that count at once
@@ -48,85 +53,124 @@ _MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
+_PATIENCE = 0.15  # [s] an arm that is limited may go on for so long without getting nearer to where it is commanded
+_NEARER = 1e-3  # [rad] by less it is no nearer
+_NEARER_SHARE = 0.1  # nor by less than this share of what is left
+_SAME = 5e-4  # [rad] a position desired that changes by less is the same
+_OWN = 0.5  # a proportional controller's changes with the arm itself, by less than this share of its motion
+_SAME_SPEED = 1e-2  # [rad/s]
+_ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
 
 
-class Limited(NamedTuple):
-    """What limits an arm.
-
-    Attributes:
-        part: of the arm, e.g. ``right gripper``.
-        other: of the other arm, ``body``, or a box by its name.
-        distance: between them now [m].
-    """
-
-    part: str
-    other: str
-    distance: float
-
-    def __str__(self) -> str:
-        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
-
-
-class _Piece:
-    """Of a way: a straight line in joint space, and how far each joint may be off it.
+class _Segment:
+    """Of a braking path: a straight line in joint space, and how far each joint may be off it.
 
     Args:
-        curve: postures that it leads along [rad], (n, 7).
-        cut: makes its parts; none of the smallest pieces.
+        rows: the four attributes [rad], (4, 7).
+        cut: makes its parts; none of the smallest segments.
 
     Attributes:
-        middle: of the line [rad], (7,).
-        along: from there to its end [rad], (7,).
-        off: it by so much, at most [rad], (7,).
-        half: how far each joint is from the middle, at most [rad], (7,).
+        rows: as above.
+        middle: of the line.
+        along: from there to its end.
+        off: it by so much, at most.
+        half: how far each joint is from the middle, at most.
     """
 
-    __slots__ = ("_cut", "_parts", "along", "half", "middle", "off")
+    __slots__ = ("_cut", "_parts", "rows")
 
-    def __init__(self, curve: Array, cut: Callable[[], tuple[_Piece, ...]]) -> None:
-        self.middle, self.along = 0.5 * (curve[0] + curve[-1]), 0.5 * (curve[-1] - curve[0])
-        self.off = np.zeros(JOINT_COUNT)
-        if len(curve) > _ENDS:
-            apart = curve - self.middle
-            shares = np.clip(apart @ self.along / max(float(self.along @ self.along), _TINY), -1.0, 1.0)
-            self.off = np.abs(apart - shares[:, None] * self.along).max(0)
-        self.half = np.abs(self.along) + self.off
+    def __init__(self, rows: Array, cut: Callable[[], tuple[_Segment, ...]]) -> None:
+        self.rows = rows
         self._cut = cut
-        self._parts: tuple[_Piece, ...] | None = None
+        self._parts: tuple[_Segment, ...] | None = None
 
     @property
-    def parts(self) -> tuple[_Piece, ...]:
+    def middle(self) -> Array:
+        return np.asarray(self.rows[_MIDDLE])
+
+    @property
+    def along(self) -> Array:
+        return np.asarray(self.rows[_ALONG])
+
+    @property
+    def off(self) -> Array:
+        return np.asarray(self.rows[_OFF])
+
+    @property
+    def half(self) -> Array:
+        return np.asarray(self.rows[_HALF])
+
+    @property
+    def parts(self) -> tuple[_Segment, ...]:
         """What it consists of."""
         if self._parts is None:
             self._parts = self._cut()
         return self._parts
 
 
-def _piece_of(curve: Array) -> _Piece:
-    def cut() -> tuple[_Piece, ...]:
-        middle = len(curve) // 2
-        return (_piece_of(curve[: middle + 1]), _piece_of(curve[middle:])) if len(curve) > _ENDS else ()
-
-    return _Piece(curve, cut)
+_MIDDLE, _ALONG, _OFF, _HALF = range(4)
 
 
-def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Piece, ...]]) -> _Piece:
+class _Curve:
+    """Segments of a braking path, level by level.
+
+    Args:
+        postures: along it [rad], (_SAMPLES + 1, 7); or the ends of a straight line, (2, 7).
+    """
+
+    def __init__(self, postures: Array) -> None:
+        self._postures = postures
+        self._levels: dict[int, Array] = {}
+
+    def segment(self, level: int = 0, index: int = 0) -> _Segment:
+        """One of the 2 ** level segments of the same number of postures."""
+
+        def cut() -> tuple[_Segment, ...]:
+            finer = level + 1
+            return () if 1 << level == _SAMPLES else tuple(self.segment(finer, 2 * index + each) for each in (0, 1))
+
+        return _Segment(self._rows(level)[index], cut)
+
+    def _rows(self, level: int) -> Array:
+        """Of all segments of a level, (2 ** level, 4, 7)."""
+        if level not in self._levels:
+            is_straight, step = len(self._postures) == _ENDS, _SAMPLES >> level
+            if is_straight:
+                first, last = self._postures
+                ends = first + np.linspace(0.0, 1.0, (1 << level) + 1)[:, None] * (last - first)
+            else:
+                ends = self._postures[::step]
+            rows = np.zeros((len(ends) - 1, 4, JOINT_COUNT))
+            rows[:, _MIDDLE], rows[:, _ALONG] = 0.5 * (ends[:-1] + ends[1:]), 0.5 * (ends[1:] - ends[:-1])
+            along = rows[:, _ALONG]
+            if step > 1 and not is_straight:
+                inner = self._postures[:-1].reshape(-1, step, JOINT_COUNT)[:, 1:] - rows[:, None, _MIDDLE]
+                lengths = np.maximum((along * along).sum(1), _TINY)[:, None, None]
+                shares = np.minimum(np.maximum(inner @ along[:, :, None] / lengths, -1.0), 1.0)
+                rows[:, _OFF] = np.abs(inner - shares * along[:, None]).max(1)
+            rows[:, _HALF] = np.abs(along) + rows[:, _OFF]
+            self._levels[level] = rows
+        return self._levels[level]
+
+
+def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Segment, ...]]) -> _Segment:
     """All that lies between some postures [rad], (n, 7), whichever joint moves first."""
     all_of_them = np.array(postures)
     low, high = all_of_them.min(0), all_of_them.max(0)
-    piece = _Piece(0.5 * (low + high)[None], cut)
-    piece.off = piece.half = 0.5 * (high - low)
-    return piece
+    rows = np.zeros((4, JOINT_COUNT))
+    rows[_MIDDLE], rows[_OFF] = 0.5 * (low + high), 0.5 * (high - low)
+    rows[_HALF] = rows[_OFF]
+    return _Segment(rows, cut)
 
 
 _ENDS = 2
 _TINY = 1e-12  # [rad²]
-_STILL = _Piece(np.zeros((1, JOINT_COUNT)), tuple)
+_STILL = _Segment(np.zeros((4, JOINT_COUNT)), tuple)
 """Instead of the other arm's, where what stands still is compared."""
 
 
 class ArmMotion:
-    """How an arm moves, and where it may come on its way to rest.
+    """How an arm moves, and where it may come until it rests.
 
     Args:
         planned: where the robot plans to be [rad], (7,).
@@ -157,40 +201,40 @@ class ArmMotion:
         """How far all joints together get from where they are until they rest [rad]."""
         return sum(path.highest - path.lowest for path in self._paths)
 
-    # The pieces hold no motion: the control process collects no garbage, and what refers to itself would stay for ever.
+    # No segment holds a motion: the control process collects no garbage, and what refers to itself would stay for ever.
 
     @cached_property
-    def ahead(self) -> _Piece:
-        """Where a new command may lead the arm that it did not come by earlier ones: its way to rest."""
+    def ahead(self) -> _Segment:
+        """Where a new command may lead the arm that it did not come by earlier ones: its braking path."""
         limits, starts = self._limits, [self.sent] if self.robot is None else [self.sent, self.robot]
         postures = _extremes(self.sent, self._paths)
         if self.robot is not None:
             postures += _extremes(self.robot, braking_paths(self.robot, limits))
-        return _hull(postures, lambda: tuple(_piece_of(braking_positions(start, limits, _SAMPLES)) for start in starts))
+        return _hull(
+            postures, lambda: tuple(_Curve(braking_positions(start, limits, _SAMPLES)).segment() for start in starts)
+        )
 
     @cached_property
-    def way(self) -> _Piece:
+    def reachable(self) -> _Segment:
         """Where it may come from now on: from where the robot plans to be to where it rests.
 
         A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
-        way of that position is left to the margin.
+        path of that position is left to the margin.
         """
         ahead, planned = self.ahead, self.planned
         ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
         lines = [end for end in ends if end is not None]
         postures = (ahead.middle - ahead.half, ahead.middle + ahead.half, np.array(planned), *map(np.array, lines))
-        return _hull(postures, lambda: (*(_piece_of(_line(planned, end)) for end in lines), *(ahead.parts or (ahead,))))
+        return _hull(
+            postures,
+            lambda: (*(_Curve(np.array((planned, end))).segment() for end in lines), *(ahead.parts or (ahead,))),
+        )
 
 
 def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, ...]:
     """How far the joints get backwards and forwards while they brake [rad], (7,) each."""
     rows = list(zip(start.position, paths, strict=True))
     return joints([at + path.lowest for at, path in rows]), joints([at + path.highest for at, path in rows])
-
-
-def _line(begin: Joints, end: Joints) -> Array:
-    first, last = np.array(begin), np.array(end)
-    return np.asarray(first + np.linspace(0.0, 1.0, _SAMPLES + 1)[:, None] * (last - first))
 
 
 class Boundary:
@@ -200,7 +244,7 @@ class Boundary:
         normal: by how much a radian of each joint moves the parts apart [m/rad], (7,).
         least: [m].
         limited: the pair of parts.
-        beyond: how far the arm is on this side of it on its way to rest [m].
+        beyond: how far the arm is on this side of it on its braking path [m].
     """
 
     __slots__ = ("_square", "beyond", "least", "limited", "normal")
@@ -221,56 +265,75 @@ class Boundary:
 
 
 @dataclass(slots=True)
-class _Arm:
-    """What is known of one arm.
+class _Progress:
+    """Whether an arm that is limited still comes nearer to where it is commanded.
 
     Attributes:
-        motion: of the command sent last; None before the first.
-        is_heard: whether its robot's datagrams arrive.
-        is_read: whether its joints were read from the controller since they did.
-        limited: what limits it in this cycle.
-        boundaries: near it.
+        desired: what it is commanded.
+        measured: where it was measured then [rad], (7,).
+        nearest: how near to the position desired it was sent since [rad].
+        waited: for how long it has come no nearer than that while it could have [s].
+        limited: what has limited it meanwhile.
+        elsewhere: how far the other arm has to move before this one, if held, tries again [rad].
+        held_by: what is known of the other arm and of permitted pairs since it is held; None while it is not.
     """
 
-    motion: ArmMotion | None = None
-    is_heard: bool = False
-    is_read: bool = False
+    desired: ArmCommand
+    measured: Joints
+    nearest: float
+    waited: float = 0.0
     limited: Limited | None = None
-    boundaries: list[Boundary] = field(default_factory=list)
+    elsewhere: float = _ELSEWHERE
+    held_by: _Surroundings | None = None
+
+
+class _Surroundings(NamedTuple):
+    """What an arm is limited by, besides what stands still.
+
+    Attributes:
+        position: that the other arm is sent to [rad], (7,); None of one that is unknown.
+        heard: what is known of it: whether it is heard, was read, and may not have come to where it was sent.
+        margins: of all pairs of parts.
+    """
+
+    position: Joints | None
+    heard: tuple[bool, bool, bool]
+    margins: Array
 
 
 class CollisionLimiter:
-    """Says of both arms' commands whether they keep the arms apart.
+    """Keeps both arms apart: what is known of them together; :meth:`arm` says of one arm's commands whether they may.
 
     Args:
         model: the shapes.
         limits: of the joints: how hard they brake.
         gain: of the robots' position loops [1/s].
         margin: the distance kept [m].
+
+    Attributes:
+        model, limits, gain, margin: as above.
+        is_of: which parts are an arm's, (parts,).
+        margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
     """
 
     def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
         self.model = model
         self.margin = margin
-        self._limits = limits
-        self._gain = gain
-        self._arms = {side: _Arm() for side in Side}
-        self._is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
+        self.limits = limits
+        self.gain = gain
+        self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
+        self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
-            self._is_of[side][parts] = True
+            self.is_of[side][parts] = True
         is_shoulder = model.frames == 0
         # The shoulders are as near to the other arm as to the body, and bolted to it.
         is_near = is_shoulder | (np.array(model.names) == "body")
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
-        # Of parts within their margins, how near they may be [m].
-        self._floors: dict[tuple[Side, bool], dict[tuple[int, int], float]] = {
-            (side, is_alone): {} for side in Side for is_alone in (False, True)
-        }
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
-        """The part of it that one arm's limiter asks."""
-        return ArmCollisionLimiter(self, side)
+        """What one arm's limiter asks."""
+        return self._arms[side]
 
     def pairs_of(self, name: str, other: str) -> int:
         """How many pairs of parts have these names, in either order; see :meth:`permit`."""
@@ -284,7 +347,7 @@ class CollisionLimiter:
         margins = self._declared.copy()
         for pair in pairs:
             margins[self._found(*pair)] = -inf
-        self._margins = margins
+        self.margins = margins
         for arm in self._arms.values():
             arm.boundaries = []
 
@@ -295,251 +358,365 @@ class CollisionLimiter:
         cups and declared tools, too.
         """
         first, second = (np.array(self.model.names) == wanted for wanted in (name, other))
-        for side, its in self._is_of.items():
+        for side, its in self.is_of.items():
             for group, parts in (("arm", its), ("gripper", its & (self.model.frames == TOOL_FRAME))):
                 first, second = (
                     found | parts if wanted == f"{side.word} {group}" else found
                     for found, wanted in ((first, name), (second, other))
                 )
-        one_arm = sum(np.outer(its, its) for its in self._is_of.values()) > 0
-        still = ~(self._is_of[Side.RIGHT] | self._is_of[Side.LEFT])
+        one_arm = sum(np.outer(its, its) for its in self.is_of.values()) > 0
+        still = ~(self.is_of[Side.RIGHT] | self.is_of[Side.LEFT])
         return np.asarray((np.outer(first, second) | np.outer(second, first)) & ~one_arm & ~np.outer(still, still))
-
-    def begin_cycle(self, side: Side) -> None:
-        """Nothing limits an arm so far."""
-        self._arms[side].limited = None
 
     def limited(self, side: Side) -> Limited | None:
         """What limits an arm in this cycle."""
         return self._arms[side].limited
 
-    def connection_lost(self, side: Side) -> None:
+
+class ArmCollisionLimiter:
+    """Says of one arm's commands whether they keep the arms apart; see :class:`CollisionLimiter`.
+
+    Attributes:
+        side: which arm.
+        motion: of the command sent last; None before the first.
+        is_heard: whether its robot's datagrams arrive.
+        is_read: whether its joints were read from the controller since they did.
+        limited: what limits it in this cycle.
+        boundaries: near it.
+    """
+
+    def __init__(self, both: CollisionLimiter, side: Side) -> None:
+        self.side = side
+        self.motion: ArmMotion | None = None
+        self.is_heard = self.is_read = False
+        self.limited: Limited | None = None
+        self.boundaries: list[Boundary] = []
+        self._both = both
+        # Its motion, the other arm's and the margins that were found to be clear last.
+        self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
+        # How it gets on with what it is commanded; None while that is nothing.
+        self._progress: _Progress | None = None
+        # Of parts within their margins, how near they may be [m].
+        self._floors: dict[tuple[int, int], float] = {}
+        self._comparisons_left = _COMPARISONS  # in this cycle
+        self._coarse = _COARSE  # [m] segments in which parts move further are cut at once, as it proved useful
+
+    @property
+    def other(self) -> ArmCollisionLimiter:
+        """That of the other arm."""
+        return self._both.arm(self.side.other)
+
+    def begin_cycle(self) -> None:
+        """Nothing limits an arm so far."""
+        if self._progress is not None:
+            self._progress.limited = self.limited or self._progress.limited
+        self.limited, self._comparisons_left = None, _COMPARISONS
+
+    def holds(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
+        """Whether an arm is to hold whatever is desired; to be asked once in a cycle, at its begin.
+
+        Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
+        that is limited has to come nearer to where it is commanded, in joint space, or it is held: until it is
+        commanded something else, or what limits it has changed. The other arm has to move twice as far each time that
+        was of no use; so both come to rest.
+
+        Args:
+            desired: what it is commanded; None for nothing.
+            measured: where it was measured [rad], (7,).
+            dt: time since the cycle before [s].
+        """
+        if desired is None or self.motion is None:
+            self._progress = None
+            return False
+        progress, far = self._progress, dist(desired.position, self.motion.sent.position)
+        if progress is None or not _is_same(desired, measured, progress):
+            self._progress = _Progress(desired, measured, far)
+            return False
+        if progress.held_by is not None:
+            if not self._has_changed(progress):
+                self.limited = progress.limited
+                return True
+            progress.held_by, progress.waited, self.boundaries = None, 0.0, []
+        if far < progress.nearest - min(_NEARER, _NEARER_SHARE * progress.nearest):
+            self._progress = _Progress(desired, measured, far)
+        elif progress.limited is not None and self.motion.length < _SLOW:  # a faster one has to slow down first
+            progress.waited += dt
+            if progress.waited > _PATIENCE:
+                progress.desired, progress.measured = desired, measured
+                progress.held_by, self.limited = self._surroundings(), progress.limited
+                return True
+        return False
+
+    def _surroundings(self) -> _Surroundings:
+        its = self.other
+        position = its.motion.sent.position if its.motion is not None else None
+        coasts = its.motion is not None and its.motion.coasts_to is not None
+        return _Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins)
+
+    def _has_changed(self, progress: _Progress) -> bool:
+        """Whether what holds an arm has changed by so much that it tries again."""
+        before, now = progress.held_by, self._surroundings()
+        assert before is not None
+        if before.heard != now.heard or before.margins is not now.margins:
+            progress.elsewhere = _ELSEWHERE
+            return True
+        if before.position is now.position or before.position is None or now.position is None:
+            return before.position is not now.position
+        if dist(before.position, now.position) <= progress.elsewhere:
+            return False
+        progress.elsewhere *= 2.0
+        return True
+
+    def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
-        The other arm keeps clear of that until they arrive again, or the arm's joints are read; see :meth:`stands`.
+        The other arm keeps clear of that until they arrive again, or the arm's joints are read: :meth:`note_measured`.
         """
-        arm = self._arms[side]
-        if not arm.is_heard or arm.motion is None:
+        if not self.is_heard or self.motion is None:
             return
-        arm.is_heard, arm.is_read, motion = False, False, arm.motion
+        self.is_heard, self.is_read, motion = False, False, self.motion
         coasts_to = motion.sent.position
-        if motion.robot is not None and self._gain > 0.0:
+        if motion.robot is not None and self._both.gain > 0.0:
             rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
-            coasts_to = joints([p + v / self._gain for p, v in rows])
-        arm.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._limits, coasts_to)
+            coasts_to = joints([p + v / self._both.gain for p, v in rows])
+        self.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._both.limits, coasts_to)
 
-    def stands(self, side: Side, position: Joints) -> None:
+    def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
 
         The other arm keeps clear of what lies between there and where it was read before.
         """
-        arm = self._arms[side]
-        if arm.is_heard:
+        if self.is_heard:
             return
-        last, arm.is_read = arm.motion, True
+        last, self.is_read = self.motion, True
         before = last.sent.position if last is not None else position
         # It may not have come yet to where its last command leads it.
         coasts_to = last.coasts_to if last is not None and dist(before, position) > _NOISE else None
-        arm.motion = ArmMotion(before, Setpoint(position), None, self._limits, coasts_to)
+        self.motion = ArmMotion(before, Setpoint(position), None, self._both.limits, coasts_to)
 
-    def sent(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
+    def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
-        arm = self._arms[side]
-        if not arm.is_heard or not _stays(arm.motion, planned, sent, robot):
-            arm.motion = ArmMotion(planned, sent, robot, self._limits)
-        arm.is_heard = True
+        if not self.is_heard or not _stays(self.motion, planned, sent, robot):
+            self.motion = ArmMotion(planned, sent, robot, self._both.limits)
+        self.is_heard = True
 
-    def accepts(self, side: Side, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
+    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
 
         Args:
-            side: which arm.
             planned: where its robot plans to be [rad], (7,).
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
         """
-        arm = self._arms[side]
-        is_back, arm.is_heard = not arm.is_heard, True
-        # What it stands at may have left it, or have come nearer.
-        if not is_back and not arm.boundaries and _stays(arm.motion, planned, sent, robot):
-            return True
-        motion, last = ArmMotion(planned, sent, robot, self._limits), arm.motion
+        is_back, self.is_heard = not self.is_heard, True
+        last, its = self.motion, self.other.motion
+        if last is not None and not is_back and _stays(last, planned, sent, robot):
+            # What it stands at may have left it, or have come nearer; else nothing has changed.
+            known = zip(self._compared, (last, its, self._both.margins), strict=True)
+            if not self.boundaries or all(before is now for before, now in known):
+                return True
+            motion = last
+        else:
+            motion = ArmMotion(planned, sent, robot, self._both.limits)
         # Its first command is where it stands.
-        if last is None or self._is_clear(side, motion, last):
-            arm.motion = motion
+        if last is None or self._is_clear(motion, last):
+            self.motion = motion
+            self._compared = (motion, its, self._both.margins)
             return True
         return False
 
-    def _is_clear(self, side: Side, motion: ArmMotion, last: ArmMotion) -> bool:
-        """Whether an arm keeps apart from everything on all of its way to rest, whichever arm is quicker.
+    def _is_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
+        """Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker.
+
+        All pairs of segments of both arms' paths that may be too near are compared at once; those that are not decided
+        by that are cut, and so on.
 
         Args:
-            side: which arm.
             motion: its motion, should the command be sent.
             last: that of the command before.
         """
-        arm, its = self._arms[side], self._arms[side.other].motion
-        arm.boundaries = []
-        if not self._is_apart(side, motion, last, None):
+        its = self.other.motion
+        if self._comparisons_left <= 0:
             return False
-        return its is None or self._is_apart(side, motion, last, its)
-
-    def _is_apart(self, side: Side, motion: ArmMotion, last: ArmMotion, its: ArmMotion | None) -> bool:
-        """Whether it keeps apart from the other arm; ``its`` None: from what stands still."""
-        reach, floors, limited = self.model.reach, None, None
-        parts = self.model.arms[side], self.model.arms[side.other]
-        pieces: list[tuple[_Piece, _Piece]] = [(motion.ahead, _STILL if its is None else its.way)]
-        compared = 0
-        while pieces:
-            mine, theirs = pieces.pop()
-            halves = (mine.half, theirs.half) if side is Side.RIGHT else (theirs.half, mine.half)
-            moved = reach @ np.concatenate(halves)
-            own, others = (float(moved[each].max()) for each in parts)
-            larger, smaller = (mine, theirs) if own >= others else (theirs, mine)
-            if own + others <= _COARSE or not larger.parts:
-                if compared == _POSTURES:
-                    break
-                compared += 1
-                lack = self._lack(side, mine, theirs, moved, floors or {}, motion, its)
-                if lack is not None and floors is None:
-                    floors = self._floors_of(side, last, its)
-                    if floors:
-                        lack = self._lack(side, mine, theirs, moved, floors, motion, its)
-                if lack is None:
-                    continue
-                limited = lack.limited
-                larger, smaller = (mine, theirs) if lack.is_mine_longer else (theirs, mine)
-                if lack.is_certain or not (larger.parts or smaller.parts):
-                    break
-            cut = larger if larger.parts else smaller
-            pieces += [(part, theirs) if cut is mine else (mine, part) for part in cut.parts]
-        else:
-            return True
-        self._arms[side].limited = limited
+        self.boundaries = []
+        floors: dict[tuple[int, int], float] | None = None
+        violation: _Violation | None = None
+        pairs = [(motion.ahead, _STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
+        is_first = True
+        while pairs:
+            compared = self._cut_long(pairs)
+            self._comparisons_left -= len(compared.pairs) if compared else _COMPARISONS
+            if compared is None or self._comparisons_left < 0:
+                break
+            near = self._near(compared, steers=motion.length < _SLOW)
+            violation = self._violation(near, compared, floors or {})
+            if violation is not None and floors is None:
+                floors = self._floors_of(last, its)
+                violation = self._violation(near, compared, floors) if floors else violation
+            # Segments that have to be cut are so at once next time, as long as that is of use.
+            self._coarse = max(_FINE, min(_COARSE, self._coarse * (1.5 if is_first and violation is None else 0.8)))
+            if violation is None:
+                return True
+            pairs, is_first = [] if violation.is_certain else compared.cut_all(violation.undecided), False
+        if violation is not None:
+            self.limited = self._limited_by(violation.part, violation.other, violation.distance)
         return False
 
-    def _lack(
-        self,
-        side: Side,
-        mine: _Piece,
-        theirs: _Piece,
-        moved: Array,
-        floors: Mapping[tuple[int, int], float],
-        motion: ArmMotion,
-        its: ArmMotion | None,
-    ) -> _Lack | None:
-        """Which parts may be too near on these pieces of both arms' ways; None where none are.
+    def _near(self, compared: _Compared, *, steers: bool) -> Contacts:
+        """What is near on pairs of segments, and, if the arm ``steers`` beside boundaries, those."""
+        least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self._both.margin, 0.0)
+        postures = compared.rows[:, :, _MIDDLE].reshape(len(compared.pairs), -1)
+        rows = zip(postures, compared.own, compared.others, compared.pairs, strict=True)
+        near = self._both.model.contacts(
+            *(
+                Query(posture, max(own + others - _TOLERANCE, least) + margin, self.side if theirs is _STILL else None)
+                for posture, own, others, (_, theirs) in rows
+            )
+        )
+        if steers:
+            self._add_boundaries(near, compared)
+        return near
+
+    def _cut_long(self, pairs: list[_Pair]) -> _Compared | None:
+        """Pairs of segments on which parts do not move too far to look at them, as far as they can be cut.
+
+        None where these are too many.
+        """
+        coarse = self._coarse
+        own_parts, other_parts = self._both.model.arms[self.side], self._both.model.arms[self.side.other]
+        while len(pairs) <= _COMPARISONS:
+            both = pairs if self.side is Side.RIGHT else [pair[::-1] for pair in pairs]
+            rows = np.concatenate([each.rows for pair in both for each in pair]).reshape(len(pairs), 2, 4, JOINT_COUNT)
+            moved = rows[:, :, _HALF].reshape(len(pairs), -1) @ self._both.model.reach.T
+            own, others = moved[:, own_parts].max(1), moved[:, other_parts].max(1)
+            compared = _Compared(pairs, rows, moved, own.tolist(), others.tolist())
+            far = own + others
+            is_long = far > (coarse if len(pairs) < _AT_ONCE else _COARSE)
+            if not is_long.any():
+                return compared
+            pairs = []
+            for index, long in enumerate(is_long.tolist()):
+                pairs += (long and compared.cut(index)) or [compared.pairs[index]]
+            if len(pairs) == len(is_long):
+                return compared
+        return None
+
+    def _violation(
+        self, near: Contacts, compared: _Compared, floors: Mapping[tuple[int, int], float]
+    ) -> _Violation | None:
+        """Which parts may be too near on these segments of both arms' paths; None where none are.
 
         Args:
-            side: which arm.
-            mine: of its way.
-            theirs: of the other arm's.
-            moved: how far each part may be from where it is in the middle of both [m].
+            near: parts that are near each other in the middles of the segments.
+            compared: the segments.
             floors: of parts within their margins.
-            motion: the arm's, should the command be sent.
-            its: the other arm's; None where what stands still is compared.
         """
-        model, steers = self.model, motion.length < _SLOW
-        right, left = (mine, theirs) if side is Side.RIGHT else (theirs, mine)
-        furthest = float(moved[model.arms[side]].max() + moved[model.arms[side.other]].max())
-        seen = max(furthest - _TOLERANCE, _BOUNDARY_WITHIN if steers else 0.0)
-        postures = np.concatenate((right.middle, left.middle))
-        near = model.contacts(postures, max(self.margin, 0.0) + seen, side if its is None else None)
-        margins = self._margins
-        beyond = near.distances - margins[near.firsts, near.seconds]
-        off = moved[near.firsts] + moved[near.seconds]
-        if steers:
-            self._add_boundaries(side, mine, near, np.where(off < _SHORT, beyond, inf))
+        if not len(near.parts):
+            return None
+        model, rows, moved = self._both.model, compared.rows, compared.moved
+        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
+        beyond = near.distances - self._both.margins[firsts, seconds]
+        off = moved[near.queries, firsts] + moved[near.queries, seconds]
         lacking = np.flatnonzero(beyond < np.maximum(off - _TOLERANCE, 0.0))
         if not len(lacking):
             return None
-        # Not all that moves comes nearer: how far along the line of nearest distance.
-        bends = model.reach @ np.concatenate(
-            [piece.half * (np.cumsum(piece.half) - 0.5 * piece.half) for piece in (right, left)]
-        )
-        nearer = bends[near.firsts[lacking]] + bends[near.seconds[lacking]]
-        for which, piece in ((Side.RIGHT, right), (Side.LEFT, left)):
-            is_of = self._is_of[which]
-            concerned = np.flatnonzero(is_of[near.firsts[lacking]] | is_of[near.seconds[lacking]])
-            if len(concerned) and piece.half.any():
-                behind, slopes = model.slopes(lacking[concerned], which)
-                forward = np.abs(slopes @ piece.along) + np.abs(slopes) @ piece.off - behind
-                nearer[concerned] += np.maximum(forward.max(1), 0.0)
-        nearer = np.minimum(nearer, off[lacking])
+        parts, segments = near.parts[lacking], near.queries[lacking]
         beyond, off = beyond[lacking], off[lacking]
+        # Not all that moves comes nearer: how far along the line of nearest distance.
+        half = rows[:, :, _HALF]
+        bends = (half * (half.cumsum(2) - 0.5 * half)).reshape(len(rows), -1) @ model.reach.T
+        contacts, which = np.concatenate((lacking, lacking)), np.repeat(np.arange(2), len(lacking))
+        concerned = np.flatnonzero(near.parts[contacts, which] < model.arms[Side.LEFT].stop)
+        contacts, which = contacts[concerned], which[concerned]
+        numbers, its = near.queries[contacts], near.parts[contacts, which]
+        lines = rows[numbers, (its >= model.arms[Side.LEFT].start).astype(np.intp)]
+        behind, slopes = model.slopes(near, contacts, which)
+        forward = np.abs((slopes @ lines[:, _ALONG, :, None])[:, :, 0]) - behind
+        forward += (np.abs(slopes) @ lines[:, _OFF, :, None])[:, :, 0]
+        towards = np.zeros(2 * len(lacking))
+        towards[concerned] = np.maximum(forward.max(1), 0.0) + bends[numbers, its]
+        nearer = np.minimum(towards[: len(lacking)] + towards[len(lacking) :], off)
         free = beyond - np.maximum(nearer - _TOLERANCE, 0.0)
-        for index, at in enumerate(lacking.tolist()) if floors else ():
+        for pair, floor in floors.items():
             # A part within its margin already comes no nearer, and may leave it.
-            floor = floors.get(self._pair(side, near, at))
-            if floor is not None:
-                beyond[index] = float(near.distances[at]) - floor + _ALLOWED_APPROACH
-                free[index] = beyond[index] - nearer[index]
+            its = np.flatnonzero(((parts == pair) | (parts == pair[::-1])).all(1))
+            beyond[its] = near.distances[lacking[its]] - floor + _ALLOWED_APPROACH
+            free[its] = beyond[its] - nearer[its]
         worst = int(free.argmin())
         if free[worst] >= 0.0:
             return None
-        at = int(lacking[worst])
-        part, its_part = self._pair(side, near, at)
-        return _Lack(
-            self._limited_by(side, part, its_part, float(near.distances[at])),
-            is_certain=bool(beyond[worst] + off[worst] < 0.0),
-            is_mine_longer=bool(moved[part] >= moved[its_part]),
-        )
+        # Each path comes as near to the middle of a segment as it is off the line.
+        strays = rows[:, :, _OFF].reshape(len(rows), -1) @ model.reach.T
+        certain = beyond + strays[segments[:, None], parts].sum(1)
+        is_certain = bool(certain.min() < 0.0)
+        worst = int(certain.argmin()) if is_certain else worst
+        part, other = self._own_first(parts[worst].tolist())
+        distance = float(near.distances[lacking[worst]])
+        return _Violation(part, other, distance, is_certain, sorted(set(segments[free < 0.0].tolist())))
 
-    def _limited_by(self, side: Side, part: int, other: int, distance: float) -> Limited:
-        names, its = self.model.names, self._arms[side.other]
-        is_old = self._is_of[side.other][other] and not its.is_heard and not its.is_read
+    def _limited_by(self, part: int, other: int, distance: float) -> Limited:
+        names, its = self._both.model.names, self.other
+        is_old = self._both.is_of[self.side.other][other] and not its.is_heard and not its.is_read
         return Limited(names[part], names[other] + (_LAST_HEARD if is_old else ""), distance)
 
-    def _floors_of(self, side: Side, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
+    def _floors_of(self, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
         """Of parts that are within their margins now, how near they may be to each other [m]."""
-        postures = (last, its or last) if side is Side.RIGHT else (its or last, last)
-        positions, margins = np.concatenate([each.sent.position for each in postures]), self._margins
-        near = self.model.contacts(positions, max(self.margin, 0.0), side if its is None else None)
+        postures = (last, its or last) if self.side is Side.RIGHT else (its or last, last)
+        positions, margins = np.concatenate([each.sent.position for each in postures]), self._both.margins
+        kinds = (self.side,) if its is None else (self.side, None)
+        near = self._both.model.contacts(*(Query(positions, max(self._both.margin, 0.0), alone) for alone in kinds))
         within: dict[tuple[int, int], float] = {}
-        for index in np.flatnonzero(near.distances < margins[near.firsts, near.seconds]).tolist():
-            pair = self._pair(side, near, index)
+        for index in np.flatnonzero(near.distances < margins[near.parts[:, 0], near.parts[:, 1]]).tolist():
+            pair = self._own_first(near.parts[index].tolist())
             within[pair] = min(float(near.distances[index]), within.get(pair, inf))
         # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        known = self._floors[side, its is None]
         floors = {}
         for pair, now in within.items():
-            floor = known.get(pair, now)
-            least = min(floor, float(margins[pair]) - _SPARE)
-            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, max(now, least)))
-        self._floors[side, its is None] = floors
+            floor = self._floors.get(pair, now)
+            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, float(margins[pair]) - _SPARE))
+        self._floors = floors
         return floors
 
-    def _pair(self, side: Side, near: Contacts, index: int) -> tuple[int, int]:
+    def _own_first(self, parts: Sequence[int]) -> tuple[int, int]:
         """The parts of a contact, that of the arm first."""
-        first, second = int(near.firsts[index]), int(near.seconds[index])
-        return (first, second) if self._is_of[side][first] else (second, first)
+        first, second = parts
+        return (first, second) if self._both.is_of[self.side][first] else (second, first)
 
-    def _add_boundaries(self, side: Side, mine: _Piece, near: Contacts, beyond: Array) -> None:
+    def _add_boundaries(self, near: Contacts, compared: _Compared) -> None:
         """Note what the arm must not cross; of two parts where they are nearest."""
-        arm = self._arms[side]
-        found = {each.limited[:2]: each for each in arm.boundaries}
-        nearest = np.flatnonzero(beyond < _BOUNDARY_WITHIN)
+        if not len(near.parts):
+            return
+        rows, moved = compared.rows, compared.moved
+        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
+        beyond = near.distances - self._both.margins[firsts, seconds]
+        is_short = moved[near.queries, firsts] + moved[near.queries, seconds] < _SHORT
+        nearest = np.flatnonzero((beyond < _BOUNDARY_WITHIN) & is_short)
+        if not len(nearest):
+            return
         nearest = nearest[np.argsort(beyond[nearest])[:_CORNERS]]
-        for index in nearest.tolist():
-            part, other = self._pair(side, near, index)
-            limited, lacks = self._limited_by(side, part, other, float(near.distances[index])), float(beyond[index])
-            if limited[:2] in found and found[limited[:2]].beyond <= lacks:
-                continue
-            behind, slopes = self.model.slopes(np.array([index]), side)
-            normal = -slopes[0, int(behind[0].argmin())]
-            found[limited[:2]] = Boundary(normal, float(normal @ mine.middle) - lacks, limited, lacks)
-        arm.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
+        pairs = [self._own_first(parts) for parts in near.parts[nearest].tolist()]
+        which = np.array([int(part != first) for (part, _), first in zip(pairs, firsts[nearest].tolist(), strict=True)])
+        behind, slopes = self._both.model.slopes(near, nearest, which)
+        middles = rows[near.queries[nearest], 0 if self.side is Side.RIGHT else 1, _MIDDLE]
+        found = {(each.limited.part, each.limited.other): each for each in self.boundaries}
+        for row, (index, (part, other)) in enumerate(zip(nearest.tolist(), pairs, strict=True)):
+            limited = self._limited_by(part, other, float(near.distances[index]))
+            lacks, names = float(beyond[index]), (limited.part, limited.other)
+            if names not in found or found[names].beyond > lacks:
+                normal = -slopes[row, int(behind[row].argmin())]
+                found[names] = Boundary(normal, float(normal @ middles[row]) - lacks, limited, lacks)
+        self.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
 
-    def steered(self, side: Side, desired: ArmCommand) -> ArmCommand:
+    def steered(self, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        arm, limited = self._arms[side], None
-        if not arm.boundaries or arm.motion is None or arm.motion.length >= _SLOW:
-            # First an arm is slowed down on the way it goes: where that is free after all, it is not left.
+        limited = None
+        if not self.boundaries or self.motion is None or self.motion.length >= _SLOW:
+            # First an arm is slowed down on its path: where that is free after all, it is not left.
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
         for _ in range(_REPEATS):
             is_clear = True
-            for boundary in arm.boundaries:
+            for boundary in self.boundaries:
                 missing = boundary.missing(position)
                 if missing <= _EXACT:
                     continue
@@ -552,7 +729,7 @@ class CollisionLimiter:
                 break
         if limited is None:
             return desired
-        arm.limited = limited
+        self.limited = limited
         return ArmCommand(joints(position), joints(velocity) if any(velocity) else ZERO)
 
 
@@ -560,47 +737,58 @@ _LAST_HEARD = " where EGM reported it last"
 """Added to the name of a part of an arm whose datagrams do not arrive."""
 
 
-class _Lack(NamedTuple):
-    """Two parts that may come too near.
+class _Violation(NamedTuple):
+    """Parts that may come too near to each other.
 
     Attributes:
-        limited: which.
-        is_certain: whether smaller pieces would say the same.
-        is_mine_longer: whether the arm itself moves further on its piece than the other one.
+        part: the arm's, of the worst pair.
+        other: the other one.
+        distance: between them in the middle of their segments [m].
+        is_certain: whether smaller segments would say the same.
+        undecided: the numbers of the pairs of segments on which parts may be too near.
     """
 
-    limited: Limited
+    part: int
+    other: int
+    distance: float
     is_certain: bool
-    is_mine_longer: bool
+    undecided: list[int]
 
 
-class ArmCollisionLimiter(NamedTuple):
-    """What the limiter of one arm asks of and reports to :class:`CollisionLimiter`; methods as there."""
+_Pair = tuple[_Segment, _Segment]
+"""Of the arm's braking path, and of the other one's."""
 
-    both: CollisionLimiter
-    side: Side
 
-    @property
-    def limited(self) -> Limited | None:
-        return self.both.limited(self.side)
+class _Compared(NamedTuple):
+    """Pairs of segments that are compared at once.
 
-    def begin_cycle(self) -> None:
-        self.both.begin_cycle(self.side)
+    Attributes:
+        pairs: as above, (n).
+        rows: of the segments, the right arm's first, (n, 2, 4, 7).
+        moved: how far each part may be from where it is in the middle of its segment [m], (n, parts).
+        own: the most of it of the arm itself, (n).
+        others: and of the other one, (n).
+    """
 
-    def connection_lost(self) -> None:
-        self.both.connection_lost(self.side)
+    pairs: list[_Pair]
+    rows: Array
+    moved: Array
+    own: list[float]
+    others: list[float]
 
-    def stands(self, position: Joints) -> None:
-        self.both.stands(self.side, position)
+    def cut(self, index: int) -> list[_Pair]:
+        """The parts of a pair: of that segment on which parts move further, or of both; none of the smallest."""
+        (mine, theirs), own, others = self.pairs[index], self.own[index], self.others[index]
+        cuts_mine = (own >= _SIMILAR * others or not theirs.parts) and bool(mine.parts)
+        cuts_theirs = (others > _SIMILAR * own or not mine.parts) and bool(theirs.parts)
+        if not (cuts_mine or cuts_theirs):
+            return []
+        return list(product(mine.parts if cuts_mine else (mine,), theirs.parts if cuts_theirs else (theirs,)))
 
-    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
-        return self.both.accepts(self.side, planned, sent, robot)
-
-    def steered(self, desired: ArmCommand) -> ArmCommand:
-        return self.both.steered(self.side, desired)
-
-    def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
-        self.both.sent(self.side, planned, sent, robot)
+    def cut_all(self, indices: Sequence[int]) -> list[_Pair]:
+        """The parts of some pairs; none where one of them is the smallest: that is not decided by cutting."""
+        parts = [self.cut(index) for index in indices]
+        return [pair for each in parts for pair in each] if all(parts) else []
 
 
 def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
@@ -608,3 +796,13 @@ def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Set
     if motion is None or motion.sent != sent or motion.robot != robot:
         return False
     return motion.planned is planned or dist(motion.planned, planned) < _NOISE
+
+
+def _is_same(desired: ArmCommand, measured: Joints, before: _Progress) -> bool:
+    """Whether an arm is commanded the same as before, but for noise and for what its own motion makes of it."""
+    last = before.desired
+    if desired.position == last.position and desired.velocity == last.velocity:
+        return True
+    moved = dist(measured, before.measured)
+    is_same_speed = dist(desired.velocity, last.velocity) <= _SAME_SPEED
+    return is_same_speed and dist(desired.position, last.position) <= _SAME + _OWN * moved

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import degrees
+from typing import ClassVar
 
-from yumi.control.collisions import Limited
-from yumi.control.shared_state import CAUSES, Problem
+from yumi.control.shared_state import CAUSES, Limited, Problem
 from yumi.robot.joints import Joints, Side
 
 
@@ -185,11 +185,11 @@ class AllowedCollisionsChanged:
     """Other parts may touch than before, of both arms: see :mod:`yumi.control.allowed_collisions`.
 
     Attributes:
-        side: has no meaning.
+        side: the arm under which it is recorded; it concerns both.
         pairs: of parts that may touch now.
     """
 
-    side: Side
+    side: ClassVar[Side] = Side.RIGHT
     pairs: tuple[tuple[str, str], ...]
 
     def __str__(self) -> str:

@@ -14,13 +14,13 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from copy import copy
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
 
-from yumi.control.collisions import ArmCollisionLimiter, Limited
+from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
@@ -35,7 +35,7 @@ from yumi.control.motion import (
     step_to_rest,
     step_towards,
 )
-from yumi.control.shared_state import Factor, Problem
+from yumi.control.shared_state import Factor, Limited, Problem
 from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
@@ -454,7 +454,7 @@ class Limiter:
         self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain)
         self._collisions = collisions
-        self._was_refused = False  # whether nothing but braking was accepted in the last cycle
+        self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
         self._session = 0
         self._sent_at = -inf
         self._stopped_in_a_row = 0  # datagrams that say that the robot does not follow
@@ -497,7 +497,7 @@ class Limiter:
     def note_position(self, position: Joints) -> None:
         """The arm, whose datagrams do not arrive, was read from the controller to be at ``position`` [rad], (7,)."""
         if self._collisions is not None:
-            self._collisions.stands(position)
+            self._collisions.note_measured(position)
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""
@@ -578,38 +578,37 @@ class Limiter:
     ) -> ArmCommand:
         """The same without coming too near to anything: what is not accepted is forgotten."""
         collisions.begin_cycle()
+        is_held = collisions.holds(desired, state.position, dt)
         kept = copy(self._positions), copy(self._speeds), copy(self.counters), self._settling_for
-        steered = desired and collisions.steered(desired)
-        command = self._next(state, steered, dt)
-        if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
-            self.counters.kept_apart += steered is not desired
-            self._was_refused = False
-            return command
-        along = desired and collisions.steered(desired)
-        # The boundary is known by now; where that does not change the command, it is refused again.
-        if desired is not None and along is not steered and along != steered and not self._was_refused:
+        for index, candidate in enumerate(() if is_held else self._candidates(collisions, desired)):
+            command = self._next(state, candidate, dt)
+            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
+                self.counters.kept_apart += candidate is not desired
+                self._was_refused = self._was_refused and index > 0
+                return command
             self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
             self._settling_for = kept[3]
-            command = self._next(state, along, dt)
-            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
-                self.counters.kept_apart += 1
-                return command
-        far = 0.0 if desired is None else largest_difference(desired.position, kept[0].position)
-        if desired is not None and far > _HOP and max(map(abs, kept[0].motion.velocity)) < _HOPS:
-            # On its way to a far goal each joint is as quick as it may, which leads elsewhere than straight there.
-            self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
-            self._settling_for = kept[3]
-            rows = zip(kept[0].position, desired.position, strict=True)
-            near = ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
-            command = self._next(state, near, dt)
-            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
-                self.counters.kept_apart += 1
-                return command
-        self._positions, self._speeds, self.counters, self._settling_for = kept
         self.counters.kept_apart += 1
-        self.is_at_rest, self._was_refused = False, True
-        position = self._positions.brake(dt)
+        self.is_at_rest, self._was_refused = False, not is_held
+        last = self._positions.position
+        position = last if self._positions.stands(dt) else self._positions.brake(dt)
         return ArmCommand(position, self._speeds.next(state.planned, position, ZERO, dt))
+
+    def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand | None) -> Iterator[ArmCommand | None]:
+        """What may be sent in place of ``desired``, one after the other until one is accepted."""
+        first = desired and collisions.steered(desired)
+        yield first
+        if desired is None:
+            return
+        # What was compared has found the boundary; where that does not change the command, it is refused again.
+        along = collisions.steered(desired)
+        if along != first and not self._was_refused:
+            yield along
+        far = largest_difference(desired.position, self._positions.position)
+        if far > _HOP and max(map(abs, self._positions.motion.velocity)) < _HOPS:
+            # On its way to a far goal each joint is as quick as it may, which leads elsewhere than straight there.
+            rows = zip(self._positions.position, desired.position, strict=True)
+            yield ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
 
     def _next(self, state: ArmState, desired: ArmCommand | None, dt: float) -> ArmCommand:
         """The command of a cycle in which the robot follows."""

@@ -9,7 +9,7 @@ from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
 from yumi.control.allowed_collisions import AllowedCollisions
-from yumi.control.collisions import CollisionLimiter, Limited
+from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Buffer, ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.cycle import ArmPort, Cycle, run_cycle
@@ -30,7 +30,7 @@ from yumi.control.events import (
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.motion import largest_difference
-from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
+from yumi.control.shared_state import CAUSES, JointStates, Limited, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
@@ -317,7 +317,7 @@ class ArmLoop:
         """Write the snapshot of the arm as it is at ``now``."""
         wire, limiter, last = self._arm.wire_counters(), self._limiter.counters, self._last
         reference = self.manager.reference
-        part, other, distance = (last and self._limited) or ("", "", 0.0)
+        limited = (last and self._limited) or Limited("", "", 0.0)
         self._snapshots.write(
             Snapshot(
                 time=now,
@@ -343,9 +343,9 @@ class ArmLoop:
                 position_limited=limiter.position_limited,
                 slowed=limiter.slowed,
                 kept_apart=limiter.kept_apart,
-                limited_part=part,
-                limited_other=other,
-                limited_distance=distance,
+                limited_part=limited.part,
+                limited_other=limited.other,
+                limited_distance=limited.distance,
                 speed_cap=self._speed.highest,
                 interruptions=self._interruptions,
                 implausible=limiter.implausible,

@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
 from math import isnan, nan
@@ -54,6 +55,24 @@ INTERRUPTED = (
     "the {} arm was stopped, or another controller took it over, while the motion was planned; give the goal again."
 )
 """Why a motion is refused that was planned for another EGM session or another activation."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limited:
+    """What limits an arm.
+
+    Attributes:
+        part: of the arm, e.g. ``right gripper``.
+        other: of the other arm, ``body``, or a box by its name.
+        distance: between them now [m].
+    """
+
+    part: str
+    other: str
+    distance: float
+
+    def __str__(self) -> str:
+        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
 
 
 class Snapshot(NamedTuple):
@@ -142,11 +161,14 @@ class Snapshot(NamedTuple):
         return self.session, self.activation
 
     @property
+    def limited(self) -> Limited | None:
+        """What the arm is kept apart from; None while it is not."""
+        return Limited(self.limited_part, self.limited_other, self.limited_distance) if self.limited_part else None
+
+    @property
     def limited_by(self) -> str:
-        """What the arm is kept apart from, in words; empty while it is not."""
-        if not self.limited_part:
-            return ""
-        return f"{self.limited_part} - {self.limited_other}, {self.limited_distance * 1e3:.0f} mm"
+        """The same in words; empty while it is not."""
+        return str(self.limited or "")
 
 
 def read_snapshot(buffer: Buffer[Snapshot]) -> Snapshot:
@@ -226,7 +248,7 @@ class _Layout:
         for index, enum in self._enums:
             values[index] = enum(values[index])
         for index in self._texts:
-            values[index] = values[index].rstrip(b"\0").decode(errors="ignore")  # a letter may have been cut in two
+            values[index] = values[index].rstrip(b"\0").decode(errors="ignore")  # a character may have been cut in two
         rest = numbers[self._scalar_count :]
         vectors: list[Any] = [rest[begin : begin + JOINT_COUNT] for begin in range(0, len(rest), JOINT_COUNT)]
         for index in self._optional:

@@ -23,7 +23,7 @@ import msgspec
 
 from yumi import errors
 from yumi.control.motion import STANDING
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.shared_state import CAUSES, Limited, Problem, Snapshot
 from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.single_instance import lock_folder
@@ -303,23 +303,6 @@ class EgmReport(msgspec.Struct, frozen=True, kw_only=True):
     is_collision: bool | None = None
 
 
-class LimitedReport(msgspec.Struct, frozen=True):
-    """What an arm is kept apart from.
-
-    Attributes:
-        part: of the arm, as ``right gripper``.
-        other: of the other arm, ``body``, or a box by its name.
-        distance: between the two [m].
-    """
-
-    part: str
-    other: str
-    distance: float
-
-    def __str__(self) -> str:
-        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
-
-
 class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     """One arm now. What is measured is None while the robot sends no datagrams for it.
 
@@ -353,7 +336,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     pose: Pose | None = None
     egm: EgmReport | None = None
     problem: str = ""
-    limited: LimitedReport | None = None
+    limited: Limited | None = None
     cycles: CycleCounts | None = None
 
 
@@ -565,15 +548,9 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         pose=tool0_to_body(side, it.position),
         egm=egm,
         problem=CAUSES.get(it.problem, ""),
-        limited=limited_report(it),
+        limited=it.limited,
         cycles=counts,
     )
-
-
-def limited_report(snapshot: Snapshot) -> LimitedReport | None:
-    """What an arm is kept apart from; None while it is not."""
-    it = snapshot
-    return LimitedReport(it.limited_part, it.limited_other, it.limited_distance) if it.limited_part else None
 
 
 # ---- where it is

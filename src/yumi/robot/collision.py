@@ -10,7 +10,6 @@ Positions are in the body frame [m], joints in chain order [rad].
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -144,18 +143,52 @@ _FIXED = 4  # bit of what stands still; those of the arms are 1 and 2
 _OTHERS = 7  # of all of them
 
 
+class Query(NamedTuple):
+    """Which distances to calculate.
+
+    Attributes:
+        positions: of both arms, right, left [rad], (14,).
+        within: pairs further apart than this are left out [m].
+        alone: the arm whose parts are compared with what stands still; None: both arms with each other.
+    """
+
+    positions: Array
+    within: float
+    alone: Side | None = None
+
+
 class Contacts(NamedTuple):
-    """Parts that are near each other in one posture of both arms.
+    """Parts that are near each other in some postures of both arms.
 
     Attributes:
         distances: between their padded surfaces; below zero where they overlap [m], (n,).
-        firsts: the number of one part of each pair, as in :attr:`CollisionModel.names`, (n,).
-        seconds: of the other one, (n,).
+        parts: the numbers of both parts of each pair, as in :attr:`CollisionModel.names`, (n, 2).
+        queries: the number of the query that found each pair, (n,).
+        normals: from the first part to the second along the line of nearest distance, (n, 3).
+        points: the middle of that line [m], (n, 3).
+        shapes: rows of ``centres`` and ``halves`` that belong to the parts, (n, 2).
+        centres: of all shapes of all queries [m], (m, 3).
+        halves: from there to the end of each capsule [m], (m, 3).
+        arms: the rows of ``screws`` of the right and the left arm in each query, (queries, 2).
+        screws: of the joints of all arms of all queries: their axes and the moments of these [m], (k, 6, 7).
     """
 
     distances: Array
-    firsts: Indices
-    seconds: Indices
+    parts: Indices
+    queries: Indices
+    normals: Array
+    points: Array
+    shapes: Indices
+    centres: Array
+    halves: Array
+    arms: Indices
+    screws: Array
+
+
+_NOTHING, _NO_ROWS = np.zeros(0), np.zeros((0, 2), dtype=np.intp)
+_NONE = Contacts(
+    _NOTHING, _NO_ROWS, _NO_ROWS[:, 0], _NOTHING, _NOTHING, _NO_ROWS, _NOTHING, _NOTHING, _NO_ROWS, _NOTHING
+)
 
 
 class CollisionModel:
@@ -215,46 +248,57 @@ class CollisionModel:
         alone = {side: [each for each in capsules if each[0] is side] for side in Side}
         self._scenes: dict[Side | None, _Scene] = {None: _Scene(capsules, ())}
         self._scenes |= {side: _Scene(own, boxes) for side, own in alone.items()}
-        self._newest = self._scenes[None]
 
-    def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
-        """The pairs of parts whose distance is less than ``within`` [m].
+    def contacts(self, *queries: Query) -> Contacts:
+        """The pairs of parts that are near each other in some postures, query by query."""
+        found: list[tuple[Array, ...]] = []
+        numbers: list[int] = []
+        arms = np.zeros((len(queries), len(Side)), dtype=np.intp)
+        shapes_before, arms_before = [], 0
+        shape_count = 0
+        for number, query in enumerate(queries):
+            each = self._scenes[query.alone].contacts(query)
+            if each is not None:
+                is_both = query.alone is None
+                arms[number] = arms_before, arms_before + is_both
+                shapes_before.append(shape_count)
+                found.append(each)
+                numbers.append(number)
+                arms_before, shape_count = arms_before + 1 + is_both, shape_count + len(each[5])
+        if not found:
+            return _NONE
+        distances, parts, normals, points, shapes, centres, halves, axes, anchors = (
+            np.concatenate(each) for each in zip(*found, strict=True)
+        )
+        counts = [len(each[0]) for each in found]
+        screws = np.concatenate((axes, _cross(anchors, axes)), 1).reshape(-1, _LINKS, 6).transpose(0, 2, 1)
+        shapes = shapes + np.repeat(shapes_before, counts)[:, None]
+        queried = np.repeat(numbers, counts)
+        return Contacts(distances, parts, queried, normals, points, shapes, centres, halves, arms, screws)
+
+    def slopes(self, near: Contacts, contacts: Indices, which: Indices) -> tuple[Array, Array]:
+        """How both ends of parts of an arm move along the lines of nearest distance, towards the other parts.
 
         Args:
-            positions: of both arms, right, left [rad], (14,).
-            within: as above.
-            alone: the arm whose parts are compared with what stands still; None: both arms with each other.
-        """
-        scene = self._newest = self._scenes[alone]
-        return scene.contacts(positions if alone is None else positions[_joints_of(alone)], within)
-
-    def slopes(self, contacts: Indices, side: Side) -> tuple[Array, Array]:
-        """How both ends of the parts of an arm move along the lines of nearest distance, towards the other parts.
-
-        Args:
-            contacts: numbers of those that :meth:`contacts` found last, (n,).
-            side: an arm, to which one part of each belongs.
+            near: what :meth:`contacts` found.
+            contacts: numbers of some of that, (n,).
+            which: of their parts, 0 or 1; one of an arm, (n,).
 
         Returns:
             How much further back than the foremost end each end is [m], (n, 2), and by how much a radian of each joint
             moves it forward [m/rad], (n, 2, 7).
         """
-        scene = self._newest
-        data, model, found, numbers = scene.data, scene.model, scene.data.contact, scene.numbers
-        joints_of = _joints_of(side) if model.nq > _LINKS else slice(None)
-        shapes = found.geom[contacts]
-        is_first = self._is_of[side][numbers[shapes[:, 0]]]
-        normals = np.where(is_first[:, None], 1.0, -1.0) * found.frame[contacts, :3]
-        shapes = np.where(is_first, shapes[:, 0], shapes[:, 1])
-        half = data.geom_xmat[shapes][:, 2::3] * model.geom_size[shapes, 1:2]
-        ends = data.geom_xpos[shapes][:, None] + np.stack((half, -half), 1)
-        forward = np.einsum("nx,nex->ne", normals, ends)
-        (ax, ay, az), (nx, ny, nz) = data.xaxis[joints_of].T, normals.T[:, :, None]
-        turns = np.stack((ny * az - nz * ay, nz * ax - nx * az, nx * ay - ny * ax), 2)
-        slopes = (
-            np.einsum("njx,nex->nej", turns, ends) - np.einsum("njx,jx->nj", turns, data.xanchor[joints_of])[:, None]
-        )
-        slopes *= self._is_moved[numbers[shapes]][:, None]
+        parts, shapes = near.parts[contacts, which], near.shapes[contacts, which]
+        normals = (near.normals[contacts] * (1.0 - 2.0 * which)[:, None])[:, None]
+        centres, halves = near.centres[shapes], near.halves[shapes]
+        ends = np.concatenate((centres + halves, centres - halves), 1).reshape(-1, 2, 3)
+        arms = near.arms[near.queries[contacts], (parts >= self.arms[Side.LEFT].start).astype(np.intp)]
+        # How fast a joint moves a point along a line is the product of the joint's screw and the line's.
+        lines = np.empty((len(parts), 2, 6))
+        lines[:, :, :3], lines[:, :, 3:] = _cross(ends, normals), normals
+        slopes = lines @ near.screws[arms]
+        slopes *= self._is_moved[parts][:, None]
+        forward = (ends * normals).sum(2)
         return forward.max(1)[:, None] - forward, slopes
 
     def nearest(
@@ -269,24 +313,33 @@ class CollisionModel:
             ignore: the name of what stands still and does not count.
         """
         both = np.array([*positions[Side.RIGHT], *positions[Side.LEFT]])
+        found = self.contacts(*(Query(both, within, alone) for alone in self._scenes))
         nearest: dict[tuple[int, int], Distance] = {}
-        for alone, scene in self._scenes.items():
-            found, contact = self.contacts(both, within, alone), scene.data.contact
-            for index, distance in enumerate(found.distances.tolist()):
-                first, second = int(found.firsts[index]), int(found.seconds[index])
-                turned = first > second  # the right arm's part first, what stands still last
-                pair = (second, first) if turned else (first, second)
-                part, other = (self.names[number] for number in pair)
-                if other == ignore or (pair in nearest and nearest[pair].distance <= distance):
-                    continue
-                half = contact.frame[index, :3] * (-0.5 if turned else 0.5) * distance
-                (ax, ay, az), (bx, by, bz) = (contact.pos[index] - half).tolist(), (contact.pos[index] + half).tolist()
-                nearest[pair] = Distance(distance, part, other, (ax, ay, az), (bx, by, bz))
+        for index, (distance, (first, second)) in enumerate(
+            zip(found.distances.tolist(), found.parts.tolist(), strict=True)
+        ):
+            turned = first > second  # the right arm's part first, what stands still last
+            pair = (second, first) if turned else (first, second)
+            part, other = (self.names[number] for number in pair)
+            if other == ignore or (pair in nearest and nearest[pair].distance <= distance):
+                continue
+            half = found.normals[index] * (-0.5 if turned else 0.5) * distance
+            (ax, ay, az), (bx, by, bz) = (found.points[index] - half).tolist(), (found.points[index] + half).tolist()
+            nearest[pair] = Distance(distance, part, other, (ax, ay, az), (bx, by, bz))
         return tuple(sorted(nearest.values(), key=lambda each: each.distance)[:count])
 
 
 def _joints_of(side: Side) -> slice:
     return slice(0, _LINKS) if side is Side.RIGHT else slice(_LINKS, 2 * _LINKS)
+
+
+def _cross(first: Array, second: Array) -> Array:
+    """Cross products of the last axes; numpy's own takes several times as long for few of them."""
+    ax, ay, az, bx, by, bz = (each[..., axis] for each in (first, second) for axis in range(3))
+    x = ay * bz - az * by
+    product = np.empty((*x.shape, 3))
+    product[..., 0], product[..., 1], product[..., 2] = x, az * bx - ax * bz, ax * by - ay * bx
+    return product
 
 
 class _Scene:
@@ -300,7 +353,6 @@ class _Scene:
     def __init__(
         self, capsules: Sequence[tuple[Side, int, Part, float]], boxes: Sequence[tuple[int, Obstacle]]
     ) -> None:
-        os.environ.setdefault("MUJOCO_GL", "disabled")  # it draws nothing; without this it loads OpenGL
         import mujoco  # noqa: PLC0415 - 0.2 s that commands which only name shapes need not wait for
 
         self._mujoco = mujoco
@@ -337,16 +389,30 @@ class _Scene:
         self.data = mujoco.MjData(self.model)
         # MuJoCo sorts its shapes by the bodies that they belong to.
         self.numbers = np.array([int(self.model.geom(index).name) for index in range(self.model.ngeom)])
+        self._lengths = self.model.geom_size[:, 1:2].copy()
 
-    def contacts(self, positions: Array, within: float) -> Contacts:
-        """The pairs of parts whose distance is less than ``within`` [m], with the arms at ``positions`` [rad]."""
-        self.data.qpos[:] = positions
-        self.model.opt.o_margin = within
-        self._mujoco.mj_kinematics(self.model, self.data)
-        self._mujoco.mj_collision(self.model, self.data)
-        found = self.data.contact
-        parts = self.numbers[found.geom]
-        return Contacts(found.dist, parts[:, 0], parts[:, 1])
+    def contacts(self, query: Query) -> tuple[Array, ...] | None:
+        """Most fields of :class:`Contacts` of one query, and axes and anchors of the joints; None without contacts."""
+        model, data = self.model, self.data
+        data.qpos[:] = query.positions if query.alone is None else query.positions[_joints_of(query.alone)]
+        model.opt.o_margin = query.within
+        self._mujoco.mj_kinematics(model, data)
+        self._mujoco.mj_collision(model, data)
+        if not data.ncon:
+            return None
+        found = data.contact
+        shapes = found.geom
+        return (
+            found.dist.copy(),
+            self.numbers[shapes],
+            found.frame[:, :3].copy(),
+            found.pos.copy(),
+            shapes.copy(),
+            data.geom_xpos.copy(),
+            data.geom_xmat[:, 2::3] * self._lengths,
+            data.xaxis.copy(),
+            data.xanchor.copy(),
+        )
 
 
 def _chain(spec: Any, side: Side) -> list[Any]:

@@ -15,6 +15,7 @@ import aiohttp
 import msgspec
 
 from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
+from yumi.control.shared_state import Limited
 from yumi.driver.endpoint import (
     Arm,
     DriverState,
@@ -23,7 +24,6 @@ from yumi.driver.endpoint import (
     Follow,
     GetState,
     GetSurroundings,
-    LimitedReport,
     MotionReport,
     Request,
     Surroundings,
@@ -93,7 +93,7 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
 
 class _Place(msgspec.Struct, frozen=True):
     position: Joints | None
-    limited: LimitedReport | None = None
+    limited: Limited | None = None
 
 
 class _Places(msgspec.Struct, frozen=True):

@@ -14,6 +14,7 @@ from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused
@@ -54,8 +55,8 @@ class Collisions:
 class Bench:
     def __init__(self) -> None:
         self.clock, self.arms, self.collisions = ManualClock(), (Arm(), Arm()), Collisions()
-        limiter = cast("CollisionLimiter", self.collisions)
-        self.allowed = AllowedCollisions(self.arms, limiter, self.clock.now)
+        limiter, arms = cast("CollisionLimiter", self.collisions), cast("tuple[ArmLoop, ...]", self.arms)
+        self.allowed = AllowedCollisions(arms, limiter, self.clock.now)
 
     @property
     def state(self) -> tuple[tuple[tuple[str, str], ...], tuple[float, ...], list[str]]:
@@ -161,7 +162,7 @@ class Driven:
     def __init__(self) -> None:
         self.both, self.goals = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
         right, speed = home(Side.RIGHT), SpeedScale()
-        self.both.sent(Side.RIGHT, right, Setpoint(right), None)
+        self.both.arm(Side.RIGHT).sent(right, Setpoint(right), None)
         limiter = Limiter(YUMI_LIMITS, collisions=self.both.arm(Side.LEFT))
         controllers = {
             "position": JointPositionController(self.goals, speed=speed),
@@ -257,7 +258,7 @@ def test_arm_that_sets_out_at_once_comes_into_contact_slowly() -> None:
 
 def test_it_is_refused_where_nothing_keeps_the_arms_apart() -> None:
     with pytest.raises(CommandRefused, match=r"collision\.enabled is false"):
-        AllowedCollisions((Arm(), Arm()), None, ManualClock().now).allow(RIGHT, LEFT, 1.0)
+        AllowedCollisions((), None, ManualClock().now).allow(RIGHT, LEFT, 1.0)
 
 
 def test_speed_scale_goes_down_gradually_to_its_cap_and_back_to_what_is_set() -> None:

@@ -3,7 +3,6 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
-from yumi.control.collisions import Limited
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
@@ -17,7 +16,7 @@ from yumi.control.events import (
 )
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
-from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.control.shared_state import Limited, Snapshot, read_snapshot
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 
@@ -236,7 +235,7 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     loop._limiter.counters.kept_apart += 1
     feed(loop, arm, middle, now=20.004)
     shown = read_snapshot(snapshots)
-    assert (shown.limited_part, shown.limited_other, shown.limited_distance) == pair
+    assert shown.limited == pair
     feed(loop, arm, middle, now=20.1)
     assert read_snapshot(snapshots).limited_part == "left gripper"
     feed(loop, arm, middle, now=20.3)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import gc
-from math import radians
+from collections.abc import Callable
+from math import dist, radians
 
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmMotion, CollisionLimiter, _Piece
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter, _Segment
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
@@ -21,7 +22,7 @@ from yumi.control.motion import EGM_GAIN, Setpoint, stop
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
 from yumi.robot.kinematics import tool0_to_body
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
@@ -45,6 +46,11 @@ GOALS = {
 MEETING = {
     Side.RIGHT: joints([radians(angle) for angle in (107, -111, -76, 39, -166, 113, -128)]),
     Side.LEFT: joints([radians(angle) for angle in (-106, -105, 78, 38, 161, 111, 124)]),
+}
+
+
+BEFORE_MEETING = {
+    side: joints([a + 0.55 * (b - a) for a, b in zip(GOALS[side], MEETING[side], strict=True)]) for side in Side
 }
 
 
@@ -144,29 +150,29 @@ def test_silent_arm_is_where_its_last_command_leads_it() -> None:
 def test_arm_that_was_read_from_the_controller_is_where_it_was_read() -> None:
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
-    both.sent(Side.RIGHT, before, Setpoint(before), None)
+    both.arm(Side.RIGHT).sent(before, Setpoint(before), None)
     # The left arm has sent nothing yet, so nothing is known of it; then it is read.
-    assert both.accepts(Side.RIGHT, stands, Setpoint(goal), None)
-    both.sent(Side.RIGHT, before, Setpoint(before), None)
-    both.stands(Side.LEFT, left)
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(goal), None)
+    both.arm(Side.RIGHT).sent(before, Setpoint(before), None)
+    both.arm(Side.LEFT).note_measured(left)
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
     limited = both.limited(Side.RIGHT)
     assert limited is not None
     assert not limited.other.endswith("last")
     # RAPID takes it away: what lies between two readings is kept clear of, then it has left.
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
-    assert both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
 
 def test_arm_whose_datagrams_arrive_is_not_where_it_was_read() -> None:
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, _, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    both.stands(Side.LEFT, FORWARD[Side.LEFT])
-    assert not both.accepts(Side.RIGHT, before, Setpoint(goal), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    both.arm(Side.LEFT).note_measured(FORWARD[Side.LEFT])
+    assert not both.arm(Side.RIGHT).accepts(before, Setpoint(goal), None)
 
 
 def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
@@ -189,15 +195,15 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     for _ in range(3):
-        assert both.steered(Side.RIGHT, ArmCommand(goal)) != ArmCommand(goal)
-        assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
-    both.sent(Side.LEFT, FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
-    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
-    both.begin_cycle(Side.RIGHT)
+        assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) != ArmCommand(goal)
+        assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+    both.arm(Side.LEFT).sent(FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+    assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
+    both.arm(Side.RIGHT).begin_cycle()
     assert both.limited(Side.RIGHT) is None
 
 
@@ -205,21 +211,46 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> N
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
-        both.sent(side, position, Setpoint(position), None)
-    assert both.accepts(Side.RIGHT, stands, Setpoint(stands), None)
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     both.permit(("right arm", "left arm"))
-    assert both.steered(Side.RIGHT, ArmCommand(goal)) == ArmCommand(goal)
+    assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
 
 
-def off(way: _Piece, postures: Array) -> float:
-    """By how much a joint is out of every smallest piece of a way, in one of these postures (n, 7) [rad], at most."""
-    pieces, smallest = [way], []
-    while pieces:
-        piece = pieces.pop()
-        pieces += piece.parts
-        if not piece.parts:
-            smallest.append(piece)
-    lines = np.array([(piece.middle, piece.along, piece.off) for piece in smallest])
+def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    both, compared = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), []
+    before, stands, goal, left = at_boundary(both.model)
+    for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
+        both.arm(side).sent(position, Setpoint(position), None)
+    assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+    contacts = CollisionModel.contacts
+    monkeypatch.setattr(CollisionModel, "contacts", lambda *its: compared.append(its) or contacts(*its))
+
+    def stands_on() -> int:
+        compared.clear()
+        both.arm(Side.RIGHT).begin_cycle()
+        assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
+        return len(compared)
+
+    assert stands_on() == 0
+    both.permit(("right gripper", "body"))
+    both.arm(Side.RIGHT).begin_cycle()
+    assert not both.arm(Side.RIGHT).accepts(stands, Setpoint(goal), None)
+    assert stands_on() > 0
+    assert stands_on() == 0
+    both.arm(Side.LEFT).sent(turned(Side.LEFT, radians(-79.9)), Setpoint(turned(Side.LEFT, radians(-79.9))), None)
+    assert stands_on() > 0
+
+
+def off(path: _Segment, postures: Array) -> float:
+    """By how much a joint is out of every smallest segment of a path, in one of these postures (n, 7) [rad]."""
+    segments, smallest = [path], []
+    while segments:
+        segment = segments.pop()
+        segments += segment.parts
+        if not segment.parts:
+            smallest.append(segment)
+    lines = np.array([(each.middle, each.along, each.off) for each in smallest])
     worst = 0.0
     for posture in postures:
         apart = posture - lines[:, 0]
@@ -230,23 +261,23 @@ def off(way: _Piece, postures: Array) -> float:
     return worst
 
 
-def way_to_rest(sent: Setpoint, count: int = 400) -> Array:
+def braking_postures(sent: Setpoint, count: int = 400) -> Array:
     """Where the position sent comes when it brakes, (n, 7) [rad]."""
     braking = stop(sent, YUMI_LIMITS)
     return np.array([braking.at(braking.duration * index / count).position for index in range(count + 1)])
 
 
-def test_joint_that_turns_round_stays_in_its_way_to_rest() -> None:
+def test_joint_that_turns_round_stays_in_its_braking_path() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
     start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
     motion = ArmMotion(start, sent, None, YUMI_LIMITS)
-    assert off(motion.ahead, way_to_rest(sent)) < 1e-4
-    assert np.all(np.abs(way_to_rest(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
+    assert off(motion.ahead, braking_postures(sent)) < 1e-4
+    assert np.all(np.abs(braking_postures(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
+def test_braking_path_is_in_its_segments(seed: int) -> None:
     """Speeds and accelerations of opposite signs."""
     generator = np.random.default_rng(seed)
     top, jerk = np.array(YUMI_LIMITS.acceleration), np.array(YUMI_LIMITS.jerk)
@@ -257,10 +288,10 @@ def test_way_to_rest_is_in_its_pieces(seed: int) -> None:
         turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
-        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), way_to_rest(sent)
+        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), braking_postures(sent)
         assert off(motion.ahead, postures) < 1e-4
         assert np.all(np.abs(postures - motion.ahead.middle) <= motion.ahead.half + 1e-9)
-        assert np.all(np.abs(postures - motion.way.middle) <= motion.way.half + 1e-9)
+        assert np.all(np.abs(postures - motion.reachable.middle) <= motion.reachable.half + 1e-9)
 
 
 class BesideArm:
@@ -279,7 +310,7 @@ class BesideArm:
         self.arm = TrajectoryArm(loop, {})
 
     def right_stands(self, position: Joints) -> None:
-        self.both.sent(Side.RIGHT, position, Setpoint(position), None)
+        self.both.arm(Side.RIGHT).sent(position, Setpoint(position), None)
 
     def go_towards_it(self, tolerances: Tolerances | None = None) -> Joints:
         goal = turned(Side.LEFT, radians(-60.0))
@@ -323,6 +354,76 @@ def test_arms_that_were_led_into_each_other_come_back() -> None:
         assert arms.arms[side].position == pytest.approx(goal, abs=radians(0.1))
 
 
+def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
+    """Both arms sent to where they meet, from shortly before, until no command has changed for 0.2 s."""
+    arms, generator = ApartArms(BEFORE_MEETING, obstacles=()), np.random.default_rng(1)
+
+    def noisy(goal: Joints) -> Drive:
+        return lambda *its: ArmCommand(
+            joints(list(np.add(drive(goal)(*its).position, noise * generator.normal(size=7))))
+        )
+
+    drives = {side: noisy(goal) if noise else drive(goal) for side, goal in MEETING.items()}
+    stood, before = 0, arms.commanded()
+    for _ in range(1000):
+        arms.cycle(drives)
+        now = arms.commanded()
+        stood, before = stood + 1 if now == before else 0, now
+        if stood == 50:
+            break
+    else:
+        raise AssertionError(f"The arms go on for ever, at {now}.")
+    counts = {side: arms.limiters[side].counters.kept_apart for side in Side}
+    for cycle in range(500):
+        arms.cycle(drives)
+        assert arms.commanded() == before
+        for side in Side:
+            assert arms.both.limited(side) is not None
+            assert arms.limiters[side].counters.kept_apart == counts[side] + cycle + 1
+    return arms
+
+
+@pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
+def test_arms_that_push_at_each_other_rest_until_one_retreats(drive: Callable[[Joints], Drive]) -> None:
+    """The arm that is held then goes on by itself; and so does the other one when its goal changes."""
+    arms = pushed(drive)
+    stood = arms.commanded()
+    for _ in range(600):
+        arms.cycle({Side.RIGHT: drive(MEETING[Side.RIGHT]), Side.LEFT: drive(GOALS[Side.LEFT])})
+    assert arms.sent[Side.LEFT].position == pytest.approx(GOALS[Side.LEFT], abs=2e-3)
+    assert arms.sent[Side.RIGHT].position == pytest.approx(MEETING[Side.RIGHT], abs=2e-3)
+    assert dist(stood[Side.RIGHT], MEETING[Side.RIGHT]) > 0.1
+
+
+@pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
+def test_noise_of_what_is_desired_does_not_move_arms_that_push_at_each_other(drive: Callable[[Joints], Drive]) -> None:
+    pushed(drive, noise=5e-5)
+
+
+def test_stream_along_a_boundary_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: turned(Side.LEFT, radians(-80.0))}, obstacles=())
+    goal, holds, held = list(turned(Side.RIGHT, radians(70.0))), ArmCollisionLimiter.holds, []
+
+    def noted(*its: object) -> bool:
+        held.append(holds(*its))  # type: ignore[arg-type]
+        return held[-1]
+
+    monkeypatch.setattr(ArmCollisionLimiter, "holds", noted)
+    for _ in range(400):
+        goal[5] += 0.1 * CYCLE
+        arms.cycle({Side.RIGHT: to(joints(goal))})
+    assert not any(held)
+    assert arms.limiters[Side.RIGHT].counters.kept_apart > 100
+
+
+def test_arm_that_is_held_goes_on_as_soon_as_the_parts_may_touch() -> None:
+    arms = pushed(to)
+    arms.both.permit(("right arm", "left arm"))
+    for _ in range(300):
+        arms.cycle({side: to(goal) for side, goal in MEETING.items()})
+    assert arms.commanded() == MEETING
+
+
 def test_every_cycle_in_which_an_arm_is_kept_apart_says_by_what() -> None:
     """Also while it brakes from speed, far from the boundary."""
     arms = ApartArms(FORWARD, obstacles=())
@@ -344,7 +445,7 @@ def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycle
     try:
         for _ in range(100):
             arms.cycle({side: to(FORWARD[side]) for side in Side})
-        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Piece)]
+        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Segment)]
         assert len(kept) < 100
     finally:
         gc.enable()
@@ -414,7 +515,7 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     """The left forearm, sent from home into the body."""
     model = CollisionModel(SERVO_GRIPPERS)
     both, goals = CollisionLimiter(model, YUMI_LIMITS, EGM_GAIN), MemoryBuffer()
-    both.sent(Side.RIGHT, home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
+    both.arm(Side.RIGHT).sent(home(Side.RIGHT), Setpoint(home(Side.RIGHT)), None)
     limiter = Limiter(YUMI_LIMITS, collisions=both.arm(Side.LEFT))
     arm = VirtualArmRig({"controller": JointPositionController(goals)}, side=Side.LEFT, limiter=limiter)
     arm.start()

@@ -7,9 +7,9 @@ from itertools import count
 
 import pytest
 
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import Limited, Snapshot
 from yumi.driver.arm import EgmArm
-from yumi.driver.endpoint import LimitedReport, arm_report
+from yumi.driver.endpoint import arm_report
 from yumi.egm.codec import JointCodec, RobotCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
 from yumi.egm.session import SensorSession
@@ -275,6 +275,6 @@ def test_report_names_what_the_arm_is_kept_apart_from() -> None:
     assert arm_report(Side.RIGHT, running).limited is None
     limited = running._replace(limited_part="right gripper", limited_other="post", limited_distance=0.0114)
     report = arm_report(Side.RIGHT, limited)
-    assert report.limited == LimitedReport("right gripper", "post", 0.0114)
+    assert report.limited == Limited("right gripper", "post", 0.0114)
     assert str(report.limited) == "right gripper - post, 11 mm"
     assert arm_report(Side.RIGHT, limited._replace(is_streaming=False)).limited is None
