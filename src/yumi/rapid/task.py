@@ -6,7 +6,7 @@ import itertools
 import logging
 import math
 import re
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -41,7 +41,18 @@ from yumi.rapid.interrupts import Interrupts, TimerQueue
 from yumi.rapid.library import Call, Library
 from yumi.rapid.machine import Frame, Machine
 from yumi.rapid.parser import format_value, parse_module, parse_reference, parse_value
-from yumi.rapid.program import Code, EventKind, Execution, Host, LoadedModule, Program, TaskEvent, UserRoutine
+from yumi.rapid.program import (
+    Code,
+    EventKind,
+    Execution,
+    Host,
+    LoadedModule,
+    Program,
+    Severity,
+    SystemEvent,
+    TaskEvent,
+    UserRoutine,
+)
 from yumi.rapid.types import UNSET, Reference, Variable, resolved, value_count
 
 T = TypeVar("T")
@@ -150,6 +161,7 @@ class Task:
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
         planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
+        event_routines: the names of the procedures that run on each system event, in their order.
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
@@ -162,6 +174,7 @@ class Task:
         self.host = host
         self.library = library
         self.entry = entry
+        self.event_routines: Mapping[SystemEvent, Sequence[str]] = {}
         self.repeats = False
         self.breakpoints: set[tuple[str, int]] = set()
         self.cyclic_bools: dict[str, CyclicBool] = {}
@@ -347,7 +360,11 @@ class Task:
             UnknownSymbol: there is no such module.
         """
         self.check()
-        where = self._module(module) if module else None
+        self._begin(self._routine_to_start(name, self._module(module) if module else None))
+        self._note_moved_pointer("routine")
+
+    def _routine_to_start(self, name: str, where: LoadedModule | None) -> UserRoutine:
+        """A procedure without parameters, of one module or of the whole task."""
         found = self.program.find(name, where)
         if (
             not isinstance(found, UserRoutine)
@@ -356,8 +373,7 @@ class Task:
             or (where is not None and found.module is not where)
         ):
             raise RapidReferenceError(f"The task {self.name} has no procedure {name}() without parameters.")
-        self._begin(found)
-        self._note_moved_pointer("routine")
+        return found
 
     def _note_moved_pointer(self, where: str) -> None:
         self._pp_moved = where
@@ -395,19 +411,21 @@ class Task:
         return main
 
     def start(self, step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
-        """Go on where the program pointer is, to the end of one step when one is given.
+        """Go on where the program pointer is, after the event routines, to the end of one step when one is given.
 
         Raises:
             RobotNotReady: the program pointer is nowhere.
         """
-        if not self._machine.frames:
+        if not (program := self._machine.program):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
-        self._machine.frames[-1].is_interrupted = False  # by a step or a breakpoint
+        program[-1].is_interrupted = False  # by a step or a breakpoint
         self._pauses = self._pauses_at(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
         self.watch_statements()
         self._stop_event, self._pp_moved = self._pp_moved, ""
+        from_beginning = self._execution is Execution.READY
         self._execution = Execution.STARTED
         self.is_running = True
+        self.begin_event(SystemEvent.STEP if step else SystemEvent.START if from_beginning else SystemEvent.RESTART)
 
     def watch_statements(self) -> None:
         """Let the machine ask before each statement what steps, breakpoints and a recording need; otherwise not."""
@@ -427,8 +445,8 @@ class Task:
 
     def _pauses_at(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
-        frames = self._machine.frames
-        depth, top = len(frames), frames[-1]
+        frames, program = self._machine.frames, self._machine.program
+        depth, top = len(program), program[-1]
         begun = not top.is_between_statements()
         depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
 
@@ -458,6 +476,48 @@ class Task:
         self.is_running = False
         if self._execution is Execution.STARTED:
             self._execution = Execution.STOPPED
+
+    @property
+    def event(self) -> SystemEvent | None:
+        """The system event whose event routines are being executed, or None."""
+        return self._machine.event
+
+    def begin_event(self, event: SystemEvent) -> None:
+        """Execute the event routines of a system event before anything else, in a stopped task them alone.
+
+        One that does not exist leaves a warning in the event log.
+        """
+        routines = []
+        for name in self.event_routines.get(event, ()):
+            try:
+                compile_program(self.program)
+                routines.append(self._routine_to_start(name, None))
+            except RapidReferenceError as error:
+                text = f"The routine {name} of the system event {event.name} is not executed: {error}"
+                self.host.write_event(self.name, "Event routine", text, Severity.WARNING, ())
+        self._machine.begin_event(event, routines)
+
+    def event_changed(self) -> None:
+        """Event routines have begun or ended: a task that is not started runs while they do."""
+        event = self._machine.event
+        is_alone = event is not None and not event.is_of_start
+        self.is_running = is_alone or (self.is_running and self._execution is Execution.STARTED)
+
+    def abandon_event(self) -> None:
+        """Leave the event routines that are being executed."""
+        self._machine.abandon_event()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it would have executed more than one advance allows, so that tasks behind it have to wait."""
+        return self.is_running and self._machine.budget <= 0
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` [s] pass without executing anything, as while a task in its foreground has more to execute."""
+        self.now += dt
+        self.timers.perform(self.now)
+        if self.is_running:
+            self._machine.interrupts.time_passed(self.now)
 
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
@@ -583,6 +643,8 @@ class Task:
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
+        if self._machine.event is not None:
+            self._machine.abandon_event()
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""

@@ -217,13 +217,15 @@ def executing_handler(call: Call) -> float:
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
 def execution_level(call: Call) -> float:
-    return _constant("LEVEL_TRAP" if call.task.is_in_trap else "LEVEL_NORMAL")
+    level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if call.task.is_in_trap else "LEVEL_NORMAL"
+    return _constant(level)
 
 
 @EXECUTION.function("EventType", "", "event_type")
 def event_type(call: Call) -> float:
-    """No event routine is being executed: this controller has none."""
-    return _constant("EVENT_NONE")
+    """The system event whose event routine is being executed."""
+    event = call.task.event
+    return _constant("EVENT_NONE") if event is None else event.value
 
 
 def _constant(name: str) -> float:

@@ -11,7 +11,7 @@ from pathlib import PurePosixPath
 from yumi.errors import SettingsError
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.rapid.program import Execution, Program
+from yumi.rapid.program import Execution, Program, SystemEvent
 from yumi.rapid.task import StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
@@ -21,7 +21,7 @@ from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
-from yumi.virtual.controller.system import System, TaskSettings, modules_of, task_settings
+from yumi.virtual.controller.system import System, TaskSettings, event_routines, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration
@@ -232,6 +232,10 @@ class Irc5:
     def arm_of(self, unit: MechanicalUnit) -> VirtualArm:
         """The arm that a mechanical unit belongs to."""
         return self._arms[unit.side].arm
+
+    def program_loaded(self, task: str) -> None:
+        """Another program has been loaded into a task: its event routines of RESET run."""
+        self.tasks[task].begin_event(SystemEvent.RESET)
 
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
@@ -460,6 +464,7 @@ class Irc5:
                 for module in task.modules:
                     task.unload(module.name)
         for installed in self.execution.installed.values():
+            installed.task.event_routines = event_routines(self.effective, installed.settings)
             loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
             loaded |= {module.name.lower() for module in installed.task.modules}
             for path in modules_of(installed.settings, self._system, self.effective):
@@ -473,10 +478,16 @@ class Irc5:
                     self.events.append(_NOT_LOADED, "Module not loaded", sentence, EventType.ERROR)
         if self._discards_programs:
             self._discards_programs = False
-            try:
-                self.execution.move_pp_to_main()
-            except Refused as refused:
-                self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
+            self._begin_again()
+
+    def _begin_again(self) -> None:
+        """Go to main of the programs that have been loaded again."""
+        try:
+            self.execution.move_pp_to_main()
+        except Refused as refused:
+            self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
+        for name in self.tasks:
+            self.program_loaded(name)
 
     def _system_outputs(self) -> tuple[tuple[str, Callable[[], bool]], ...]:
         """The signals that show a state of the controller, each with that state (SYSSIG_OUT)."""
@@ -533,7 +544,8 @@ class Irc5:
         self.controller_state = state
         for unit in self._arms.values():
             unit.arm.switch_motors_off()
-        self.execution.stop(reason)
+        is_quick = state is ControllerState.EMERGENCY_STOP
+        self.execution.stop(reason, SystemEvent.QSTOP if is_quick else SystemEvent.STOP)
         if state is ControllerState.EMERGENCY_STOP:
             self.events.append(10013, "Emergency stop", reason, EventType.ERROR)
         elif were_on:
@@ -568,6 +580,7 @@ class Irc5:
             for name in (other.name for other in settings):
                 library.data(f"{name}Id", "taskid", (name,))
             task = Task(each.name, host, library, each.entry)
+            task.event_routines = event_routines(self.effective, each)
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]

@@ -10,11 +10,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from operator import itemgetter
 from pathlib import Path
 from xml.etree import ElementTree
 
 import yumi.controller_files
 from yumi.errors import SettingsError
+from yumi.rapid.program import SystemEvent
 from yumi.virtual.controller.files import DEVICES, decoded
 from yumi.virtual.controller.robots import YUMI, Robot
 from yumi.virtual.controller.signals import Configuration, Instance
@@ -217,6 +219,7 @@ class TaskSettings:
         robot: name of the robot of its mechanical unit group, ``ROB_L``; empty without one.
         entry: the procedure it begins with.
         trust: what an error in it stops; NORMAL tasks stop together in any case.
+        foreground: the task it waits for: it executes while that one is idle only; empty without one.
     """
 
     name: str
@@ -225,6 +228,7 @@ class TaskSettings:
     robot: str = ""
     entry: str = "main"
     trust: TrustLevel = TrustLevel.SYS_FAIL
+    foreground: str = ""
 
 
 def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
@@ -234,6 +238,8 @@ def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
         given = {name.lower(): value for name, value in instance.attributes.items()}
         is_motion_task = given.get("motiontask", "").lower() in ("true", "yes", "1")
         group = configuration.find("SYS", "MECHANICAL_UNIT_GROUP", given.get("usemechanicalunitgroup", ""))
+        # "Task in foreground" of the system parameters; its name in cfg files differs between RobotWare's releases.
+        behind = (value for name, value in given.items() if name.replace("_", "").startswith("taskinfor"))
         trust = given.get("trustlevel", "").lower().replace("none", TrustLevel.NO_SAFETY.value.lower())
         tasks.append(
             TaskSettings(
@@ -243,6 +249,7 @@ def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
                 group.attributes.get("Robot", "") if group else "",
                 given.get("entry") or "main",
                 next((each for each in TrustLevel if each.value.lower() == trust), TrustLevel.SYS_FAIL),
+                next(behind, "").removeprefix("-1"),
             )
         )
     return tuple(tasks)
@@ -255,6 +262,25 @@ def _task_type(instance: Instance) -> TaskType:
     except KeyError:
         allowed = ", ".join(each.name for each in TaskType)
         raise SettingsError(f"the task {instance.name} has the type {given!r}; there are {allowed}.") from None
+
+
+_TRUE = ("TRUE", "YES", "1", "")  # an attribute without a value is set
+
+
+def event_routines(configuration: Configuration, task: TaskSettings) -> Mapping[SystemEvent, tuple[str, ...]]:
+    """The event routines of a task in the order of their sequence numbers (CAB_EXEC_HOOKS)."""
+    found: dict[SystemEvent, list[tuple[int, str]]] = {}
+    for instance in configuration.instances("SYS", "CAB_EXEC_HOOKS"):
+        given = {name.lower(): value for name, value in instance.attributes.items()}
+        event = next((each for each in SystemEvent if each.name == given.get("shelf", "").upper()), None)
+        of_all = given.get("alltask", given.get("alltasks", "no")).upper() in _TRUE
+        of_motion = given.get("allmotiontask", given.get("allmotiontasks", "no")).upper() in _TRUE
+        is_here = of_all or (of_motion and task.is_motion_task) or given.get("task", "").upper() == task.name.upper()
+        if event is None or not given.get("routine") or not is_here:
+            continue
+        number = given.get("seqno", given.get("sequenceno", "0"))
+        found.setdefault(event, []).append((int(number) if number.isdecimal() else 0, given["routine"]))
+    return {event: tuple(name for _, name in sorted(each, key=itemgetter(0))) for event, each in found.items()}
 
 
 def modules_of(task: TaskSettings, system: System, configuration: Configuration) -> tuple[str, ...]:

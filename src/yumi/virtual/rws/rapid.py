@@ -417,6 +417,7 @@ def load_program(controller: Irc5, call: Call) -> None:
     for each in paths:
         controller.load_module(task.name, each, replace=is_replacing)
     controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
+    controller.program_loaded(task.name)
 
 
 def _unload_program(controller: Irc5, task: Task) -> None:
