@@ -327,8 +327,9 @@ class PathMotion:
         if speed.duration > 0.0:  # even over the distance, so that the whole takes this long
             length = float(np.sum(steps))
             scale = length / speed.duration / np.maximum(steps[keep], 1e-12)
-            tool, turn = np.diff(piece.way)[keep] * scale, np.diff(piece.turned)[keep] * scale
-            tool, turn = np.where(tool > 0.0, tool, np.inf), np.where(turn > 0.0, turn, np.inf)
+            # A way or turn that is nothing but rounding limits nothing.
+            way, turned = np.diff(piece.way)[keep], np.diff(piece.turned)[keep]
+            tool, turn = np.where(way > _SAME, way * scale, np.inf), np.where(turned > _SAME, turned * scale, np.inf)
         run.distance = np.concatenate([run.distance, distances])
         run.joints = np.concatenate([run.joints, piece.joints[1:][keep]])
         run.way = np.concatenate([run.way, run.way[-1] + piece.way[1:][keep]])
