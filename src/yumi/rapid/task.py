@@ -65,6 +65,7 @@ MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a micro
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
+ROUNDING = 1e-9  # [s], of the sums that times are
 OP_AUTO = 1
 # From the name of a datum on: what stands between ":=" and ";".
 FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
@@ -152,8 +153,9 @@ class Task:
         entry: the procedure the program begins with.
 
     Attributes:
-        now: the task's time, which passes in `advance` only [s].
-        timers: what the program has started and left to be done later.
+        now: the task's time, which stands still while the task is stopped [s].
+        elapsed: the time that goes on then, of clocks, pulses and delayed outputs [s].
+        timers: what the program has started and left to be done later, in elapsed time.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
         pp_moved_in_manual: whether the program pointer was moved in manual mode, until a program resets it.
@@ -181,7 +183,7 @@ class Task:
         self.has_flag_timer = False
         self.spy: Callable[[StackEntry], None] | None = None
         self.end_of_spy: Callable[[], None] = lambda: None
-        self.now = 0.0
+        self.now = self.elapsed = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
@@ -515,9 +517,21 @@ class Task:
     def pass_time(self, dt: float) -> None:
         """Let `dt` [s] pass without executing anything, as while a task in its foreground has more to execute."""
         self.now += dt
-        self.timers.perform(self.now)
+        self.stand(dt)
         if self.is_running:
             self._machine.interrupts.time_passed(self.now)
+
+    def stand(self, dt: float) -> None:
+        """Let `dt` [s] pass while the task is stopped: pulses end and clocks go on."""
+        self.elapsed += dt
+        self.attempt(self._perform_timers)
+
+    def _perform_timers(self) -> None:
+        self.timers.perform(self.elapsed + ROUNDING)
+
+    def later(self, delay: float, action: Callable[[], None]) -> None:
+        """Do something after a delay [s], also when the task is stopped by then."""
+        self.timers.add(self.elapsed + delay, action)
 
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
@@ -525,18 +539,20 @@ class Task:
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
         while True:
-            due = min(machine.next_due() if self.is_running else math.inf, self.timers.next_time)
+            of_timers = self.now + self.timers.next_time - self.elapsed
+            due = min(machine.next_due() if self.is_running else math.inf, of_timers)
             if due >= end or machine.is_exhausted():
                 break
             self._pass_to(max(due, self.now))
         self._pass_to(end)
 
     def _pass_to(self, time: float) -> None:
+        self.elapsed += time - self.now
         self.now = time
         try:
             if self._failures:
                 raise self._failures.pop(0)
-            self.timers.perform(time)
+            self._perform_timers()
             if self.is_running:
                 self._machine.interrupts.time_passed(time)
                 self._machine.run()

@@ -129,7 +129,7 @@ def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
 
     def setup(condition: Callable[[], bool]) -> None:
         if not task.has_flag_timer:
-            task.timers.add(task.now, lambda: _update_flags(task))
+            task.later(0.0, lambda: _update_flags(task))
             task.has_flag_timer = True
         task.cyclic_bools[name] = CyclicBool(flag, condition)
 
@@ -143,7 +143,7 @@ def _update_flags(task: Task) -> None:
     """
     task.has_flag_timer = bool(task.cyclic_bools)
     if task.has_flag_timer:
-        task.timers.add(task.now + CYCLE_OF_BOOLS, lambda: _update_flags(task))
+        task.later(CYCLE_OF_BOOLS, lambda: _update_flags(task))
     new: list[Exception] = []
     for each in list(task.cyclic_bools.values()):
         try:

@@ -418,6 +418,7 @@ class RapidExecution:
         busy = set()
         for each in self._in_order:
             if not (each.task.is_running or (each.is_normal and self.is_running)):
+                each.task.stand(dt)
                 continue
             if each.settings.foreground.upper() in busy:
                 each.task.pass_time(dt)

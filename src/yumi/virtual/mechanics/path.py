@@ -33,6 +33,7 @@ _JOINT_WEIGHT = 0.01  # [m/rad]
 _SHARE = 0.6  # of the acceleration for going along, and as much for going round
 _SLOWEST = 1e-3  # [m/s] of distance along the path, so that the end is reached
 _SAME = 1e-9  # [m] of distance
+_SHORTEST = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
 
 
 @dataclass(eq=False, slots=True)
@@ -258,6 +259,10 @@ class PathMotion:
     def is_empty(self) -> bool:
         """Whether nothing is ahead."""
         return not self._runs
+
+    def has_corner(self, leg: Leg) -> bool:
+        """Whether a leg is long enough to end in a corner."""
+        return self._length(leg.piece) > _SHORTEST
 
     def restart_at(self, position: Joints) -> None:
         """Begin anew where the arm stands [rad]; what was ahead is forgotten."""

@@ -270,3 +270,27 @@ def test_tasks_without_one_in_their_foreground_share_the_time(tmp_path: Path) ->
     controller = started(world, 0.05)
     assert float(controller.tasks["SERVER"].read("Other", "c")) > 2
     assert controller.controller_state is ControllerState.MOTORS_ON
+
+
+def test_pulse_ends_and_clock_goes_on_while_the_program_is_stopped(tmp_path: Path) -> None:
+    text = """MODULE Main
+      VAR clock watch;
+      PERS num seconds := 0;
+      PROC main()
+        ClkStart watch;
+        PulseDO\\PLength:=0.5, custom_DO_0;
+        SetDO\\SDelay:=0.3, custom_DO_1, 1;
+        Stop;
+        seconds := ClkRead(watch);
+      ENDPROC
+    ENDMODULE"""
+    first, second = "custom_DO_0", "custom_DO_1"
+    world = controller_world(tmp_path, "", T_ROB_L=[text])
+    controller = started(world)
+    assert not controller.is_running
+    assert [controller.signals.get(name).value for name in (first, second)] == [1.0, 0.0]
+    run(world, 1.0)
+    assert [controller.signals.get(name).value for name in (first, second)] == [0.0, 1.0]
+    controller.start_rapid("once")
+    run(world, 0.1)
+    assert float(controller.tasks["T_ROB_L"].read("Main", "seconds")) == pytest.approx(1.1, abs=0.02)

@@ -229,6 +229,16 @@ def test_late_next_move_makes_the_corner_a_stop_and_logs_it() -> None:
     assert [event.code for event in bench.events.entries()] == [50024]
 
 
+def test_move_to_where_the_arm_is_has_no_corner_to_fail() -> None:
+    bench = InstructionBench()
+    bench.run(TO_START)
+    bench.run(
+        r"ConfL\Off; ConfJ\Off; point:=CRobT(); MoveJ Offs(point,0.001,0,0),v500,z100,tool0; "
+        "MoveJ point,v500,z100,tool0; MoveL Offs(point,50,0,-50),v200,fine,tool0;"
+    )
+    assert bench.events.entries() == ()
+
+
 @pytest.mark.parametrize(
     ("body", "code", "sentence"),
     [
