@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -149,6 +150,7 @@ class Irc5:
         for unit in arms:
             unit.led = self.motion.lead_through
         self._speed_limiters = self._inputs_of_speed_limits()
+        self._requests: deque[tuple[str, str]] = deque()  # of system inputs: action and first argument
         self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -391,6 +393,8 @@ class Irc5:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
         self.time += dt
         self.jobs.advance(dt)
+        while self._requests:
+            self._do_requested(*self._requests.popleft())
         if self._restart_left > 0.0:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
@@ -521,6 +525,14 @@ class Irc5:
         inputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_IN")]
         return frozenset(each.get("Signal", "").lower() for each in inputs if each.get("Action") == "LimitSpeed")
 
+    def _do_requested(self, action: str, argument: str) -> None:
+        """What a system input asks for; a refusal is in the event log."""
+        try:
+            _ACTIONS[action](self, {"CYCLE": "once", "CONT": "forever"}.get(argument.upper(), ""))
+        except Refused as refused:
+            sentence = f"The system input for {action} was refused: {refused}"
+            self.events.append(80001, "System input refused", sentence, EventType.WARNING)
+
     def _show(self, name: str, value: float) -> None:
         """Drive a signal that the system parameters may leave out."""
         if name in self.signals:
@@ -531,6 +543,10 @@ class Irc5:
             unit = next((unit for unit in self._arms.values() if name.endswith(f"_{unit.side.name[0]}")), None)
             if unit is not None:
                 unit.gripper.write(name[:-2], int(new))
+        if new and not old and not self.is_restarting:
+            for each in (each.attributes for each in self.effective.instances("EIO", "SYSSIG_IN")):
+                if each.get("Signal", "").lower() == name.lower() and each.get("Action", "") in _ACTIONS:
+                    self._requests.append((each["Action"], each.get("Arg1", "")))
         if name.lower() in self._speed_limiters:
             is_limited = any(self.signals.get(each).value for each in self._speed_limiters if each in self.signals)
             for unit in self._arms.values():
@@ -611,6 +627,33 @@ class Irc5:
             unit = named.get(each.robot.upper())
             units[each.name] = free.pop(0) if unit is None and each.is_motion_task and free else unit
         return units
+
+
+def _start_at_main(controller: Irc5, cycle: str) -> None:
+    controller.move_pp_to_main()
+    controller.start_rapid(cycle)
+
+
+def _start_with_motors(controller: Irc5, cycle: str) -> None:
+    controller.set_motors(True)
+    controller.start_rapid(cycle)
+
+
+# What system inputs ask for, with the run mode they choose ("" leaves it as it is).
+_ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
+    "MotOn": lambda controller, _: controller.set_motors(True),
+    "MotOff": lambda controller, _: controller.set_motors(False),
+    "Start": Irc5.start_rapid,
+    "StartMain": _start_at_main,
+    "MotOnStart": _start_with_motors,
+    "PPMain": lambda controller, _: controller.move_pp_to_main(),
+    "Stop": lambda controller, _: controller.stop_rapid(),
+    "QuickStop": lambda controller, _: controller.execution.stop("A system input has stopped it.", SystemEvent.QSTOP),
+    "SoftStop": lambda controller, _: controller.stop_rapid(),
+    "StopInstr": lambda controller, _: controller.stop_rapid(),
+    "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
+    "ResetEstop": lambda controller, _: controller.release_emergency_stop(),
+}
 
 
 def _stands_still(unit: ArmUnit) -> bool:

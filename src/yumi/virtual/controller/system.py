@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from operator import itemgetter
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
 
 import yumi.controller_files
@@ -129,7 +129,8 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
     texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
     names = {key.upper(): name for text in texts for key, name in _TASK_OF_BACKUP.findall(text)}
     declared = [settings.name for settings in task_settings(system.configuration())]
-    modules = {}
+    modules: dict[str, list[str]] = {}
+    shared: list[str] = []
     for place in sorted(rapid.iterdir() if rapid else (), key=lambda path: (len(path.name), path.name)):
         number = place.name.upper().removeprefix("TASK")
         if not place.is_dir() or not number.isdecimal():
@@ -137,16 +138,33 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
         name = names.get(place.name.upper())
         if name is None and 1 <= int(number) <= len(declared):
             name = declared[int(number) - 1]
-        if name is None:
+        if name is None and int(number) != 0:  # TASK0 has the modules that all tasks share
             raise SettingsError(f"{place} is no task of the system: neither BACKINFO nor CAB_TASKS of SYSPAR names it.")
-        paths = []
+        sources = []
         for kind in ("SYSMOD", "PROGMOD"):
             inner = _inside(place, kind)
-            paths += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
-        for path in paths:
+            sources += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
+        for path in sources:
             files[f"{_HOME}RAPID/{place.name}/{path.name}"] = _read(path)
-        modules[name.upper()] = tuple(f"{_HOME}RAPID/{place.name}/{path.name}" for path in paths)
-    return replace(system, files=files, modules=modules)
+        found = [f"{_HOME}RAPID/{place.name}/{path.name}" for path in sources]
+        if name is None:
+            shared += found
+        else:
+            modules[name.upper()] = found
+    return _with_modules_of_tasks(replace(system, files=files), shared, modules)
+
+
+def _with_modules_of_tasks(system: System, shared: Sequence[str], modules: Mapping[str, Sequence[str]]) -> System:
+    """A backup's system with the modules of each task: shared ones, its own, and those of its configuration in HOME."""
+    configuration = system.configuration()
+    of_tasks = {}
+    for settings in task_settings(configuration):
+        paths = [*shared, *modules.get(settings.name.upper(), ())]
+        stems = {PurePosixPath(path).stem.lower() for path in paths}
+        configured = (path for path in modules_of(settings, system, configuration) if path in system.files)
+        missing = (path for path in configured if PurePosixPath(path).stem.lower() not in stems)
+        of_tasks[settings.name.upper()] = (*missing, *paths)
+    return replace(system, modules=of_tasks)
 
 
 def _modules_of(path: Path) -> Iterator[Path]:

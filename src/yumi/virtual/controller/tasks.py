@@ -252,6 +252,12 @@ class RapidExecution:
         names = ", ".join(each.task.name for each in selected)
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
 
+    def end_after_cycle(self) -> None:
+        """Stop when the programs have come to their end."""
+        self.cycle = "once"
+        for each in self._selected:
+            each.task.repeats = False
+
     def start_background(self, *, is_restart: bool = False) -> None:
         """Start the tasks that are not NORMAL: SEMISTATIC ones from their beginning, STATIC ones where they were."""
         for each in self.installed.values():
