@@ -21,8 +21,6 @@ from yumi.rapid.types import Reference
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
 
-MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
-
 
 class Propagated(Exception):
     """An error handler passes its error on to the caller (RAISE in an ERROR clause).
@@ -185,15 +183,15 @@ class Frame:
         assert error is not None
         self._retries = self._retries + 1 if self._retried == self.retry_step else 1
         self._retried = self.retry_step
-        if self._retries > MOST_RETRIES:
-            sentence = f"RETRY was tried {MOST_RETRIES} times in vain; the error was: {error}"
+        if self._retries > self.task.most_retries:
+            sentence = f"RETRY was tried {self.task.most_retries} times in vain; the error was: {error}"
             raise Propagated(RapidRuntimeError("ERR_EXCRTYMAX", sentence), is_long_jump=False)
         self.step, self.error = self.retry_step, None
 
     @property
     def remaining_retries(self) -> float:
         """How often RETRY is still possible for the statement that failed."""
-        return MOST_RETRIES - (self._retries if self._retried == self.retry_step else 0)
+        return self.task.most_retries - (self._retries if self._retried == self.retry_step else 0)
 
     def reset_retries(self) -> None:
         self._retried = -1

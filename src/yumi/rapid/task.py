@@ -63,6 +63,7 @@ LONGEST_PROGRAM = 4_000_000  # characters in all modules together
 MOST_DATA = 20_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
+MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
 ROUNDING = 1e-9  # [s], of the sums that times are
@@ -164,6 +165,7 @@ class Task:
         planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
         event_routines: the names of the procedures that run on each system event, in their order.
+        most_retries: how often RETRY begins a statement again (system parameter NoOfRetry).
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
@@ -177,6 +179,7 @@ class Task:
         self.library = library
         self.entry = entry
         self.event_routines: Mapping[SystemEvent, Sequence[str]] = {}
+        self.most_retries = MOST_RETRIES
         self.repeats = False
         self.breakpoints: set[tuple[str, int]] = set()
         self.cyclic_bools: dict[str, CyclicBool] = {}

@@ -13,7 +13,7 @@ from yumi.errors import SettingsError
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution, Program, SystemEvent
-from yumi.rapid.task import StepKind, Task
+from yumi.rapid.task import MOST_RETRIES, StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.devices import rapid_devices
@@ -468,7 +468,7 @@ class Irc5:
                 for module in task.modules:
                     task.unload(module.name)
         for installed in self.execution.installed.values():
-            installed.task.event_routines = event_routines(self.effective, installed.settings)
+            self._configure(installed.task, installed.settings)
             loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
             loaded |= {module.name.lower() for module in installed.task.modules}
             for path in modules_of(installed.settings, self._system, self.effective):
@@ -483,6 +483,13 @@ class Irc5:
         if self._discards_programs:
             self._discards_programs = False
             self._begin_again()
+
+    def _configure(self, task: Task, settings: TaskSettings) -> None:
+        """What a task takes from the system parameters at each start."""
+        task.event_routines = event_routines(self.effective, settings)
+        retries = self.effective.find("SYS", "SYS_MISC", "NoOfRetry")
+        value = retries.attributes.get("Value", "") if retries else ""
+        task.most_retries = int(value) if value.isdecimal() else MOST_RETRIES
 
     def _begin_again(self) -> None:
         """Go to main of the programs that have been loaded again."""
@@ -596,7 +603,7 @@ class Irc5:
             for name in (other.name for other in settings):
                 library.data(f"{name}Id", "taskid", (name,))
             task = Task(each.name, host, library, each.entry)
-            task.event_routines = event_routines(self.effective, each)
+            self._configure(task, each)
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]

@@ -294,3 +294,27 @@ def test_pulse_ends_and_clock_goes_on_while_the_program_is_stopped(tmp_path: Pat
     controller.start_rapid("once")
     run(world, 0.1)
     assert float(controller.tasks["T_ROB_L"].read("Main", "seconds")) == pytest.approx(1.1, abs=0.02)
+
+
+@pytest.mark.parametrize(("parameters", "tries"), [("", 5), ('SYS_MISC:\n\n -Name "NoOfRetry" -Value 9\n#\n', 10)])
+def test_retry_is_possible_as_often_as_the_system_parameters_say(tmp_path: Path, parameters: str, tries: int) -> None:
+    text = """MODULE Main
+      PERS num n := 0;
+      PROC main()
+        attempt;
+      ENDPROC
+      PROC attempt()
+        fail;
+      ERROR
+        RETRY;
+      ENDPROC
+      PROC fail()
+        Incr n;
+        RAISE 5;
+      ERROR
+        RAISE;
+      ENDPROC
+    ENDMODULE"""
+    controller = started(controller_world(tmp_path, "", parameters, T_ROB_L=[text]))
+    assert controller.tasks["T_ROB_L"].read("Main", "n") == f"{tries}"
+    assert "ERR_EXCRTYMAX" in logged(controller)
