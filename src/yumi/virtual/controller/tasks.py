@@ -181,6 +181,7 @@ class RapidExecution:
         self._events = events
         self._halt = halt
         self._stop: _Stop | None = None
+        self._resuming: list[InstalledTask] = []  # whose arms wait for event routines of the start
         self._in_order = _behind_their_foreground(tasks)
         for each in tasks:
             each.task.program.shared = partial(self._shared, each.task)
@@ -245,9 +246,8 @@ class RapidExecution:
                 each.task.repeats = self.cycle == "forever"
                 each.has_failed = False
                 each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
-            if each.unit is not None:
-                with suppress(RobotNotReady):
-                    each.unit.arm.follow_path()  # what a stop has interrupted
+            self._resuming.append(each)
+        self._resume()
         self._show_in_egm()
         names = ", ".join(each.task.name for each in selected)
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
@@ -257,6 +257,14 @@ class RapidExecution:
         self.cycle = "once"
         for each in self._selected:
             each.task.repeats = False
+
+    def _resume(self) -> None:
+        """Let the arms go on with what a stop has interrupted, each after the event routines of the start."""
+        for each in [each for each in self._resuming if each.task.event is None]:
+            self._resuming.remove(each)
+            if each.unit is not None and each.task.execution is Execution.STARTED:
+                with suppress(RobotNotReady):
+                    each.unit.arm.follow_path()
 
     def start_background(self, *, is_restart: bool = False) -> None:
         """Start the tasks that are not NORMAL: SEMISTATIC ones from their beginning, STATIC ones where they were."""
@@ -300,6 +308,7 @@ class RapidExecution:
             for each in normal
             if (each.task.execution is Execution.STARTED or each is stopped) and each.task.event_routines.get(event)
         ]
+        self._resuming.clear()
         for each in normal:
             each.task.stop()
         self._show_in_egm()
@@ -436,6 +445,8 @@ class RapidExecution:
         for each in self.installed.values():
             while each.host.events:
                 self._react(each, each.host.events.popleft())
+        if self._resuming:
+            self._resume()
         if self._stop is not None:
             self._go_on_stopping(self._stop, dt)
 

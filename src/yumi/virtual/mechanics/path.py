@@ -247,6 +247,7 @@ class PathMotion:
         self._shown = 0.0
         self._index = 0
         self._shown_index = 0
+        self._back: tuple[float, float] | None = None  # where it goes back to on the run [m], and how fast [m/s]
 
     # The program's side -------------------------------------------------------------------------------------------
 
@@ -279,6 +280,7 @@ class PathMotion:
         self._at = self._speed = self._shown = 0.0
         self._past = deque([0.0] * SMOOTHING, SMOOTHING)
         self._index = self._shown_index = 0
+        self._back = None
 
     def can_round(self) -> bool:
         """Whether the corner at the end of the last leg is still ahead."""
@@ -417,6 +419,25 @@ class PathMotion:
         for run in self._runs:
             run.prepare(self.override, limit)
 
+    def step_back(self, length: float, duration: float) -> None:
+        """Go back along the path from standstill, at most to the last stop point.
+
+        Args:
+            length: of the tool's way [m].
+            duration: how long it takes [s].
+        """
+        if not self._runs:
+            return
+        run = self._runs[0]
+        way = float(np.interp(self._at, run.distance, run.way)) - length
+        place = float(np.interp(way, run.way, run.distance)) if way > run.way[0] else float(run.distance[0])
+        self._back = place, (self._at - place) / duration
+        self._index = self._shown_index = 0
+
+    @property
+    def is_going_back(self) -> bool:
+        return self._back is not None or not self.is_standing
+
     def abandon(self) -> None:
         """Slow down on the path, and forget what is ahead then."""
         self.is_abandoned = bool(self._runs)
@@ -473,6 +494,13 @@ class PathMotion:
 
     def _go(self, run: Run, dt: float) -> float:
         """How far on the run the arm is after ``dt``, before that is averaged: a step of the speed law."""
+        if self._back is not None:
+            place, back = self._back
+            self._at = max(place, self._at - back * dt)
+            if self._at == place:
+                self._back = None
+            self._index = self._shown_index = 0
+            return self._at
         places, at, speed, index = run.places, self._at, self._speed, self._index
         while index < len(places) - 2 and places[index + 1] <= at:
             index += 1

@@ -7,7 +7,6 @@ import pytest
 
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
-from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
@@ -45,7 +44,6 @@ ENDMODULE"""
 EVENTS = ("POWER_ON", "START", "STOP", "QSTOP", "RESTART", "RESET", "STEP")
 ALL = "\n\n".join(f'      -Routine "on_event" -Shelf "{event}" -Task "T_ROB_L" -SeqNo 5' for event in EVENTS)
 WAITING = 'MODULE Main PROC main() TPWrite "main"; WaitTime 100; TPWrite "later"; WaitTime 100; ENDPROC ENDMODULE'
-HOME = (0.0, -2.27, 0.52, 0.0, 0.7, 0.0, 2.36)
 
 
 def controller_world(folder: Path, hooks: str = ALL, tasks: str = "", **modules: Sequence[str]) -> World:
@@ -57,7 +55,7 @@ def controller_world(folder: Path, hooks: str = ALL, tasks: str = "", **modules:
         for task, texts in modules.items()
     }
     system = with_programs(delivered_system(), programs, [cfg])
-    return World(WorldSettings(system=system, positions={Side.LEFT: HOME, Side.RIGHT: HOME}))
+    return World(WorldSettings(system=system))
 
 
 def file_of(folder: Path, name: str, text: str) -> Path:
@@ -318,3 +316,74 @@ def test_retry_is_possible_as_often_as_the_system_parameters_say(tmp_path: Path,
     controller = started(controller_world(tmp_path, "", parameters, T_ROB_L=[text]))
     assert controller.tasks["T_ROB_L"].read("Main", "n") == f"{tries}"
     assert "ERR_EXCRTYMAX" in logged(controller)
+
+
+@pytest.mark.parametrize(("length_mm", "is_all"), [(20, False), (500, True)])
+def test_arm_steps_back_on_its_path_before_it_goes_on(tmp_path: Path, length_mm: int, is_all: bool) -> None:
+    text = f"""MODULE Main
+      VAR robtarget begin;
+      PERS num stopped := 0;
+      PERS num back := 0;
+      PROC main()
+        ConfL\\Off;
+        begin := CRobT();
+        MoveL Offs(begin,100,0,50), v50, fine, tool0;
+        TPWrite "from begin "\\Num:=Round(from_begin());
+      ENDPROC
+      PROC at_restart()
+        stopped := from_begin();
+        WaitTime 0.2;
+        StepBwdPath {length_mm}, 0.5;
+        back := from_begin();
+        TPWrite "back";
+      ENDPROC
+      FUNC num from_begin()
+        VAR robtarget here;
+        here := CRobT();
+        RETURN Distance(here.trans, begin.trans);
+      ENDFUNC
+    ENDMODULE"""
+    world = controller_world(tmp_path, '-Routine "at_restart" -Shelf "RESTART" -Task "T_ROB_L"', T_ROB_L=[text])
+    task = started(world, 1.4).tasks["T_ROB_L"]
+    world.controller.stop_rapid()
+    run(world, 0.5)
+    world.controller.start_rapid("once")
+    run(world, 0.9)
+    assert world.controller.screens["T_ROB_L"] == ("back",)
+    stopped, back = float(task.read("Main", "stopped")), float(task.read("Main", "back"))
+    assert stopped == pytest.approx(65.0, abs=10.0)
+    assert back == pytest.approx(0.0 if is_all else stopped - length_mm, abs=0.1)
+    run(world, 4.0)
+    assert world.controller.screens["T_ROB_L"] == ("back", "from begin 112")
+
+
+def test_stepping_back_is_for_event_routines_of_restart_only(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() StepBwdPath 10, 1; ENDPROC ENDMODULE"
+    controller = started(controller_world(tmp_path, "", T_ROB_L=[text]))
+    assert "event routines of RESTART" in logged(controller)
+
+
+def test_move_that_was_stopped_goes_on_after_the_routine_of_restart(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PERS num moved := -1;
+      PROC main()
+        MoveAbsJ [[0,-130,30,0,40,30],[135,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs, v50, fine, tool0;
+        TPWrite "done";
+      ENDPROC
+      PROC at_restart()
+        VAR jointtarget before;
+        VAR jointtarget after;
+        before := CJointT();
+        WaitTime 0.5;
+        after := CJointT();
+        moved := Abs(after.robax.rax_6 - before.robax.rax_6);
+      ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, '-Routine "at_restart" -Shelf "RESTART" -Task "T_ROB_L"', T_ROB_L=[text])
+    controller = started(world, 0.3)
+    controller.stop_rapid()
+    run(world, 0.5)
+    controller.start_rapid("once")
+    run(world, 4.0)
+    assert float(controller.tasks["T_ROB_L"].read("Main", "moved")) == pytest.approx(0.0, abs=0.01)
+    assert controller.screens["T_ROB_L"] == ("done",)
