@@ -21,7 +21,7 @@ PROGRAM = """MODULE Faulty
   ENDPROC
   PROC helper(num n)
     missing n;
-    StepBwdPath n;
+    SoftElbow n;
   ENDPROC
   FUNC num broken(num n)
     RETURN n +;
