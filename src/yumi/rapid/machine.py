@@ -421,13 +421,15 @@ class Machine:
         return list(itertools.takewhile(lambda frame: frame.event is None, self.frames))
 
     def abandon_event(self) -> None:
-        """Leave the event routines under way, as an error in one does."""
-        depth = next((n for n, frame in enumerate(self.frames) if frame.event is self.event), len(self.frames))
-        self.abandon(depth)
+        """Leave the event routines under way, as an error in one does; nothing happens without any."""
+        if self.event is not None:
+            self.abandon(next(n for n, frame in enumerate(self.frames) if frame.event is self.event))
 
     def _find_event(self) -> None:
-        self.event = next((frame.event for frame in reversed(self.frames) if frame.event is not None), None)
-        self.task.event_changed()
+        event = next((frame.event for frame in reversed(self.frames) if frame.event is not None), None)
+        if event is not self.event:
+            self.event = event
+            self.task.event_changed()
 
     # Interrupts ---------------------------------------------------------------------------------------------------
 

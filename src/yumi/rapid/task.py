@@ -662,13 +662,14 @@ class Task:
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
-        if self._machine.event is not None:
-            self._machine.abandon_event()
+        self._machine.abandon_event()
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
         frame = self._machine.frames[-1]
         self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
+        if self.event is not None and not self.event.is_of_start:
+            self._machine.abandon_event()
 
     def exited(self, frame: Frame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)

@@ -330,7 +330,7 @@ class RapidExecution:
             stop.have_begun = True
             for each in stop.tasks:
                 each.task.begin_event(stop.event)
-        unfinished = [each for each in stop.tasks if each.task.event is not None or not stop.have_begun]
+        unfinished = [each for each in stop.tasks if each.task.is_running or not stop.have_begun]
         if unfinished and stop.left <= 0.0:
             names = ", ".join(each.task.name for each in unfinished)
             sentence = f"The event routines of {stop.event.name} in {names} took longer than {_LONGEST_STOP:g} s."

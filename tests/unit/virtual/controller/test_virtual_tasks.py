@@ -221,6 +221,42 @@ def test_stop_of_the_program_itself_calls_the_routines_and_errors_and_exit_do_no
         assert not controller.is_running
 
 
+def test_routine_of_start_that_is_stopped_goes_on_at_the_next_start(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PROC main() TPWrite "main"; WaitTime 100; ENDPROC
+      PROC at_start()
+        TPWrite "first half";
+        WaitTime 1;
+        TPWrite "second half";
+      ENDPROC
+    ENDMODULE"""
+    hooks = ALL.replace('-Routine "on_event" -Shelf "START"', '-Routine "at_start" -Shelf "START"')
+    world = controller_world(tmp_path, hooks, T_ROB_L=[text])
+    controller = started(world, 0.5)
+    controller.stop_rapid()
+    run(world, 0.1)
+    assert not controller.is_running
+    controller.start_rapid()
+    run(world, 1.0)
+    assert list(controller.screens["T_ROB_L"]) == ["power on", "first half", "stop", "restart", "second half", "main"]
+
+
+def test_stop_in_a_routine_of_stop_ends_the_routine(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PROC main() TPWrite "main"; WaitTime 100; ENDPROC
+      PROC halted() TPWrite "halted"; Stop; TPWrite "never"; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[text])
+    controller = started(world)
+    controller.stop_rapid()
+    run(world, 0.1)
+    assert not controller.is_running
+    controller.start_rapid()
+    run(world, 0.1)
+    assert list(controller.screens["T_ROB_L"]) == ["main", "halted"]
+    assert controller.tasks["T_ROB_L"].call_stack[0].routine == "main"
+
+
 def test_routine_of_stop_that_does_not_end_is_left_after_a_minute(tmp_path: Path) -> None:
     text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC halted() WaitUntil FALSE; ENDPROC ENDMODULE"
     world = controller_world(tmp_path, '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[text])
