@@ -573,7 +573,7 @@ def link(program: Program, module: LoadedModule, variable: Variable, users: tupl
                 expressions.scope.refuse(datum, f"the value of '{datum.name}' cannot be computed: {error}")
     except RecursionError:
         raise misfit(module, datum, f"the value of '{datum.name}' is nested too deeply") from None
-    except Unresolved as error:
+    except RapidReferenceError as error:
         variable.fault = error.sentence
         raise
     with _publishing:

@@ -7,6 +7,7 @@ is abandoned, from the top down, each procedure after its UNDO clause.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -14,13 +15,11 @@ from typing import TYPE_CHECKING, Any
 from yumi.rapid.compiler import compile_routine
 from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError, RapidValueError
 from yumi.rapid.interrupts import Interrupts
-from yumi.rapid.program import Code, EventKind, Span, UserRoutine
+from yumi.rapid.program import Code, EventKind, Span, SystemEvent, UserRoutine
 from yumi.rapid.types import Reference
 
 if TYPE_CHECKING:
     from yumi.rapid.task import Task
-
-MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
 
 
 class Propagated(Exception):
@@ -47,6 +46,7 @@ class Frame:
         is_interrupted: whether a trap, a step or a breakpoint has come between two of its statements.
         error: the error its ERROR clause is working on, or None outside of it.
         is_undoing: whether it is abandoned and executes its UNDO clause.
+        event: what it is an event routine of, None for other routines.
     """
 
     __slots__ = (
@@ -57,6 +57,7 @@ class Frame:
         "code",
         "due",
         "error",
+        "event",
         "is_interrupted",
         "is_trap",
         "is_undoing",
@@ -84,6 +85,7 @@ class Frame:
         self.due: float | None = None
         self.polled_at = -1
         self.is_trap = self.is_undoing = False
+        self.event: SystemEvent | None = None
         self.is_interrupted = False
         self.error: RapidRuntimeError | None = None
         self.retry_step = self.next_step = 0
@@ -181,15 +183,15 @@ class Frame:
         assert error is not None
         self._retries = self._retries + 1 if self._retried == self.retry_step else 1
         self._retried = self.retry_step
-        if self._retries > MOST_RETRIES:
-            sentence = f"RETRY was tried {MOST_RETRIES} times in vain; the error was: {error}"
+        if self._retries > self.task.most_retries:
+            sentence = f"RETRY was tried {self.task.most_retries} times in vain; the error was: {error}"
             raise Propagated(RapidRuntimeError("ERR_EXCRTYMAX", sentence), is_long_jump=False)
         self.step, self.error = self.retry_step, None
 
     @property
     def remaining_retries(self) -> float:
         """How often RETRY is still possible for the statement that failed."""
-        return MOST_RETRIES - (self._retries if self._retried == self.retry_step else 0)
+        return self.task.most_retries - (self._retries if self._retried == self.retry_step else 0)
 
     def reset_retries(self) -> None:
         self._retried = -1
@@ -217,6 +219,7 @@ class Machine:
     """The execution of one task: its call stack and its interrupts.
 
     Attributes:
+        event: whose event routines are being executed, on top of the program, None without any.
         pause: where steps and breakpoints stop: asked before each statement, it says why; None without any.
     """
 
@@ -225,6 +228,7 @@ class Machine:
         self.frames: list[Frame] = []
         self.interrupts = Interrupts()
         self.in_trap = False
+        self.event: SystemEvent | None = None
         self.instant = 0
         self.budget = 0
         self.deadline = math.inf
@@ -239,7 +243,7 @@ class Machine:
         self.instant += 1
         while self.task.is_running:
             frame = self.frames[-1]
-            is_open = not self.in_trap and not self.interrupts.is_disabled and self._unwinding is None
+            is_open = not (self.in_trap or self.event or self.interrupts.is_disabled or self._unwinding)
             if self.interrupts.queue and is_open and (frame.waiting is not None or frame.is_between_statements()):
                 self._begin_trap(frame)
             elif frame.waiting is not None:
@@ -255,7 +259,12 @@ class Machine:
                         return
             elif self.is_exhausted():
                 return
-            elif self.pause is not None and frame.is_between_statements() and (kind := self.pause(frame)) is not None:
+            elif (
+                self.pause is not None
+                and self.event is None
+                and frame.is_between_statements()
+                and (kind := self.pause(frame)) is not None
+            ):
                 self.task.paused(kind, frame)
                 return
             else:
@@ -324,6 +333,9 @@ class Machine:
             self.in_trap = self.in_trap and not frame.is_trap
             self._go_on_unwinding()
             return
+        if frame.event is not None:
+            self._find_event()
+            return
         if not self.frames:
             self.task.finished()
             return
@@ -340,6 +352,7 @@ class Machine:
             if frame.is_trap:
                 self.in_trap = False
             frame.abandon()
+        self._find_event()
         if not self.frames:
             self._unwinding = None
 
@@ -369,6 +382,7 @@ class Machine:
             self.frames.pop()
             self.in_trap = self.in_trap and not frame.is_trap
         self._unwinding = None
+        self._find_event()
         then()
 
     def undo_all(self, most_steps: int) -> None:
@@ -387,6 +401,35 @@ class Machine:
         where = self.frames[-1]
         self.abandon()
         self.task.exited(where)
+
+    # Event routines -----------------------------------------------------------------------------------------------
+
+    def begin_event(self, event: SystemEvent, routines: Sequence[UserRoutine]) -> None:
+        """Execute procedures one after the other before the program goes on; those of a start come after others."""
+        first = (n for n, each in enumerate(self.frames) if each.event is not None and not each.event.is_of_start)
+        depth = next(first, len(self.frames)) if event.is_of_start else len(self.frames)
+        above = self.frames[depth:]
+        del self.frames[depth:]
+        for routine in reversed(routines):
+            self.enter(routine, (), None).event = event
+        self.frames += above
+        self._find_event()
+
+    @property
+    def program(self) -> Sequence[Frame]:
+        """The routines of the program, without the event routines that are executed before it goes on."""
+        return list(itertools.takewhile(lambda frame: frame.event is None, self.frames))
+
+    def abandon_event(self) -> None:
+        """Leave the event routines under way, as an error in one does; nothing happens without any."""
+        if self.event is not None:
+            self.abandon(next(n for n, frame in enumerate(self.frames) if frame.event is self.event))
+
+    def _find_event(self) -> None:
+        event = next((frame.event for frame in reversed(self.frames) if frame.event is not None), None)
+        if event is not self.event:
+            self.event = event
+            self.task.event_changed()
 
     # Interrupts ---------------------------------------------------------------------------------------------------
 
@@ -452,6 +495,8 @@ class Machine:
                     return depth
                 if frame.error is not None and not is_long_jump:
                     return 0
+            if frame.event is not None:  # the program beneath is not its caller
+                return 0
             if frame.is_trap:
                 is_long_jump = from_above = True
         return 0

@@ -482,6 +482,9 @@ def _grammar() -> str:
     return Path(__file__).with_name("grammar.lark").read_text(encoding="utf-8")
 
 
+_BEGUN_STRING = re.compile(r'"(?:[^"\\\n]|""|\\\\|\\[0-9A-Fa-f]{2})*')  # a string of grammar.lark up to where it fails
+
+
 class RapidLexer(Lexer):
     """Divides a text into the terminals of grammar.lark, twice as fast as Lark's own lexer: one match a token."""
 
@@ -517,7 +520,14 @@ class RapidLexer(Lexer):
             found = token_at(text, place)
             if found is None or found.lastgroup is None:
                 sign = text[place]
-                sentence = "the string does not end on its line." if sign == '"' else f"RAPID has no sign '{sign}'."
+                sentence = f"RAPID has no sign '{sign}'."
+                if (string := _BEGUN_STRING.match(text, place)) is not None:
+                    sentence = "the string does not end on its line."
+                    if text[string.end() : string.end() + 1] == "\\":
+                        place = string.end()
+                        sentence = (
+                            r"a backslash in a string is \\, or \ with the two hexadecimal digits of a character."
+                        )
                 raise NotAllowed(sentence, Token("", sign, place, line, place - line_start))
             kind = found.lastgroup
             value = found[kind]

@@ -32,6 +32,23 @@ class Execution(Enum):
     STARTED = "star"
 
 
+class SystemEvent(Enum):
+    """What event routines run on; the values are EventType()'s, the names those of the system parameters (-Shelf)."""
+
+    POWER_ON = 1
+    START = 2
+    STOP = 3
+    QSTOP = 4
+    RESTART = 5
+    RESET = 6
+    STEP = 7
+
+    @property
+    def is_of_start(self) -> bool:
+        """Whether its routines belong to a start of the program, which goes on after them."""
+        return self in (SystemEvent.START, SystemEvent.RESTART, SystemEvent.STEP)
+
+
 class EventKind(Enum):
     """Why a task has stopped by itself, and what stops with it (STOP: nothing else)."""
 

@@ -41,7 +41,18 @@ from yumi.rapid.interrupts import Interrupts, TimerQueue
 from yumi.rapid.library import Call, Library
 from yumi.rapid.machine import Frame, Machine
 from yumi.rapid.parser import format_value, parse_module, parse_reference, parse_value
-from yumi.rapid.program import Code, EventKind, Execution, Host, LoadedModule, Program, TaskEvent, UserRoutine
+from yumi.rapid.program import (
+    Code,
+    EventKind,
+    Execution,
+    Host,
+    LoadedModule,
+    Program,
+    Severity,
+    SystemEvent,
+    TaskEvent,
+    UserRoutine,
+)
 from yumi.rapid.types import UNSET, Reference, Variable, resolved, value_count
 
 T = TypeVar("T")
@@ -52,8 +63,10 @@ LONGEST_PROGRAM = 4_000_000  # characters in all modules together
 MOST_DATA = 20_000  # declared in all modules together
 MOST_VALUES_READ = 5_000  # of a datum that is read as text, which takes a microsecond for each
 STEPS_OF_UNDO = 10_000  # of all UNDO clauses at PP to main
+MOST_RETRIES = 4  # ABB's default of the system parameter NoOfRetry
 MOST_BOOKED = 500  # error numbers
 LONGEST_REFERENCE = 100  # characters of a name with its indices, as clients write it
+ROUNDING = 1e-9  # [s], of the sums that times are
 OP_AUTO = 1
 # From the name of a datum on: what stands between ":=" and ";".
 FIRST_VALUE = re.compile(r'[^:"!]*:=\s*((?:"(?:[^"]|"")*"|[^";])*?)\s*;')
@@ -143,8 +156,9 @@ class Task:
         entry: the procedure the program begins with.
 
     Attributes:
-        now: the task's time, which passes in `advance` only [s].
-        timers: what the program has started and left to be done later.
+        now: the task's time, which stands still while the task is stopped [s].
+        elapsed: the time that goes on then, of clocks, pulses and delayed outputs [s].
+        timers: what the program has started and left to be done later, in elapsed time.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
         operating_mode: what OpMode() gives: OP_AUTO 1, OP_MAN_PROG 2, OP_MAN_TEST 3.
         pp_moved_in_manual: whether the program pointer was moved in manual mode, until a program resets it.
@@ -152,6 +166,8 @@ class Task:
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
         planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
+        event_routines: the names of the procedures that run on each system event, in their order.
+        most_retries: how often RETRY begins a statement again (system parameter NoOfRetry).
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
         breakpoints: module in lower case and line; they count when `start` says so.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
@@ -164,13 +180,15 @@ class Task:
         self.host = host
         self.library = library
         self.entry = entry
+        self.event_routines: Mapping[SystemEvent, Sequence[str]] = {}
+        self.most_retries = MOST_RETRIES
         self.repeats = False
         self.breakpoints: set[tuple[str, int]] = set()
         self.cyclic_bools: dict[str, CyclicBool] = {}
         self.has_flag_timer = False
         self.spy: Callable[[StackEntry], None] | None = None
         self.end_of_spy: Callable[[], None] = lambda: None
-        self.now = 0.0
+        self.now = self.elapsed = 0.0
         self.timers = TimerQueue()
         self.in_position: Callable[[], bool] = lambda: True
         self.operating_mode: Callable[[], int] = lambda: OP_AUTO
@@ -381,7 +399,11 @@ class Task:
             UnknownSymbol: there is no such module.
         """
         self.check()
-        where = self._module(module) if module else None
+        self._begin(self._routine_to_start(name, self._module(module) if module else None))
+        self._note_moved_pointer("routine")
+
+    def _routine_to_start(self, name: str, where: LoadedModule | None) -> UserRoutine:
+        """A procedure without parameters, of one module or of the whole task."""
         found = self.program.find(name, where)
         if (
             not isinstance(found, UserRoutine)
@@ -390,8 +412,7 @@ class Task:
             or (where is not None and found.module is not where)
         ):
             raise RapidReferenceError(f"The task {self.name} has no procedure {name}() without parameters.")
-        self._begin(found)
-        self._note_moved_pointer("routine")
+        return found
 
     def _note_moved_pointer(self, where: str) -> None:
         self._pp_moved = where
@@ -429,19 +450,21 @@ class Task:
         return main
 
     def start(self, step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
-        """Go on where the program pointer is, to the end of one step when one is given.
+        """Go on where the program pointer is, after the event routines, to the end of one step when one is given.
 
         Raises:
             RobotNotReady: the program pointer is nowhere.
         """
-        if not self._machine.frames:
+        if not (program := self._machine.program):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
-        self._machine.frames[-1].is_interrupted = False  # by a step or a breakpoint
+        program[-1].is_interrupted = False  # by a step or a breakpoint
         self._pauses = self._pauses_at(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
         self.watch_statements()
         self._stop_event, self._pp_moved = self._pp_moved, ""
+        from_beginning = self._execution is Execution.READY
         self._execution = Execution.STARTED
         self.is_running = True
+        self.begin_event(SystemEvent.STEP if step else SystemEvent.START if from_beginning else SystemEvent.RESTART)
 
     def watch_statements(self) -> None:
         """Let the machine ask before each statement what steps, breakpoints and a recording need; otherwise not."""
@@ -461,8 +484,8 @@ class Task:
 
     def _pauses_at(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
-        frames = self._machine.frames
-        depth, top = len(frames), frames[-1]
+        frames, program = self._machine.frames, self._machine.program
+        depth, top = len(program), program[-1]
         begun = not top.is_between_statements()
         depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
 
@@ -493,24 +516,80 @@ class Task:
         if self._execution is Execution.STARTED:
             self._execution = Execution.STOPPED
 
+    @property
+    def event(self) -> SystemEvent | None:
+        """The system event whose event routines are being executed, or None."""
+        return self._machine.event
+
+    def begin_event(self, event: SystemEvent) -> None:
+        """Execute the event routines of a system event before anything else, in a stopped task them alone.
+
+        One that does not exist leaves a warning in the event log.
+        """
+        routines = []
+        for name in self.event_routines.get(event, ()):
+            try:
+                compile_program(self.program)
+                routines.append(self._routine_to_start(name, None))
+            except RapidReferenceError as error:
+                text = f"The routine {name} of the system event {event.name} is not executed: {error}"
+                self.host.write_event(self.name, "Event routine", text, Severity.WARNING, ())
+        self._machine.begin_event(event, routines)
+
+    def event_changed(self) -> None:
+        """Event routines have begun or ended: a task that is not started runs while they do."""
+        event = self._machine.event
+        is_alone = event is not None and not event.is_of_start
+        self.is_running = is_alone or (self.is_running and self._execution is Execution.STARTED)
+
+    def abandon_event(self) -> None:
+        """Leave the event routines that are being executed."""
+        self._machine.abandon_event()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether it would have executed more than one advance allows, so that tasks behind it have to wait."""
+        return self.is_running and self._machine.budget <= 0
+
+    def pass_time(self, dt: float) -> None:
+        """Let `dt` [s] pass without executing anything, as while a task in its foreground has more to execute."""
+        self.now += dt
+        self.stand(dt)
+        if self.is_running:
+            self._machine.interrupts.time_passed(self.now)
+
+    def stand(self, dt: float) -> None:
+        """Let `dt` [s] pass while the task is stopped: pulses end and clocks go on."""
+        self.elapsed += dt
+        self.attempt(self._perform_timers)
+
+    def _perform_timers(self) -> None:
+        self.timers.perform(self.elapsed + ROUNDING)
+
+    def later(self, delay: float, action: Callable[[], None]) -> None:
+        """Do something after a delay [s], also when the task is stopped by then."""
+        self.timers.add(self.elapsed + delay, action)
+
     def advance(self, dt: float) -> None:
         """Let `dt` [s] pass and execute until everything waits; 0.0 settles what can happen without time passing."""
         machine, end = self._machine, self.now + dt
         machine.budget = max(STEPS_PER_ADVANCE, int(dt * STEPS_PER_SECOND))
         machine.deadline = self.clock() + TIME_PER_ADVANCE
         while True:
-            due = min(machine.next_due() if self.is_running else math.inf, self.timers.next_time)
+            of_timers = self.now + self.timers.next_time - self.elapsed
+            due = min(machine.next_due() if self.is_running else math.inf, of_timers)
             if due >= end or machine.is_exhausted():
                 break
             self._pass_to(max(due, self.now))
         self._pass_to(end)
 
     def _pass_to(self, time: float) -> None:
+        self.elapsed += time - self.now
         self.now = time
         try:
             if self._failures:
                 raise self._failures.pop(0)
-            self.timers.perform(time)
+            self._perform_timers()
             if self.is_running:
                 self._machine.interrupts.time_passed(time)
                 self._machine.run()
@@ -617,11 +696,14 @@ class Task:
         sentence = f"{self.name} stopped in {where}, with {name}: {error}"
         self._halt(EventKind.ERROR, sentence, frame, error)
         frame.rewind()
+        self._machine.abandon_event()
 
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
         frame = self._machine.frames[-1]
         self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
+        if self.event is not None and not self.event.is_of_start:
+            self._machine.abandon_event()
 
     def exited(self, frame: Frame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)

@@ -127,6 +127,10 @@ def test_routine_has_backward_error_and_undo_clauses() -> None:
         ("MODULE M PROC p() x := ; ENDPROC ENDMODULE", "m.mod:1:24: found ';' where an expression is allowed."),
         ("MODULE M VAR num if; ENDMODULE", "m.mod:1:18: found 'if' where a name is allowed."),
         ('MODULE M VAR string a := "b;\nENDMODULE', "m.mod:1:26: the string does not end on its line."),
+        (
+            'MODULE M VAR string a := "C:\\temp"; ENDMODULE',
+            r"m.mod:1:29: a backslash in a string is \\, or \ with the two hexadecimal digits of a character.",
+        ),
         ("MODULE M VAR num §; ENDMODULE", "m.mod:1:18: RAPID has no sign '§'."),
         ("MODULE M(HIDDEN) ENDMODULE", "a module has no attribute 'HIDDEN'; there are NOSTEPIN,"),
         (f"MODULE {'m' * 33} ENDMODULE", "m.mod:1:8: a name has up to 32 characters"),

@@ -69,7 +69,7 @@ class Expectations:
 
     def __init__(self, path: Path) -> None:
         lines = path.read_text(encoding="ascii").splitlines()
-        self._lines = [line[3:].split(maxsplit=1) for line in lines if line.startswith("!@ ")]
+        self._lines = [line[3:].rstrip().split(maxsplit=1) for line in lines if line.startswith("!@ ")]
 
     def of(self, word: str) -> Iterator[str]:
         return (rest for each, rest in self._lines if each == word)
@@ -165,6 +165,8 @@ def test_program_moves_the_robot_as_it_says(program: Path) -> None:
             name, *numbers = rest.split()
             x, y, z, off = map(float, numbers)
             assert np.linalg.norm(run.changes[name, level] - (x, y, z)) < off
+    screen = list(expected.of("screen"))
+    assert not screen or screen == list(run.world.controller.screens[run.task.name])
     for rest in expected.of("value"):
         name, value = rest.split(maxsplit=1)
         assert run.task.read(run.module, name) == value

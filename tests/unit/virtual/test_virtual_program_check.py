@@ -21,7 +21,7 @@ PROGRAM = """MODULE Faulty
   ENDPROC
   PROC helper(num n)
     missing n;
-    StepBwdPath n;
+    SoftElbow n;
   ENDPROC
   FUNC num broken(num n)
     RETURN n +;
@@ -56,6 +56,15 @@ def test_command_prints_a_line_for_each_and_fails(faulty: Path) -> None:
     result = CliRunner().invoke(main, ["rapid", "check", str(faulty)])
     assert result.exit_code == 1
     assert f"{faulty}:7:12: syntax: found 'THEN' where an expression is allowed." in result.output.splitlines()
+
+
+def test_use_of_a_datum_that_does_not_fit_says_why(tmp_path: Path) -> None:
+    path = tmp_path / "a.mod"
+    path.write_text("MODULE A PERS num a{3}:=[1,2]; PROC main() a{1}:=2; ENDPROC ENDMODULE")
+    assert [fault.sentence for fault in check_program([path])] == [
+        "an aggregate of 2 is found where a num{3} is needed.",
+        "'a' cannot be used: an aggregate of 2 is found where a num{3} is needed.",
+    ]
 
 
 def test_editors_get_json(faulty: Path) -> None:

@@ -129,7 +129,7 @@ def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
 
     def setup(condition: Callable[[], bool]) -> None:
         if not task.has_flag_timer:
-            task.timers.add(task.now, lambda: _update_flags(task))
+            task.later(0.0, lambda: _update_flags(task))
             task.has_flag_timer = True
         task.cyclic_bools[name] = CyclicBool(flag, condition)
 
@@ -143,7 +143,7 @@ def _update_flags(task: Task) -> None:
     """
     task.has_flag_timer = bool(task.cyclic_bools)
     if task.has_flag_timer:
-        task.timers.add(task.now + CYCLE_OF_BOOLS, lambda: _update_flags(task))
+        task.later(CYCLE_OF_BOOLS, lambda: _update_flags(task))
     new: list[Exception] = []
     for each in list(task.cyclic_bools.values()):
         try:
@@ -217,13 +217,15 @@ def executing_handler(call: Call) -> float:
 
 @EXECUTION.function("ExecLevel", "", "exec_level")
 def execution_level(call: Call) -> float:
-    return _constant("LEVEL_TRAP" if call.task.is_in_trap else "LEVEL_NORMAL")
+    level = "LEVEL_SERVICE" if call.task.event else "LEVEL_TRAP" if call.task.is_in_trap else "LEVEL_NORMAL"
+    return _constant(level)
 
 
 @EXECUTION.function("EventType", "", "event_type")
 def event_type(call: Call) -> float:
-    """No event routine is being executed: this controller has none."""
-    return _constant("EVENT_NONE")
+    """The system event whose event routine is being executed."""
+    event = call.task.event
+    return _constant("EVENT_NONE") if event is None else event.value
 
 
 def _constant(name: str) -> float:

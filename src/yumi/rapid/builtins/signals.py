@@ -30,7 +30,7 @@ def _write(call: Call, value: float) -> None:
         error = "ERR_AO_LIM" if call.name == "SetAO" else "ERR_GO_LIM"
         raise RapidRuntimeError(error, f"{call.name}: {name} takes {low:g} to {high:g}, not {value:g}.")
     if call.get("SDelay") is not None:
-        task.timers.add(task.now + call["SDelay"], lambda: task.write_signal(name, value))
+        task.later(call["SDelay"], lambda: task.write_signal(name, value))
     else:
         task.write_signal(name, value)
 
@@ -72,7 +72,7 @@ def pulse_output(call: Call) -> None:
     task, name = call.task, call["Signal"].name
     level = 0.0 if call.present("High") else task.read_signal(name)
     task.write_signal(name, 0.0 if level else 1.0)
-    task.timers.add(task.now + call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
+    task.later(call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
 
 
 def _level(call: Call) -> float:

@@ -131,19 +131,19 @@ def reset_clock(call: Call) -> None:
 def start_clock(call: Call) -> None:
     clock: Clock = call["Clock"]
     if clock.since is None:
-        clock.since = call.task.now
+        clock.since = call.task.elapsed
 
 
 @SYSTEM.instruction("ClkStop", "VAR clock Clock")
 def stop_clock(call: Call) -> None:
     clock: Clock = call["Clock"]
-    clock.counted, clock.since = clock.read(call.task.now), None
+    clock.counted, clock.since = clock.read(call.task.elapsed), None
 
 
 @SYSTEM.function("ClkRead", r"VAR clock Clock, \switch HighRes", "num")
 def read_clock(call: Call) -> float:
     clock: Clock = call["Clock"]
-    return clock.read(call.task.now)
+    return clock.read(call.task.elapsed)
 
 
 # Errors, stopping, the system -------------------------------------------------------------------------------------

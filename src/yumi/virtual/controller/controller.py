@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -11,8 +12,8 @@ from pathlib import PurePosixPath
 from yumi.errors import SettingsError
 from yumi.rapid.builtins.standard import InstructionSet
 from yumi.rapid.library import Library
-from yumi.rapid.program import Execution, Program
-from yumi.rapid.task import StepKind, Task
+from yumi.rapid.program import Execution, Program, SystemEvent
+from yumi.rapid.task import MOST_RETRIES, StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.devices import rapid_devices
@@ -21,7 +22,7 @@ from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
-from yumi.virtual.controller.system import System, TaskSettings, modules_of, task_settings
+from yumi.virtual.controller.system import System, TaskSettings, event_routines, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
 from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration
@@ -149,6 +150,7 @@ class Irc5:
         for unit in arms:
             unit.led = self.motion.lead_through
         self._speed_limiters = self._inputs_of_speed_limits()
+        self._requests: deque[tuple[str, str]] = deque()  # of system inputs: action and first argument
         self._gripper_signals: dict[Side, Mapping[str, int]] = {}
         self._is_copying = False
         self._sync_points = SyncPoints()
@@ -232,6 +234,10 @@ class Irc5:
     def arm_of(self, unit: MechanicalUnit) -> VirtualArm:
         """The arm that a mechanical unit belongs to."""
         return self._arms[unit.side].arm
+
+    def program_loaded(self, task: str) -> None:
+        """Another program has been loaded into a task: its event routines of RESET run."""
+        self.tasks[task].begin_event(SystemEvent.RESET)
 
     def cfg(self, domain: str, type: str) -> tuple[Instance, ...]:
         """The instances of a configuration type; none when there is no such type."""
@@ -403,6 +409,8 @@ class Irc5:
         """Let ``dt`` [s] pass for the tasks; the world advances arms and grippers."""
         self.time += dt
         self.jobs.advance(dt)
+        while self._requests:
+            self._do_requested(*self._requests.popleft())
         if self._restart_left > 0.0:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
@@ -476,6 +484,7 @@ class Irc5:
                 for module in task.modules:
                     task.unload(module.name)
         for installed in self.execution.installed.values():
+            self._configure(installed.task, installed.settings)
             loaded = {PurePosixPath(module.filename).name.lower() for module in installed.task.modules}
             loaded |= {module.name.lower() for module in installed.task.modules}
             for path in modules_of(installed.settings, self._system, self.effective):
@@ -489,10 +498,23 @@ class Irc5:
                     self.events.append(_NOT_LOADED, "Module not loaded", sentence, EventType.ERROR)
         if self._discards_programs:
             self._discards_programs = False
-            try:
-                self.execution.move_pp_to_main()
-            except Refused as refused:
-                self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
+            self._begin_again()
+
+    def _configure(self, task: Task, settings: TaskSettings) -> None:
+        """What a task takes from the system parameters at each start."""
+        task.event_routines = event_routines(self.effective, settings)
+        retries = self.effective.find("SYS", "SYS_MISC", "NoOfRetry")
+        value = retries.attributes.get("Value", "") if retries else ""
+        task.most_retries = int(value) if value.isdecimal() else MOST_RETRIES
+
+    def _begin_again(self) -> None:
+        """Go to main of the programs that have been loaded again."""
+        try:
+            self.execution.move_pp_to_main()
+        except Refused as refused:
+            self.events.append(_NOT_LOADED, "No program pointer", str(refused), EventType.ERROR)
+        for name in self.tasks:
+            self.program_loaded(name)
 
     def _system_outputs(self) -> tuple[tuple[str, Callable[[], bool]], ...]:
         """The signals that show a state of the controller, each with that state (SYSSIG_OUT)."""
@@ -526,6 +548,14 @@ class Irc5:
         inputs = [each.attributes for each in self.effective.instances("EIO", "SYSSIG_IN")]
         return frozenset(each.get("Signal", "").lower() for each in inputs if each.get("Action") == "LimitSpeed")
 
+    def _do_requested(self, action: str, argument: str) -> None:
+        """What a system input asks for; a refusal is in the event log."""
+        try:
+            _ACTIONS[action](self, {"CYCLE": "once", "CONT": "forever"}.get(argument.upper(), ""))
+        except Refused as refused:
+            sentence = f"The system input for {action} was refused: {refused}"
+            self.events.append(80001, "System input refused", sentence, EventType.WARNING)
+
     def _show(self, name: str, value: float) -> None:
         """Drive a signal that the system parameters may leave out."""
         if name in self.signals:
@@ -536,6 +566,10 @@ class Irc5:
             unit = next((unit for unit in self._arms.values() if name.endswith(f"_{unit.side.name[0]}")), None)
             if unit is not None:
                 unit.gripper.write(name[:-2], int(new))
+        if new and not old and not self.is_restarting:
+            for each in (each.attributes for each in self.effective.instances("EIO", "SYSSIG_IN")):
+                if each.get("Signal", "").lower() == name.lower() and each.get("Action", "") in _ACTIONS:
+                    self._requests.append((each["Action"], each.get("Arg1", "")))
         if name.lower() in self._speed_limiters:
             is_limited = any(self.signals.get(each).value for each in self._speed_limiters if each in self.signals)
             for unit in self._arms.values():
@@ -549,7 +583,8 @@ class Irc5:
         self.controller_state = state
         for unit in self._arms.values():
             unit.arm.switch_motors_off()
-        self.execution.stop(reason)
+        is_quick = state is ControllerState.EMERGENCY_STOP
+        self.execution.stop(reason, SystemEvent.QSTOP if is_quick else SystemEvent.STOP)
         if state is ControllerState.EMERGENCY_STOP:
             self.events.append(10013, "Emergency stop", reason, EventType.ERROR)
         elif were_on:
@@ -584,6 +619,7 @@ class Irc5:
             for name in (other.name for other in settings):
                 library.data(f"{name}Id", "taskid", (name,))
             task = Task(each.name, host, library, each.entry)
+            self._configure(task, each)
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
@@ -614,6 +650,33 @@ class Irc5:
             unit = named.get(each.robot.upper())
             units[each.name] = free.pop(0) if unit is None and each.is_motion_task and free else unit
         return units
+
+
+def _start_at_main(controller: Irc5, cycle: str) -> None:
+    controller.move_pp_to_main()
+    controller.start_rapid(cycle)
+
+
+def _start_with_motors(controller: Irc5, cycle: str) -> None:
+    controller.set_motors(True)
+    controller.start_rapid(cycle)
+
+
+# What system inputs ask for, with the run mode they choose ("" leaves it as it is).
+_ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
+    "MotOn": lambda controller, _: controller.set_motors(True),
+    "MotOff": lambda controller, _: controller.set_motors(False),
+    "Start": Irc5.start_rapid,
+    "StartMain": _start_at_main,
+    "MotOnStart": _start_with_motors,
+    "PPMain": lambda controller, _: controller.move_pp_to_main(),
+    "Stop": lambda controller, _: controller.stop_rapid(),
+    "QuickStop": lambda controller, _: controller.execution.stop("A system input has stopped it.", SystemEvent.QSTOP),
+    "SoftStop": lambda controller, _: controller.stop_rapid(),
+    "StopInstr": lambda controller, _: controller.stop_rapid(),
+    "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
+    "ResetEstop": lambda controller, _: controller.release_emergency_stop(),
+}
 
 
 def _stands_still(unit: ArmUnit) -> bool:

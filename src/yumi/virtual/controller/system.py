@@ -10,11 +10,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from pathlib import Path
+from operator import itemgetter
+from pathlib import Path, PurePosixPath
 from xml.etree import ElementTree
 
 import yumi.controller_files
 from yumi.errors import SettingsError
+from yumi.rapid.program import SystemEvent
 from yumi.virtual.controller.files import DEVICES, decoded
 from yumi.virtual.controller.robots import YUMI, Robot
 from yumi.virtual.controller.signals import Configuration, Instance
@@ -127,7 +129,8 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
     texts = [decoded(_read(path)) for path in sorted(information.glob("*.[tT][xX][tT]"))] if information else []
     names = {key.upper(): name for text in texts for key, name in _TASK_OF_BACKUP.findall(text)}
     declared = [settings.name for settings in task_settings(system.configuration())]
-    modules = {}
+    modules: dict[str, list[str]] = {}
+    shared: list[str] = []
     for place in sorted(rapid.iterdir() if rapid else (), key=lambda path: (len(path.name), path.name)):
         number = place.name.upper().removeprefix("TASK")
         if not place.is_dir() or not number.isdecimal():
@@ -135,16 +138,33 @@ def read_backup(folder: Path, robot: Robot = YUMI) -> System:
         name = names.get(place.name.upper())
         if name is None and 1 <= int(number) <= len(declared):
             name = declared[int(number) - 1]
-        if name is None:
+        if name is None and int(number) != 0:  # TASK0 has the modules that all tasks share
             raise SettingsError(f"{place} is no task of the system: neither BACKINFO nor CAB_TASKS of SYSPAR names it.")
-        paths = []
+        sources = []
         for kind in ("SYSMOD", "PROGMOD"):
             inner = _inside(place, kind)
-            paths += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
-        for path in paths:
+            sources += [path for path in sorted(inner.iterdir()) if path.suffix.lower() in _SUFFIXES] if inner else []
+        for path in sources:
             files[f"{_HOME}RAPID/{place.name}/{path.name}"] = _read(path)
-        modules[name.upper()] = tuple(f"{_HOME}RAPID/{place.name}/{path.name}" for path in paths)
-    return replace(system, files=files, modules=modules)
+        found = [f"{_HOME}RAPID/{place.name}/{path.name}" for path in sources]
+        if name is None:
+            shared += found
+        else:
+            modules[name.upper()] = found
+    return _with_modules_of_tasks(replace(system, files=files), shared, modules)
+
+
+def _with_modules_of_tasks(system: System, shared: Sequence[str], modules: Mapping[str, Sequence[str]]) -> System:
+    """A backup's system with the modules of each task: shared ones, its own, and those of its configuration in HOME."""
+    configuration = system.configuration()
+    of_tasks = {}
+    for settings in task_settings(configuration):
+        paths = [*shared, *modules.get(settings.name.upper(), ())]
+        stems = {PurePosixPath(path).stem.lower() for path in paths}
+        configured = (path for path in modules_of(settings, system, configuration) if path in system.files)
+        missing = (path for path in configured if PurePosixPath(path).stem.lower() not in stems)
+        of_tasks[settings.name.upper()] = (*missing, *paths)
+    return replace(system, modules=of_tasks)
 
 
 def _modules_of(path: Path) -> Iterator[Path]:
@@ -217,6 +237,7 @@ class TaskSettings:
         robot: name of the robot of its mechanical unit group, ``ROB_L``; empty without one.
         entry: the procedure it begins with.
         trust: what an error in it stops; NORMAL tasks stop together in any case.
+        foreground: the task it waits for: it executes while that one is idle only; empty without one.
     """
 
     name: str
@@ -225,6 +246,7 @@ class TaskSettings:
     robot: str = ""
     entry: str = "main"
     trust: TrustLevel = TrustLevel.SYS_FAIL
+    foreground: str = ""
 
 
 def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
@@ -234,6 +256,8 @@ def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
         given = {name.lower(): value for name, value in instance.attributes.items()}
         is_motion_task = given.get("motiontask", "").lower() in ("true", "yes", "1")
         group = configuration.find("SYS", "MECHANICAL_UNIT_GROUP", given.get("usemechanicalunitgroup", ""))
+        # "Task in foreground" of the system parameters; its name in cfg files differs between RobotWare's releases.
+        behind = (value for name, value in given.items() if name.replace("_", "").startswith("taskinfor"))
         trust = given.get("trustlevel", "").lower().replace("none", TrustLevel.NO_SAFETY.value.lower())
         tasks.append(
             TaskSettings(
@@ -243,6 +267,7 @@ def task_settings(configuration: Configuration) -> tuple[TaskSettings, ...]:
                 group.attributes.get("Robot", "") if group else "",
                 given.get("entry") or "main",
                 next((each for each in TrustLevel if each.value.lower() == trust), TrustLevel.SYS_FAIL),
+                next(behind, "").removeprefix("-1"),
             )
         )
     return tuple(tasks)
@@ -255,6 +280,25 @@ def _task_type(instance: Instance) -> TaskType:
     except KeyError:
         allowed = ", ".join(each.name for each in TaskType)
         raise SettingsError(f"the task {instance.name} has the type {given!r}; there are {allowed}.") from None
+
+
+_TRUE = ("TRUE", "YES", "1", "")  # an attribute without a value is set
+
+
+def event_routines(configuration: Configuration, task: TaskSettings) -> Mapping[SystemEvent, tuple[str, ...]]:
+    """The event routines of a task in the order of their sequence numbers (CAB_EXEC_HOOKS)."""
+    found: dict[SystemEvent, list[tuple[int, str]]] = {}
+    for instance in configuration.instances("SYS", "CAB_EXEC_HOOKS"):
+        given = {name.lower(): value for name, value in instance.attributes.items()}
+        event = next((each for each in SystemEvent if each.name == given.get("shelf", "").upper()), None)
+        of_all = given.get("alltask", given.get("alltasks", "no")).upper() in _TRUE
+        of_motion = given.get("allmotiontask", given.get("allmotiontasks", "no")).upper() in _TRUE
+        is_here = of_all or (of_motion and task.is_motion_task) or given.get("task", "").upper() == task.name.upper()
+        if event is None or not given.get("routine") or not is_here:
+            continue
+        number = given.get("seqno", given.get("sequenceno", "0"))
+        found.setdefault(event, []).append((int(number) if number.isdecimal() else 0, given["routine"]))
+    return {event: tuple(name for _, name in sorted(each, key=itemgetter(0))) for event, each in found.items()}
 
 
 def modules_of(task: TaskSettings, system: System, configuration: Configuration) -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
 from yumi.rapid.devices import Devices, NoNetwork
 from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
-from yumi.rapid.program import EventKind, Execution, Severity, TaskEvent
+from yumi.rapid.program import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from yumi.rapid.task import StepKind, Task
 from yumi.rapid.types import UNSET, Variable
 from yumi.rws.types import EventType
@@ -91,6 +91,12 @@ class TaskHost:
         return self._is_virtual
 
 
+_LONGEST_STOP = 60.0
+"""How long the arms and the event routines of a stop may take [s]."""
+
+_STOPS = (EventKind.STOP, EventKind.STOP_ALL_TASKS, EventKind.SYSTEM_STOP, EventKind.SYSTEM_HALT)
+"""Events that event routines of STOP follow in the task itself: neither errors nor EXIT."""
+
 _OF_ITS_OWN_TASK = (EventKind.STOP, EventKind.FINISHED, EventKind.STEPPED)
 """Events that stop one task while the others continue."""
 
@@ -128,6 +134,25 @@ class InstalledTask:
         return self.task.program.find(self.task.entry, None) is not None
 
 
+@dataclass(slots=True)
+class _Stop:
+    """A stop whose event routines have not been executed yet.
+
+    Attributes:
+        reason: why RAPID stops, for the event log.
+        event: STOP or QSTOP.
+        tasks: those that have event routines.
+        have_begun: whether the arms stand still, so that the routines are being executed.
+        left: of the time it may take [s].
+    """
+
+    reason: str
+    event: SystemEvent
+    tasks: Sequence[InstalledTask]
+    have_begun: bool = False
+    left: float = _LONGEST_STOP
+
+
 class RapidExecution:
     r"""All tasks; an error, EXIT or a stop of all tasks in a NORMAL one stops the others with it.
 
@@ -139,7 +164,7 @@ class RapidExecution:
     Attributes:
         installed: the tasks with what they run on, by name.
         tasks: the tasks by name.
-        is_running: whether RAPID runs in any NORMAL task.
+        is_running: whether RAPID runs in any NORMAL task, or event routines of its stop do.
         cycle: what happens at the end of a program: "forever", it begins again, or "once"; the words are RWS'.
     """
 
@@ -155,6 +180,9 @@ class RapidExecution:
         self.cycle = "forever"
         self._events = events
         self._halt = halt
+        self._stop: _Stop | None = None
+        self._resuming: list[InstalledTask] = []  # whose arms wait for event routines of the start
+        self._in_order = _behind_their_foreground(tasks)
         for each in tasks:
             each.task.program.shared = partial(self._shared, each.task)
 
@@ -201,6 +229,8 @@ class RapidExecution:
             Refused: ALREADY_RUNNING or NO_PROGRAM_POINTER.
         """
         selected = self._selected
+        if self._stop is not None:
+            raise Refused(Refusal.ALREADY_RUNNING, f"the event routines of {self._stop.event.name} are still running.")
         if not selected:
             raise Refused(Refusal.NO_PROGRAM_POINTER, "no task that is selected has a program: load one first.")
         if all(each.task.execution is Execution.STARTED for each in selected):
@@ -216,12 +246,25 @@ class RapidExecution:
                 each.task.repeats = self.cycle == "forever"
                 each.has_failed = False
                 each.task.start(step, stop_at_breakpoints=stop_at_breakpoints)
-            if each.unit is not None:
-                with suppress(RobotNotReady):
-                    each.unit.arm.follow_path()  # what a stop has interrupted
+            self._resuming.append(each)
+        self._resume()
         self._show_in_egm()
         names = ", ".join(each.task.name for each in selected)
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
+
+    def end_after_cycle(self) -> None:
+        """Stop when the programs have come to their end."""
+        self.cycle = "once"
+        for each in self._selected:
+            each.task.repeats = False
+
+    def _resume(self) -> None:
+        """Let the arms go on with what a stop has interrupted, each after the event routines of the start."""
+        for each in [each for each in self._resuming if each.task.event is None]:
+            self._resuming.remove(each)
+            if each.unit is not None and each.task.execution is Execution.STARTED:
+                with suppress(RobotNotReady):
+                    each.unit.arm.follow_path()
 
     def start_background(self, *, is_restart: bool = False) -> None:
         """Start the tasks that are not NORMAL: SEMISTATIC ones from their beginning, STATIC ones where they were."""
@@ -240,6 +283,8 @@ class RapidExecution:
                 continue
             task.repeats = True
             task.start()
+        for each in self.installed.values():
+            each.task.begin_event(SystemEvent.POWER_ON)
 
     def stop_background(self) -> None:
         """Stop the tasks that are not NORMAL, as a restart does."""
@@ -247,12 +292,23 @@ class RapidExecution:
             if not each.is_normal:
                 each.task.stop()
 
-    def stop(self, reason: str) -> None:
-        """Stop all tasks and bring the arms to a standstill; nothing happens when RAPID is stopped."""
-        if not self.is_running:
+    def stop(self, reason: str, event: SystemEvent = SystemEvent.STOP, *, stopped: InstalledTask | None = None) -> None:
+        """Stop all tasks and bring the arms to a standstill; nothing happens when RAPID is stopped.
+
+        Args:
+            reason: for the event log.
+            event: STOP, or QSTOP of an emergency stop: its event routines are executed when the arms stand still.
+            stopped: the task whose instruction has stopped the others.
+        """
+        if not self.is_running or self._stop is not None:
             return
-        self.is_running = False
         normal = [each for each in self.installed.values() if each.is_normal]
+        routines = [
+            each
+            for each in normal
+            if (each.task.execution is Execution.STARTED or each is stopped) and each.task.event_routines.get(event)
+        ]
+        self._resuming.clear()
         for each in normal:
             each.task.stop()
         self._show_in_egm()
@@ -262,6 +318,32 @@ class RapidExecution:
             unit.egm.abort()
             if not was_under_egm:
                 unit.arm.stop()
+        self._stop = _Stop(reason, event, routines)
+        if not routines:
+            self._end_stop()
+
+    def _go_on_stopping(self, stop: _Stop, dt: float) -> None:
+        """Execute the event routines of a stop once the arms stand still."""
+        stop.left -= dt
+        units = (each.unit for each in self.installed.values() if each.unit is not None)
+        if not stop.have_begun and all(unit.arm.is_stationary for unit in units):
+            stop.have_begun = True
+            for each in stop.tasks:
+                each.task.begin_event(stop.event)
+        unfinished = [each for each in stop.tasks if each.task.is_running or not stop.have_begun]
+        if unfinished and stop.left <= 0.0:
+            names = ", ".join(each.task.name for each in unfinished)
+            sentence = f"The event routines of {stop.event.name} in {names} took longer than {_LONGEST_STOP:g} s."
+            self._events.append(40228, "Execution error", sentence, EventType.ERROR)
+            for each in unfinished:
+                each.task.abandon_event()
+        if not unfinished or stop.left <= 0.0:
+            self._end_stop()
+
+    def _end_stop(self) -> None:
+        assert self._stop is not None
+        reason, self._stop = self._stop.reason, None
+        self.is_running = False
         self._events.append(10125, "Program stopped", reason)
 
     def move_pp_to_main(self) -> None:
@@ -339,6 +421,8 @@ class RapidExecution:
             for path, text in texts.items():
                 task.load(text, path)
         self.move_pp_to_main()
+        for each in self.installed.values():
+            each.task.begin_event(SystemEvent.RESET)
 
     def unload_module(self, task: str, name: str) -> None:
         """Remove a module from ``task``.
@@ -360,12 +444,25 @@ class RapidExecution:
 
     def advance(self, dt: float) -> None:
         """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""
-        for each in self.installed.values():
-            if self.is_running if each.is_normal else each.task.is_running:
+        busy = set()
+        for each in self._in_order:
+            if not (each.task.is_running or (each.is_normal and self.is_running)):
+                each.task.stand(dt)
+                continue
+            if each.settings.foreground.upper() in busy:
+                each.task.pass_time(dt)
+                busy.add(each.task.name.upper())
+            else:
                 each.task.advance(dt)
+                if each.task.is_busy:
+                    busy.add(each.task.name.upper())
         for each in self.installed.values():
             while each.host.events:
                 self._react(each, each.host.events.popleft())
+        if self._resuming:
+            self._resume()
+        if self._stop is not None:
+            self._go_on_stopping(self._stop, dt)
 
     def signal_changed(self, name: str, old: float, new: float) -> None:
         """Pass an edge on to the tasks; those that do not run lose it."""
@@ -393,8 +490,9 @@ class RapidExecution:
             return
         none_runs = all(each.task.execution is not Execution.STARTED for each in self._selected)
         if event.kind not in _OF_ITS_OWN_TASK or none_runs:
-            self.stop(reason)
+            self.stop(reason, stopped=stopped if event.kind in _STOPS else None)
         elif event.kind is EventKind.STOP:
+            stopped.task.begin_event(SystemEvent.STOP)
             self._events.append(10125, "Program stopped", reason)
         if event.kind is EventKind.SYSTEM_STOP_BLOCK:
             for each in self._selected:
@@ -408,3 +506,15 @@ class RapidExecution:
             if each.unit is not None and each.settings.is_motion_task:
                 is_started = each.task.execution is Execution.STARTED
                 each.unit.egm.rapid = RapidState.RUNNING if is_started else RapidState.STOPPED
+
+
+def _behind_their_foreground(tasks: Sequence[InstalledTask]) -> tuple[InstalledTask, ...]:
+    """The tasks in the order they are executed in a cycle: each after the task in its foreground."""
+    by_name = {each.task.name.upper(): each for each in tasks}
+    depths = {}
+    for each in tasks:
+        chain = [each]
+        while (next_one := by_name.get(chain[-1].settings.foreground.upper())) is not None and next_one not in chain:
+            chain.append(next_one)
+        depths[each.task.name] = len(chain)
+    return tuple(sorted(tasks, key=lambda each: depths[each.task.name]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from math import radians
 from typing import Any
 
@@ -116,16 +117,10 @@ class EgmInstructions:
             restarts_after_motors_off=attributes["do_not_restart_after_motors_off"].upper() != "TRUE",
         )
 
-    def act_joint(self, call: Call) -> None:
-        r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
-        if self._is_pose:
-            self.refuse_mode(call)
-        tool, wobj = call.get("Tool"), call.get("WObj")
-        bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES[: self._count]]
-        activation = EgmActivation(
-            tool=None if tool is None else pose_from_rapid(tool.tframe),
-            wobj=None if wobj is None else wobj_from_rapid(wobj),
-            cond_min_max=self._ordered([(radians(low), radians(high)) for low, high in bands_deg]),
+    def _activate(self, call: Call, axes: EgmActivation) -> None:
+        """Use the settings of an act instruction: those of its axes, and what all act instructions have."""
+        activation = replace(
+            axes,
             lp_filter=call.get("LpFilter"),
             sample_rate_ms=int(call.get("SampleRate", 4.0)),
             max_pos_deviation=radians(call.get("MaxPosDeviation", 1000.0)),
@@ -134,6 +129,19 @@ class EgmInstructions:
         self._do(lambda: self._client.activate(activation))
         if call.present("StreamStart"):
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
+
+    def act_joint(self, call: Call) -> None:
+        r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
+        if self._is_pose:
+            self.refuse_mode(call)
+        tool, wobj = call.get("Tool"), call.get("WObj")
+        bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES[: self._count]]
+        axes = EgmActivation(
+            tool=None if tool is None else pose_from_rapid(tool.tframe),
+            wobj=None if wobj is None else wobj_from_rapid(wobj),
+            cond_min_max=self._ordered([(radians(low), radians(high)) for low, high in bands_deg]),
+        )
+        self._activate(call, axes)
 
     def refuse_mode(self, call: Call) -> None:
         """What EGMSetupUC has chosen is the other kind of motion."""
@@ -167,19 +175,13 @@ class EgmInstructions:
             frame = compose(self._unit.arm.tool_pose(self._unit.arm.planned, tool_pose), frame)
         bands = [call.get(each, (-0.5, 0.5)) for each in _DIRECTIONS]
         scales = [1e-3] * 3 + [radians(1.0)] * 3
-        activation = EgmActivation(
+        axes = EgmActivation(
             tool=tool_pose,
             wobj=wobj_pose,
             frame=frame,
             cond_min_max=tuple((low * s, high * s) for (low, high), s in zip(bands, scales, strict=True)),
-            lp_filter=call.get("LpFilter"),
-            sample_rate_ms=int(call.get("SampleRate", 4.0)),
-            max_pos_deviation=radians(call.get("MaxPosDeviation", 1000.0)),
-            max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
         )
-        self._do(lambda: self._client.activate(activation))
-        if call.present("StreamStart"):
-            self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
+        self._activate(call, axes)
 
     def run_pose(self, call: Call) -> Wait:
         """EGMRunPose: as EGMRunJoint."""

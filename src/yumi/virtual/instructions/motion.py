@@ -294,7 +294,8 @@ class MotionInstructions:
             raise RapidRuntimeError(_ERRORS.get(refused.fault, FATAL), str(refused)) from refused
         self._check_ready()
         can_round = path.can_round()
-        if before is not None and not before.zone.is_stop and not can_round and unit.settings.warns_of_corners:
+        has_corner = before is not None and not before.zone.is_stop and path.has_corner(before)
+        if has_corner and not can_round and unit.settings.warns_of_corners:
             sentence = f"{call.task.name}: the next move came too late; the corner has become a stop point."
             self.events.append(50024, "Corner path failure", sentence, EventType.WARNING)
         passage = path.append(leg, rounded if can_round else None)

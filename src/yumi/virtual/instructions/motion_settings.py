@@ -11,6 +11,7 @@ from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.program import SystemEvent
 from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.controller.units import ArmUnit
@@ -310,6 +311,18 @@ class MotionSettingInstructions:
         while not all(arm.is_stationary or arm.egm is not None for arm in arms):
             yield None
 
+    def step_back(self, call: Call) -> Wait:
+        """StepBwdPath: back along the path, at most to the last stop point, before it goes on after a stop."""
+        if call.task.event is not SystemEvent.RESTART:
+            raise RapidRuntimeError(FATAL, "StepBwdPath: it is an instruction of event routines of RESTART.")
+        if call["StepLength"] < 0.0 or not call["StepTime"] > 0.0:
+            sentence = "StepBwdPath takes a StepLength of 0 mm or more and a StepTime above 0 s."
+            raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+        path, end = self._unit.arm.path, call.task.now + call["StepTime"] + 1.0
+        path.step_back(call["StepLength"] * 1e-3, call["StepTime"])
+        while (path.is_going_back or not self._unit.arm.is_stationary) and call.task.now < end:
+            yield None
+
     def start_move(self, call: Call) -> None:
         """StartMove: on along the path."""
         for arm in self._arms(call):
@@ -440,6 +453,7 @@ def add_motion_settings(
         ("DeactUnit", "mecunit MechUnit", own.deactivate),
         ("StopMove", rf"\switch Quick, {all_tasks}", own.stop_move),
         ("StartMove", all_tasks, own.start_move),
+        ("StepBwdPath", "num StepLength, num StepTime", own.step_back),
         ("StartMoveRetry", "", own.start_and_retry),
         ("StopMoveReset", all_tasks, own.reset_stop),
         ("ClearPath", "", own.clear_path),

@@ -100,7 +100,7 @@ class TriggerInstructions:
 
         def act(move: Call) -> None:
             if delay > 0.0:
-                move.task.timers.add(move.task.now + delay, lambda: move.task.write_signal(name, value))
+                move.task.later(delay, lambda: move.task.write_signal(name, value))
             else:
                 move.task.write_signal(name, value)
 
@@ -188,7 +188,7 @@ class TriggerInstructions:
                 speed = float(np.linalg.norm(points[1] - points[0])) / _INSTANT  # [m/s]
                 move.task.write_signal(name, speed * scale)
                 if not path.is_finished:
-                    move.task.timers.add(move.task.now + 0.012, follow)
+                    move.task.later(0.012, follow)
 
             follow()
 
@@ -213,7 +213,7 @@ class TriggerInstructions:
             act(0.0)(move)
             for step in range(1, steps + 1):
                 share = step / steps
-                move.task.timers.add(move.task.now + length * share, lambda share=share: act(share)(move))  # type: ignore[misc]
+                move.task.later(length * share, lambda share=share: act(share)(move))  # type: ignore[misc]
 
         if call.present("Time"):
             self._define(call, Event(ramp))

@@ -33,6 +33,7 @@ _JOINT_WEIGHT = 0.01  # [m/rad]
 _SHARE = 0.6  # of the acceleration for going along, and as much for going round
 _SLOWEST = 1e-3  # [m/s] of distance along the path, so that the end is reached
 _SAME = 1e-9  # [m] of distance
+_SHORTEST = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
 
 
 @dataclass(eq=False, slots=True)
@@ -246,6 +247,7 @@ class PathMotion:
         self._shown = 0.0
         self._index = 0
         self._shown_index = 0
+        self._back: tuple[float, float] | None = None  # where it goes back to on the run [m], and how fast [m/s]
 
     # The program's side -------------------------------------------------------------------------------------------
 
@@ -258,6 +260,10 @@ class PathMotion:
     def is_empty(self) -> bool:
         """Whether nothing is ahead."""
         return not self._runs
+
+    def has_corner(self, leg: Leg) -> bool:
+        """Whether a leg is long enough to end in a corner."""
+        return self._length(leg.piece) > _SHORTEST
 
     def restart_at(self, position: Joints) -> None:
         """Begin anew where the arm stands [rad]; what was ahead is forgotten."""
@@ -274,6 +280,7 @@ class PathMotion:
         self._at = self._speed = self._shown = 0.0
         self._past = deque([0.0] * SMOOTHING, SMOOTHING)
         self._index = self._shown_index = 0
+        self._back = None
 
     def can_round(self) -> bool:
         """Whether the corner at the end of the last leg is still ahead."""
@@ -327,8 +334,9 @@ class PathMotion:
         if speed.duration > 0.0:  # even over the distance, so that the whole takes this long
             length = float(np.sum(steps))
             scale = length / speed.duration / np.maximum(steps[keep], 1e-12)
-            tool, turn = np.diff(piece.way)[keep] * scale, np.diff(piece.turned)[keep] * scale
-            tool, turn = np.where(tool > 0.0, tool, np.inf), np.where(turn > 0.0, turn, np.inf)
+            # A way or turn that is nothing but rounding limits nothing.
+            way, turned = np.diff(piece.way)[keep], np.diff(piece.turned)[keep]
+            tool, turn = np.where(way > _SAME, way * scale, np.inf), np.where(turned > _SAME, turned * scale, np.inf)
         run.distance = np.concatenate([run.distance, distances])
         run.joints = np.concatenate([run.joints, piece.joints[1:][keep]])
         run.way = np.concatenate([run.way, run.way[-1] + piece.way[1:][keep]])
@@ -411,6 +419,25 @@ class PathMotion:
         for run in self._runs:
             run.prepare(self.override, limit)
 
+    def step_back(self, length: float, duration: float) -> None:
+        """Go back along the path from standstill, at most to the last stop point.
+
+        Args:
+            length: of the tool's way [m].
+            duration: how long it takes [s].
+        """
+        if not self._runs:
+            return
+        run = self._runs[0]
+        way = float(np.interp(self._at, run.distance, run.way)) - length
+        place = float(np.interp(way, run.way, run.distance)) if way > run.way[0] else float(run.distance[0])
+        self._back = place, (self._at - place) / duration
+        self._index = self._shown_index = 0
+
+    @property
+    def is_going_back(self) -> bool:
+        return self._back is not None or not self.is_standing
+
     def abandon(self) -> None:
         """Slow down on the path, and forget what is ahead then."""
         self.is_abandoned = bool(self._runs)
@@ -467,6 +494,13 @@ class PathMotion:
 
     def _go(self, run: Run, dt: float) -> float:
         """How far on the run the arm is after ``dt``, before that is averaged: a step of the speed law."""
+        if self._back is not None:
+            place, back = self._back
+            self._at = max(place, self._at - back * dt)
+            if self._at == place:
+                self._back = None
+            self._index = self._shown_index = 0
+            return self._at
         places, at, speed, index = run.places, self._at, self._speed, self._index
         while index < len(places) - 2 and places[index + 1] <= at:
             index += 1

@@ -443,6 +443,7 @@ def load_program(controller: Irc5, call: Call) -> None:
     texts = _program_files(controller, path)
     controller.execution.load_program(task.name, texts, replace=_is_replacing(call))
     controller.name_program(task.name, path.rpartition("/")[2].rpartition(".")[0])
+    controller.program_loaded(task.name)
 
 
 def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:

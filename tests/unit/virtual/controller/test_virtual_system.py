@@ -161,6 +161,25 @@ def test_backup_brings_its_tasks_modules_signals_and_files(backup: Path) -> None
     assert controller.execution.installed["LOGGER"].unit is None
 
 
+def test_backup_has_modules_of_all_tasks_in_task0_and_those_of_its_configuration_in_home(backup: Path) -> None:
+    common = "MODULE Common(SYSMODULE) PROC note(string text) TPWrite GetTaskName() + text; ENDPROC ENDMODULE"
+    configured = (
+        '#\nCAB_TASK_MODULES:\n\n -File "HOME:/loaded.sys" -Task "LOGGER"\n\n -File "HOME:/Log.mod" -Task "LOGGER"\n'
+    )
+    write(
+        backup,
+        {
+            "RAPID/TASK0/SYSMOD/common.sys": common,
+            "SYSPAR/SYS.cfg": SYS + configured,
+            "HOME/loaded.sys": "MODULE Loaded(SYSMODULE) PERS num also; ENDMODULE",
+            "HOME/Log.mod": "MODULE Other ENDMODULE",
+        },
+    )
+    controller = World(WorldSettings(system=read_backup(backup))).controller
+    modules = {name: [module.name for module in task.modules] for name, task in controller.tasks.items()}
+    assert modules == {"T_ROB1": ["Common", "BASE", "Count"], "LOGGER": ["Loaded", "Common", "Log", "More"]}
+
+
 def test_background_task_runs_by_itself_and_shares_persistents(backup: Path) -> None:
     world = World(WorldSettings(system=read_backup(backup)))
     controller = started(world, 0.32)
@@ -419,6 +438,57 @@ def test_system_outputs_show_what_a_task_does() -> None:
     controller.move_pp_to_main()
     world.cycle({})
     assert outputs() == [0, 0, 1]
+
+
+INPUTS = """EIO:CFG_1.0:6:1::
+SYSSIG_IN:
+
+      -Signal "power" -Action "MotOn"
+
+      -Signal "go" -Action "StartMain" -Arg1 "CONT"
+
+      -Signal "resume" -Action "Start" -Arg1 "CYCLE"
+
+      -Signal "halt" -Action "Stop"
+
+      -Signal "last" -Action "StopCycle"
+
+      -Signal "off" -Action "MotOff"
+#
+EIO_SIGNAL:
+"""
+
+
+def test_system_inputs_switch_motors_and_start_and_stop_the_program(tmp_path: Path) -> None:
+    names = ("power", "go", "resume", "halt", "last", "off")
+    signals = "".join(f'\n -Name "{name}" -SignalType "DI"\n' for name in names)
+    folder = write(tmp_path, {"a.mod": COUNT, "EIO.cfg": INPUTS + signals})
+    world = world_of(folder, cfg=("EIO.cfg",), T_ROB_L="a.mod", T_ROB_R="")
+    controller = world.controller
+
+    def press(name: str, seconds: float = 0.02) -> None:
+        controller.signals.drive(name, 1.0)
+        run(world, seconds)
+        controller.signals.drive(name, 0.0)
+        run(world, 0.02)
+
+    press("go")
+    assert not controller.is_running
+    assert "motors on only" in controller.events.entries()[0].description
+    press("power")
+    assert controller.controller_state is ControllerState.MOTORS_ON
+    press("go", 0.35)
+    assert len(controller.screens["T_ROB_L"]) == 4
+    press("halt")
+    assert not controller.is_running
+    press("resume", 0.3)
+    assert controller.cycle == "once"
+    assert not controller.is_running
+    press("go", 0.3)
+    press("last", 0.3)
+    assert not controller.is_running
+    press("off")
+    assert controller.controller_state is ControllerState.MOTORS_OFF
 
 
 def test_a_background_task_reads_and_saves_of_another_task() -> None:

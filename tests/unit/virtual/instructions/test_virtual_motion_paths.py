@@ -43,6 +43,17 @@ def test_line_with_a_tool_turns_the_tool_evenly_about_its_point() -> None:
     assert np.max(np.abs(turned - 40.0 * share)) < 0.1
 
 
+@pytest.mark.parametrize("target", ["point", "Offs(point,60,-80,-20)", "RelTool(point,60,0,-20\\Ry:=30)"])
+def test_move_takes_the_time_that_is_programmed_also_where_it_does_not_turn(target: str) -> None:
+    bench = InstructionBench()
+    bench.run(TO_START)
+    there = r"ConfL\Off; point:=CRobT(\Tool:=my_tool); MoveL Offs(point,60,-80,-120),v500,fine,my_tool;"
+    seconds = bench.run(there)
+    bench.run(TO_START)
+    total = bench.run(rf"{there} MoveL {target},v1000\T:=2,fine,my_tool;")
+    assert total - seconds == pytest.approx(2.0, abs=0.3)
+
+
 def test_turn_about_the_tools_point_leaves_it_in_place() -> None:
     drawing = drawn(r"point:=CRobT(\Tool:=my_tool); MoveL RelTool(point,0,0,0\Ry:=30),v100,fine,my_tool;", TOOL)
     assert np.max(np.linalg.norm(drawing.points - drawing.points[0], axis=1)) < 0.1
@@ -216,6 +227,16 @@ def test_late_next_move_makes_the_corner_a_stop_and_logs_it() -> None:
     )
     assert drawing.distance_to(drawing.points[0] + at(0, 0, -50)) < 1e-2
     assert [event.code for event in bench.events.entries()] == [50024]
+
+
+def test_move_to_where_the_arm_is_has_no_corner_to_fail() -> None:
+    bench = InstructionBench()
+    bench.run(TO_START)
+    bench.run(
+        r"ConfL\Off; ConfJ\Off; point:=CRobT(); MoveJ Offs(point,0.001,0,0),v500,z100,tool0; "
+        "MoveJ point,v500,z100,tool0; MoveL Offs(point,50,0,-50),v200,fine,tool0;"
+    )
+    assert bench.events.entries() == ()
 
 
 @pytest.mark.parametrize(
