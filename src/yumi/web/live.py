@@ -6,9 +6,10 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from ipaddress import ip_address
+from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import aiohttp
@@ -66,6 +67,7 @@ _BUTTONS = (
 
 _LOOKED_FOR = "The driver is being looked for."
 _DISTANCES = 3  # states for one calculation of distances
+_READ = 0.5  # [s] what limits an arm is shown until it has not done so for so long: several parts may do so in turn
 _SHOWN = 120  # points of a plan that the page gets, about
 _EVENTS = 200  # of the driver's log that a new page gets
 _SEARCH = 1.0  # [s] between two attempts to find a driver
@@ -81,13 +83,14 @@ Send = Callable[[dict[str, Any]], None]
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it, with the events since the one before.
 
-    ``time`` is when it came, on this machine's monotonic clock [s]; ``nearest`` are the parts that limit an arm, else
-    those nearest to each other.
+    ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
+    :class:`Shown` has it; ``nearest`` are two parts of these, else those nearest to each other.
     """
 
     time: float
     state: msgspec.Raw
     events: tuple[EventReport, ...]
+    limited: dict[str, LimitedReport]
     nearest: Distance | None
 
 
@@ -100,6 +103,24 @@ class _Places(msgspec.Struct, frozen=True):
     """What is needed of a state for distances."""
 
     arms: dict[str, _Place]
+
+
+class Shown:
+    """What limits each arm, so that a person can read it: the same parts for as long as they do so now and again."""
+
+    def __init__(self) -> None:
+        self._shown: dict[str, tuple[LimitedReport, float]] = {}  # and when it was last so [s]
+
+    def update(self, limited: Mapping[str, LimitedReport | None], now: float) -> dict[str, LimitedReport]:
+        """What to show of the arms at ``now`` [s]."""
+        for arm, newest in limited.items():
+            last, since = self._shown.get(arm, (None, -inf))
+            is_same = last is not None and newest is not None and (last.part, last.other) == (newest.part, newest.other)
+            if newest is not None and (is_same or now - since > _READ):
+                self._shown[arm] = newest, now
+            elif last is not None and now - since > _READ:
+                del self._shown[arm]
+        return {arm: last for arm, (last, _) in self._shown.items()}
 
 
 class Jogged(NamedTuple):
@@ -204,6 +225,7 @@ class LiveRobot:
         self.events.clear()
         self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
         distances, nearest, count = Distances(self.surroundings), None, 0
+        shown, held = Shown(), list[tuple[str, str]]()
         async for raw, events in link.states(RATE):
             is_new = self._state is None
             now = time.monotonic()
@@ -214,14 +236,15 @@ class LiveRobot:
                 self.is_virtual = await _is_virtual(self.address)
                 self.why_not = ""
                 self._on_change()
-            if count % _DISTANCES == 0:
-                arms = msgspec.json.decode(raw, type=_Places).arms
+            arms = msgspec.json.decode(raw, type=_Places).arms
+            limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
+            before, held = held, [(it.part, it.other) for it in limited.values()]
+            if count % _DISTANCES == 0 or held != before:
                 known = {side: arms[side.word].position for side in Side}
                 positions = {side: position for side, position in known.items() if position is not None}
-                held = [(it.part, it.other) for arm in arms.values() if (it := arm.limited)]
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, nearest)))
+            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, limited, nearest)))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return

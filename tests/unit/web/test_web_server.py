@@ -448,6 +448,36 @@ def test_page_is_shown_what_an_arm_is_kept_apart_from_instead_of_the_nearest_pai
     run(story)
 
 
+def test_parts_that_limit_an_arm_in_turn_are_not_shown_in_turn(driver: FakeDriver) -> None:
+    snapshots = driver.robot.control.snapshots
+
+    def limit(part: str) -> None:
+        limited = dict(zip(("limited_part", "limited_other", "limited_distance"), (part, "body", 0.011), strict=True))
+        snapshots[Side.RIGHT] = snapshots[Side.RIGHT]._replace(**limited)
+
+    async def story(site: Site) -> None:
+        limit("right gripper")
+        async with site.page() as page:
+            begin = time.monotonic()
+            seen, shown = set(), set()
+            while len(seen) < 2 or time.monotonic() < begin + 2 * live._READ:
+                message = await page.until("state")
+                seen.add(message["state"]["arms"]["right"]["limited"]["part"])
+                shown.add(message["limited"]["right"]["part"])
+                limit(
+                    "right wrist"
+                    if message["state"]["arms"]["right"]["limited"]["part"] == "right gripper"
+                    else "right gripper"
+                )
+            assert len(shown) == 1
+            other = ({"right wrist", "right gripper"} - shown).pop()
+            limit(other)  # from now on this one alone
+            while message["limited"]["right"]["part"] != other:
+                message = await page.until("state")
+
+    run(story)
+
+
 def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
     driver.robot.control.on_command = driver.robot.rest
 

@@ -22,6 +22,7 @@ const make = (tag, properties = {}, ...children) => {
 let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
+let limited = {}; // arms, with the two parts that must not come nearer to each other
 let nearest = null; // the parts that limit an arm, else those nearest to each other
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
@@ -63,6 +64,7 @@ function take(message) {
   if (message.type === "state") {
     state = message.state;
     stateTime = message.time;
+    limited = message.limited;
     nearest = message.nearest;
     addEvents(message.events);
     sample();
@@ -229,8 +231,8 @@ function showSurroundings() {
 /** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
 function showNearest() {
   const apart = (distance) => (distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "at the limit");
-  const limits = ARMS.filter((name) => state.arms[name].limited).map((name) => {
-    const { part, other, distance } = state.arms[name].limited;
+  const limits = ARMS.filter((name) => limited[name]).map((name) => {
+    const { part, other, distance } = limited[name];
     return `The ${name} arm is kept apart: ${part} – ${other}, ${apart(distance)}. Move it away from there.`;
   });
   const isLimited = limits.length > 0;
