@@ -34,11 +34,13 @@ from yumi.driver.endpoint import (
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import Distance
 from yumi.robot.description import FINGERTIPS
+from yumi.robot.differential_kinematics import Solver, missing, wrist_of, wrist_target
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
-from yumi.robot.kinematics import compose, inverse
+from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, tool0_to_body
+from yumi.virtual.controller.fault_names import Fault
 from yumi.virtual.process import inject_fault
 from yumi.web.link import DriverLink
-from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
+from yumi.web.messages import MAX_JOINT_SPEED, AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
 from yumi.web.planning import PlanningProcess
 from yumi.web.shapes import Distances
 
@@ -426,7 +428,8 @@ class Operator:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
             await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
-            self._send({"type": "done", "id": message.id, "result": f"{message.name}: done"})
+            meaning = next((each.value.meaning for each in Fault if each.value.name == message.name), message.name)
+            self._send({"type": "done", "id": message.id, "result": f"Done: {meaning}"})
         except Exception as error:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
@@ -449,9 +452,35 @@ class Operator:
                     known = Jogged(leading, frozenset())
                 own = JOG_CONTROLLER if isinstance(jog, JointsJog) else CARTESIAN_CONTROLLER
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
+                if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:
+                    jog = within_joint_speed(jog, position)
                 await self._link.ask(jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 self._refuse_jog(jog.hold, error)
+
+
+def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
+    """The same jog, as slow as it takes for no joint to be faster than joints are jogged, from a position [rad], (7,).
+
+    An arm that is stretched turns quickly for a tool that goes slowly, and would not stand in time when a page is lost.
+    """
+    side, step = Side[jog.arm.upper()], 1e-3  # [s]
+    now, tip = wrist_of(side, position), tool0_to_body(side, position, FINGERTIPS)
+    linear, angular = jog.linear, jog.angular
+    if jog.frame == "tool":
+        linear, angular = rotate(tip.orientation, linear), rotate(tip.orientation, angular)
+    x, y, z = (place + step * speed for place, speed in zip(tip.position, linear, strict=True))
+    after = Pose((x, y, z), multiply(quaternion_of(angular, step), tip.orientation))
+    target = wrist_target(side, compose(after, inverse(FINGERTIPS)), now.angle + step * jog.elbow)
+    fastest = max(map(abs, Solver(now).change(missing(now, target)))) / step
+    share = min(1.0, MAX_JOINT_SPEED / max(fastest, 1e-9))
+    (a, b, c), (d, e, f) = jog.linear, jog.angular
+    return msgspec.structs.replace(
+        jog,
+        linear=(share * a, share * b, share * c),
+        angular=(share * d, share * e, share * f),
+        elbow=share * jog.elbow,
+    )
 
 
 def _failure(error: Exception) -> Failure:
