@@ -228,7 +228,7 @@ function show() {
     showNearest();
     const unmeasured = ARMS.filter((name) => !state.arms[name].position && !state.arms[name].resting);
     at("not-measured").hidden = !unmeasured.length;
-    const which = unmeasured.length > 1 ? "Where the arms are is not known: they are" : `Where the ${unmeasured[0]} arm is is not known: it is`;
+    const which = unmeasured.length > 1 ? "The positions of both arms are not known: they are" : `The position of the ${unmeasured[0]} arm is not known: it is`;
     text(at("not-measured"), `${which} drawn where last seen, or at home.`);
     if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
     text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
@@ -921,6 +921,8 @@ async function openRecording() {
   });
   fillStrips();
   showTime(0);
+  const recorded = ARMS.find((name) => recording.arms[name].time.length);
+  if (recorded) choose(recorded); // a flight record has one arm alone
 }
 
 /** The last index of sorted times that is not after a time, or -1. */
