@@ -90,7 +90,7 @@ def demonstration(film: Film) -> None:
     page.click("#open")
     film.wait("#gripper-text", "50.0 mm")
     page.click("#put-part")
-    film.wait("#toast", "done")
+    film.wait("#toast", "Done")
     page.click("#close")
     film.wait("#toast", "holds something")
     film.take(4)
@@ -99,11 +99,16 @@ def demonstration(film: Film) -> None:
     film.take(8)
 
 
-def jog_to_limit(film: Film) -> None:
-    """Jog the right tool to the left until something keeps the arm apart; the key is still held."""
-    film.page.focus("#scene")
-    film.page.keyboard.down("ArrowLeft")
-    film.wait("#limited", "kept apart")
+def move_to_limit(film: Film) -> None:
+    """Send the right arm straight against the body: the limiter keeps it apart while the motion goes on.
+
+    A key that is held would do so, too, but a page that draws in software lets it go while a picture is taken.
+    """
+    page = film.page
+    page.select_option("#pose", "joint positions")
+    page.locator("#joint-goal input").nth(0).fill("-60")
+    page.click("#move")
+    film.wait("#verdict", "kept apart")
 
 
 def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., Any]) -> None:
@@ -113,7 +118,7 @@ def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., An
     for name, other in (("fault-dark", opened(SIZE, "dark")), ("fault-390", opened((390, 844)))):
         save(other, name)
         other.close()
-    page.click("#release-stop")
+    page.click("#remedy-button")
     film.wait("#remedy", "motors are off")
     save(page, "released")
     page.click("#recover")
@@ -129,10 +134,12 @@ def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., An
         save(page, name)
     page.select_option("#handle", "none")
     page.select_option("#pose", "home")
-    jog_to_limit(film)
+    move_to_limit(film)
     save(page, "limit")
-    page.keyboard.up("ArrowLeft")
-    film.wait("#verdict", "Ready")
+    page.click("#stop")
+    film.wait("#verdict", "EGM is off")
+    page.click("#start")
+    film.wait("#verdict", "EGM holds both arms")
     page.select_option("#pose", "home")
     page.click("#move")
     film.wait("#verdict", "Ready")
@@ -160,7 +167,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as logs, sync_playwright() as playwright:
         os.environ["XDG_RUNTIME_DIR"] = logs
         config = Path(logs) / "yumi.yaml"
-        config.write_text(CONFIG)
+        config.write_text(f"{CONFIG}recorder:\n  folder: {logs}\n")
         options = ("view", "--virtual", "--port", "0", "--logs", logs, "--config", str(config))
         with Command("yumi view", options, Path(logs) / "view.log") as command:
             url = command.wait_until_ready(60.0)
@@ -184,6 +191,17 @@ def main() -> None:
             demonstration(film)
             if arguments.review:
                 review(page, picture, opened)
+                recordings = sorted(Path(logs).rglob("*.mcap"))  # the driver has recorded the stop
+                with Command(
+                    "yumi view", ("view", str(recordings[0]), "--port", "0"), Path(logs) / "record.log"
+                ) as other:
+                    shown = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+                    shown.goto(other.wait_until_ready(60.0))
+                    Film(shown).wait("#joints", "°")
+                    shown.click("#events button")
+                    shown.wait_for_timeout(2500)
+                    picture(shown, "recording")
+                    shown.close()
             page.close()
             first, *others = film.frames
             first.save(

@@ -8,12 +8,12 @@ from math import degrees, hypot, pi, radians, sin
 import numpy as np
 import pytest
 
-from cartesian_bench import CartesianBench, deviation, shares
+from cartesian_bench import NAME, CartesianBench, deviation, shares
 from soak import long, short, tell
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
-from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import Factor
@@ -215,6 +215,28 @@ def test_a_tool_that_a_stream_has_turned_once_round_stays_turned(tilt: float) ->
     assert np.max(speeds) - np.min(speeds) < 0.05 + 3.0 * tilt
     assert np.max(np.abs(np.diff(sent[100:1000], 2, axis=0))) / CYCLE**2 < 0.5 + 10.0 * tilt  # nothing jerks it
     assert max(shares(sent)) < LIMIT
+
+
+@pytest.mark.parametrize("pause", [0.02, 0.04, 0.06, 0.08])
+def test_a_velocity_that_comes_while_its_jog_brakes_leads_on_without_a_jerk(pause: float) -> None:
+    """As when messages of a page were late: the arm goes on as it is commanded, and stands in time at its end."""
+    bench = CartesianBench(Side.RIGHT, POSTURE)
+
+    def brake() -> None:
+        bench.rig.manager.receive(NAME, CancelTrajectory(), bench.rig.line.state)
+
+    upwards = twist_goal(0, (0.0, 0.0, 0.15, *ZERO[3:]))
+    bench.stream(0.3, lambda time: upwards)
+    brake()
+    bench.stream(pause, lambda time: None)
+    bench.stream(0.1, lambda time: upwards)
+    brake()
+    bench.stream(0.2, lambda time: None)
+    followed = [cycle for cycle in bench.rig.cycles if cycle.desired is not None]
+    assert [cycle.sent.position for cycle in followed] == [
+        cycle.desired.position for cycle in followed if cycle.desired
+    ]
+    assert np.max(np.abs(np.diff(bench.measured, axis=0)[-1])) / CYCLE < 0.01
 
 
 def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:

@@ -290,6 +290,8 @@ def ramp_speed(
 
 
 _SHARE = 0.95  # of acceleration and jerk, since the limiter looks at differences from cycle to cycle
+_SHARE_AT_FIRST = 0.9  # in the cycles after a motion whose jerk was another, which is still in those differences
+_FIRST = 2  # such cycles
 _LEFT_BEHIND = 0.02  # [rad] a robot that follows speeds only has gone elsewhere
 _LATE = 0.05  # [s] by so much it may be behind
 _NOISE = 1e-3  # [rad/s] a measured speed below this is noise
@@ -315,6 +317,7 @@ class SpeedMotion:
         self.position: Joints = ZERO
         self._velocity: Joints = ZERO
         self._rates = [0.0] * JOINT_COUNT
+        self._first = 0  # cycles that are left of those
 
     def begin(self, state: ArmState) -> None:
         """Begin from where the robot plans to be, with the speed it has."""
@@ -322,10 +325,15 @@ class SpeedMotion:
         self._velocity = speeds_without_noise(state.velocity)
         self._rates = [0.0] * JOINT_COUNT
 
-    def go_on(self, position: Joints, velocity: Joints) -> None:
-        """Begin from what the arm is commanded, with that speed."""
+    def go_on(self, position: Joints, velocity: Joints, acceleration: Joints) -> None:
+        """Begin from what the arm is commanded, with that speed and acceleration: it may be braking."""
         self.position, self._velocity = position, velocity
-        self._rates = [0.0] * JOINT_COUNT
+        self._rates, self._first = list(acceleration), _FIRST
+
+    @property
+    def acceleration(self) -> Joints:
+        """How its speeds change now [rad/s²], (7,)."""
+        return joints(self._rates)
 
     def step(self, state: ArmState, goal: Joints, scale: float = 1.0) -> ArmCommand:
         """Go on for ``state.dt`` towards the speeds ``goal`` [rad/s], (7,), at most ``scale`` times the limits."""
@@ -334,17 +342,20 @@ class SpeedMotion:
             # Where the robot is, for joints that are not where these speeds have led them.
             rows = zip(self.position, state.planned, self._velocity, strict=True)
             base = [own if abs(own - its) < _LEFT_BEHIND + _LATE * abs(speed) else its for own, its, speed in rows]
-            velocity = []
+            velocity, share = [], _SHARE_AT_FIRST if self._first else _SHARE
+            self._first = max(0, self._first - 1)
             for index, (now, speed) in enumerate(zip(base, goal, strict=True)):
-                acceleration, jerk = _SHARE * limits.acceleration[index], _SHARE * limits.jerk[index]
+                acceleration, jerk = share * limits.acceleration[index], share * limits.jerk[index]
                 room = limits.upper[index] - now if speed > 0.0 else now - limits.lower[index]
                 top = min(scale * limits.velocity[index], speed_to_stop(room, acceleration, jerk))
                 ramped, self._rates[index] = ramp_speed(
                     speed, self._velocity[index], self._rates[index], top, acceleration, jerk, dt
                 )
                 velocity.append(ramped)
+            # On the way at the mean of both speeds: as a motion that brakes, from which and to which it goes on.
+            rows = zip(base, self._velocity, velocity, strict=True)
+            self.position = joints([now + 0.5 * (last + speed) * dt for now, last, speed in rows])
             self._velocity = joints(velocity)
-            self.position = joints([now + speed * dt for now, speed in zip(base, velocity, strict=True)])
         return ArmCommand(self.position, self._velocity if any(self._velocity) else ZERO)
 
     def rest_after(self, goal: Joints, dt: float) -> Joints:
@@ -354,7 +365,8 @@ class SpeedMotion:
             strength, jerk = _SHARE * limits.acceleration[index], _SHARE * limits.jerk[index]
             last, rate, top = self._velocity[index], self._rates[index], limits.velocity[index]
             after, change = ramp_speed(speed, last, rate, top, strength, jerk, dt)
-            places.append(self.position[index] + dt * after + braking_path(after, change, strength, jerk).end)
+            way = 0.5 * (last + after) * dt
+            places.append(self.position[index] + way + braking_path(after, change, strength, jerk).end)
         return joints(places)
 
 

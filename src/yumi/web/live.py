@@ -6,9 +6,10 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
 from ipaddress import ip_address
+from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import aiohttp
@@ -33,11 +34,13 @@ from yumi.driver.endpoint import (
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import Distance
 from yumi.robot.description import FINGERTIPS
+from yumi.robot.differential_kinematics import Solver, missing, wrist_of, wrist_target
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
-from yumi.robot.kinematics import compose, inverse
+from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, tool0_to_body
+from yumi.virtual.controller.fault_names import Fault
 from yumi.virtual.process import inject_fault
 from yumi.web.link import DriverLink
-from yumi.web.messages import AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
+from yumi.web.messages import MAX_JOINT_SPEED, AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
 from yumi.web.planning import PlanningProcess
 from yumi.web.shapes import Distances
 
@@ -66,6 +69,7 @@ _BUTTONS = (
 
 _LOOKED_FOR = "The driver is being looked for."
 _DISTANCES = 3  # states for one calculation of distances
+_READ = 0.5  # [s] what limits an arm is shown until it has not done so for so long: several parts may do so in turn
 _SHOWN = 120  # points of a plan that the page gets, about
 _EVENTS = 200  # of the driver's log that a new page gets
 _SEARCH = 1.0  # [s] between two attempts to find a driver
@@ -81,13 +85,14 @@ Send = Callable[[dict[str, Any]], None]
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it, with the events since the one before.
 
-    ``time`` is when it came, on this machine's monotonic clock [s]; ``nearest`` are the parts that limit an arm, else
-    those nearest to each other.
+    ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
+    :class:`Shown` has it; ``nearest`` are two parts of these, else those nearest to each other.
     """
 
     time: float
     state: msgspec.Raw
     events: tuple[EventReport, ...]
+    limited: dict[str, LimitedReport]
     nearest: Distance | None
 
 
@@ -100,6 +105,24 @@ class _Places(msgspec.Struct, frozen=True):
     """What is needed of a state for distances."""
 
     arms: dict[str, _Place]
+
+
+class Shown:
+    """What limits each arm, so that a person can read it: the same parts for as long as they do so now and again."""
+
+    def __init__(self) -> None:
+        self._shown: dict[str, tuple[LimitedReport, float]] = {}  # and when it was last so [s]
+
+    def update(self, limited: Mapping[str, LimitedReport | None], now: float) -> dict[str, LimitedReport]:
+        """What to show of the arms at ``now`` [s]."""
+        for arm, newest in limited.items():
+            last, since = self._shown.get(arm, (None, -inf))
+            is_same = last is not None and newest is not None and (last.part, last.other) == (newest.part, newest.other)
+            if newest is not None and (is_same or now - since > _READ):
+                self._shown[arm] = newest, now
+            elif last is not None and now - since > _READ:
+                del self._shown[arm]
+        return {arm: last for arm, (last, _) in self._shown.items()}
 
 
 class Jogged(NamedTuple):
@@ -204,6 +227,7 @@ class LiveRobot:
         self.events.clear()
         self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
         distances, nearest, count = Distances(self.surroundings), None, 0
+        shown, held = Shown(), list[tuple[str, str]]()
         async for raw, events in link.states(RATE):
             is_new = self._state is None
             now = time.monotonic()
@@ -214,14 +238,15 @@ class LiveRobot:
                 self.is_virtual = await _is_virtual(self.address)
                 self.why_not = ""
                 self._on_change()
-            if count % _DISTANCES == 0:
-                arms = msgspec.json.decode(raw, type=_Places).arms
+            arms = msgspec.json.decode(raw, type=_Places).arms
+            limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
+            before, held = held, [(it.part, it.other) for it in limited.values()]
+            if count % _DISTANCES == 0 or held != before:
                 known = {side: arms[side.word].position for side in Side}
                 positions = {side: position for side, position in known.items() if position is not None}
-                held = [(it.part, it.other) for arm in arms.values() if (it := arm.limited)]
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, nearest)))
+            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, limited, nearest)))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return
@@ -403,7 +428,8 @@ class Operator:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
             await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
-            self._send({"type": "done", "id": message.id, "result": f"{message.name}: done"})
+            meaning = next((each.value.meaning for each in Fault if each.value.name == message.name), message.name)
+            self._send({"type": "done", "id": message.id, "result": f"Done: {meaning}"})
         except Exception as error:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
@@ -426,9 +452,35 @@ class Operator:
                     known = Jogged(leading, frozenset())
                 own = JOG_CONTROLLER if isinstance(jog, JointsJog) else CARTESIAN_CONTROLLER
                 self._live.jogged[jog.arm] = known._replace(by=known.by | {own})
+                if isinstance(jog, ToolJog) and (position := state.arms[jog.arm].position) is not None:
+                    jog = within_joint_speed(jog, position)
                 await self._link.ask(jog.request)
             except Exception as error:  # a fault of ours, too: a page must not hold a key in vain
                 self._refuse_jog(jog.hold, error)
+
+
+def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
+    """The same jog, as slow as it takes for no joint to be faster than joints are jogged, from a position [rad], (7,).
+
+    An arm that is stretched turns quickly for a tool that goes slowly, and would not stand in time when a page is lost.
+    """
+    side, step = Side[jog.arm.upper()], 1e-3  # [s]
+    now, tip = wrist_of(side, position), tool0_to_body(side, position, FINGERTIPS)
+    linear, angular = jog.linear, jog.angular
+    if jog.frame == "tool":
+        linear, angular = rotate(tip.orientation, linear), rotate(tip.orientation, angular)
+    x, y, z = (place + step * speed for place, speed in zip(tip.position, linear, strict=True))
+    after = Pose((x, y, z), multiply(quaternion_of(angular, step), tip.orientation))
+    target = wrist_target(side, compose(after, inverse(FINGERTIPS)), now.angle + step * jog.elbow)
+    fastest = max(map(abs, Solver(now).change(missing(now, target)))) / step
+    share = min(1.0, MAX_JOINT_SPEED / max(fastest, 1e-9))
+    (a, b, c), (d, e, f) = jog.linear, jog.angular
+    return msgspec.structs.replace(
+        jog,
+        linear=(share * a, share * b, share * c),
+        angular=(share * d, share * e, share * f),
+        elbow=share * jog.elbow,
+    )
 
 
 def _failure(error: Exception) -> Failure:

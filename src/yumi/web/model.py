@@ -6,7 +6,15 @@ import re
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from yumi.driver.readiness import AUTOMATIC, CONFIRMED, MOTORS_ON, NEEDED, NO_EMERGENCY_STOP, PROGRAM_RUNS
+from yumi.driver.readiness import (
+    AUTOMATIC,
+    CONFIRMED,
+    IDLE_OR_IN_EGM,
+    MOTORS_ON,
+    NEEDED,
+    NO_EMERGENCY_STOP,
+    PROGRAM_RUNS,
+)
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
@@ -15,14 +23,15 @@ _ON_PAGE = {
     MOTORS_ON: "“Recover…” switches them on",
     PROGRAM_RUNS: "“Recover…” starts it",
     CONFIRMED: "look at the robot, then press “Recover…”",
+    IDLE_OR_IN_EGM: "wait for the end of the RAPID routine, or press “Recover…”",
 }
-"""Remedies that are buttons of the page."""
+"""Remedies that are the page's button “Recover…”."""
 
 _ON_VIRTUAL = {
-    AUTOMATIC: "press “Turn the key to AUTO” in the panel “Virtual robot”",
-    NO_EMERGENCY_STOP: "press “Release it” in the panel “Virtual robot”",
+    AUTOMATIC: ("press “Turn the key to AUTO”", "key"),
+    NO_EMERGENCY_STOP: ("press “Release the emergency stop”", "release-stop"),
 }
-"""Those of a virtual robot, which has no FlexPendant to go to."""
+"""Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
 
 
 def robot_model() -> dict[str, Any]:
@@ -54,7 +63,9 @@ def robot_model() -> dict[str, Any]:
             {
                 "pattern": _pattern(each.reason),
                 "remedy": _ON_PAGE.get(each, each.remedy),
-                "on_virtual": _ON_VIRTUAL.get(each, ""),
+                "button": "recover" if each in _ON_PAGE else "",
+                "on_virtual": _ON_VIRTUAL.get(each, ("", ""))[0],
+                "button_on_virtual": _ON_VIRTUAL.get(each, ("", ""))[1],
             }
             for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
         ],

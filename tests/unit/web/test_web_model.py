@@ -13,6 +13,7 @@ import yumi.robot
 from yumi.driver.readiness import CONNECTED, NO_EMERGENCY_STOP
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
+from yumi.web import server
 from yumi.web.model import robot_model
 
 FOLDER = Path(next(iter(yumi.robot.__path__))) / "meshes"
@@ -60,6 +61,9 @@ def test_poses_limits_and_remedies_are_known_to_the_page() -> None:
     reason = f"{CONNECTED.reason}; {NO_EMERGENCY_STOP.reason}"
     found = [each["remedy"] for each in model["remedies"] if re.search(each["pattern"], reason)]
     assert {*found} == {CONNECTED.remedy, NO_EMERGENCY_STOP.remedy}
-    (virtual,) = (each["on_virtual"] for each in model["remedies"] if each["remedy"] == NO_EMERGENCY_STOP.remedy)
-    assert "“Release it”" in virtual  # a virtual robot has no button to go to
+    (stop,) = (each for each in model["remedies"] if each["remedy"] == NO_EMERGENCY_STOP.remedy)
+    assert "“Release the emergency stop”" in stop["on_virtual"]  # a virtual robot has no button to go to
+    page = (Path(server.__file__).parent / "static" / "index.html").read_text()
+    for button in {each[which] for each in model["remedies"] for which in ("button", "button_on_virtual")} - {""}:
+        assert f'id="{button}"' in page
     assert any(re.search(each["pattern"], "the controller is in MANR") for each in model["remedies"])

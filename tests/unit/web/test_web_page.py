@@ -65,6 +65,39 @@ def operated(chromium: Any, url: str, errors: list[str]) -> Any:
 
 
 @pytest.mark.timeout(120)
+def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running(), served() as url:
+        page = operated(chromium, url, errors)
+        shown = page.evaluate(
+            """() => [...document.querySelectorAll("button, select, input, [tabindex]")]
+                .filter((each) => each.offsetParent && !each.disabled)
+                .map((each, index) => (each.dataset.stop = index))"""
+        )
+        assert len(shown) > 50
+        page.evaluate("document.activeElement.blur(); document.body.focus()")
+        reached, hidden = set(), set()
+        for _ in range(2 * len(shown)):
+            page.keyboard.press("Tab")
+            stop, outline = page.evaluate(
+                """() => [document.activeElement.dataset.stop ?? "",
+                    getComputedStyle(document.activeElement).outlineStyle]"""
+            )
+            reached.add(stop)
+            if stop and outline == "none":
+                hidden.add(stop)
+        assert {str(each) for each in shown} - reached == set()
+        assert hidden == set()
+        # Between the arms by the arrow keys, as between tabs elsewhere.
+        page.focus("#tab-right")
+        page.keyboard.press("ArrowRight")
+        assert page.get_attribute("#tab-left", "aria-selected") == "true"
+        assert page.evaluate("document.activeElement.id") == "tab-left"
+    assert errors == []
+
+
+@pytest.mark.timeout(120)
 def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,10 +8,11 @@ import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import aiohttp
 import pytest
+from msgspec.structs import replace
 
 from fake_driver import BOX, FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
@@ -24,9 +25,13 @@ from yumi.driver import endpoint_server
 from yumi.driver.endpoint import Surroundings
 from yumi.errors import SettingsError
 from yumi.planning.planner import Plan
-from yumi.robot.joints import ZERO, Side, home
+from yumi.robot.description import FINGERTIPS
+from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
+from yumi.robot.joints import ZERO, Pose, Side, home
+from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, rotate, tool0_to_body
 from yumi.web import live, server
-from yumi.web.live import OLDEST_SEEN
+from yumi.web.live import OLDEST_SEEN, within_joint_speed
+from yumi.web.messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
 from yumi.web.planning import PlanningProcess
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
 from yumi.web.shapes import Distances
@@ -448,6 +453,36 @@ def test_page_is_shown_what_an_arm_is_kept_apart_from_instead_of_the_nearest_pai
     run(story)
 
 
+def test_parts_that_limit_an_arm_in_turn_are_not_shown_in_turn(driver: FakeDriver) -> None:
+    snapshots = driver.robot.control.snapshots
+
+    def limit(part: str) -> None:
+        limited = dict(zip(("limited_part", "limited_other", "limited_distance"), (part, "body", 0.011), strict=True))
+        snapshots[Side.RIGHT] = snapshots[Side.RIGHT]._replace(**limited)
+
+    async def story(site: Site) -> None:
+        limit("right gripper")
+        async with site.page() as page:
+            begin = time.monotonic()
+            seen, shown = set(), set()
+            while len(seen) < 2 or time.monotonic() < begin + 2 * live._READ:
+                message = await page.until("state")
+                seen.add(message["state"]["arms"]["right"]["limited"]["part"])
+                shown.add(message["limited"]["right"]["part"])
+                limit(
+                    "right wrist"
+                    if message["state"]["arms"]["right"]["limited"]["part"] == "right gripper"
+                    else "right gripper"
+                )
+            assert len(shown) == 1
+            other = ({"right wrist", "right gripper"} - shown).pop()
+            limit(other)  # from now on this one alone
+            while message["limited"]["right"]["part"] != other:
+                message = await page.until("state")
+
+    run(story)
+
+
 def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
     driver.robot.control.on_command = driver.robot.rest
 
@@ -460,6 +495,32 @@ def test_jog_ends_when_the_page_sends_no_more(driver: FakeDriver) -> None:
             assert time.monotonic() - begin < 0.5
 
     run(story, may_operate=True)
+
+
+@pytest.mark.parametrize("frame", ["base", "tool"])
+def test_tool_is_jogged_no_faster_than_its_joints_may_be(frame: Literal["base", "tool"]) -> None:
+    stretched, step, slowed = (0.3, -0.9, -1.4, -1.0, 0.2, 0.4, 0.1), 1e-3, []
+    for direction in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (0.6, 0.0, 0.8)):
+        x, y, z = (MAX_LINEAR * each for each in direction)
+        asked = ToolJog(arm="right", hold=1, seen=0.0, frame=frame, linear=(x, y, z), angular=(0.0, 0.0, 0.2))
+        jog = within_joint_speed(asked, stretched)
+        share = jog.angular[2] / asked.angular[2]
+        assert jog.linear == pytest.approx((share * x, share * y, share * z))  # the same direction
+        assert jog == replace(asked, linear=jog.linear, angular=(0.0, 0.0, jog.angular[2]))
+        # Where the arm is a moment later, by another calculation.
+        here = tool0_to_body(Side.RIGHT, stretched, FINGERTIPS)
+        turn = here.orientation if frame == "tool" else IDENTITY
+        linear, angular = rotate(turn, jog.linear), rotate(turn, jog.angular)
+        place = [at + step * speed for at, speed in zip(here.position, linear, strict=True)]
+        after = Pose((place[0], place[1], place[2]), multiply(quaternion_of(angular, step), here.orientation))
+        angle = wrist_of(Side.RIGHT, stretched).angle
+        target = wrist_target(Side.RIGHT, compose(after, inverse(FINGERTIPS)), angle)
+        there, error = posture_near(Side.RIGHT, target, stretched)
+        assert error < 1e-9
+        fastest = max(abs(b - a) for a, b in zip(stretched, there, strict=True)) / step
+        assert fastest == pytest.approx(MAX_JOINT_SPEED, rel=0.02) if share < 1.0 else fastest <= MAX_JOINT_SPEED
+        slowed.append(share < 1.0)
+    assert any(slowed)
 
 
 def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -> None:

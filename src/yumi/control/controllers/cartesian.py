@@ -176,7 +176,7 @@ class _Stream:
         self._strength, self._jerk = tool_limits.acceleration[0], tool_limits.jerk[0]
         self._weakest_joint = min(limits.acceleration), min(limits.jerk)
         self._joints = SpeedMotion(limits)
-        self._joints.go_on(start.position, start.velocity)
+        self._joints.go_on(*start)
         self._velocity = start.velocity
         here = tool0_to_body(side, start.position, self._tool)
         self._anchor = here.orientation
@@ -425,8 +425,9 @@ class _Stream:
 
     def setpoint(self, time: float) -> Setpoint:
         """The same as a start for what comes next."""
-        velocity = self._velocity
-        return Setpoint(self._joints.position, velocity if max(map(abs, velocity)) > _UNMOVED else ZERO)
+        if max(map(abs, self._velocity)) <= _UNMOVED:
+            return Setpoint(self._joints.position)
+        return Setpoint(self._joints.position, self._velocity, self._joints.acceleration)
 
 
 class CartesianController(JointTrajectoryController):
@@ -506,6 +507,9 @@ class CartesianController(JointTrajectoryController):
         stream, values = self._source, self._values
         if not isinstance(stream, _Stream) or stream.tool != goal.tool:
             start = self._source.setpoint(self._time)
+            # Speeds change from cycle to cycle: by the mean acceleration of the last one.
+            middle = self._source.setpoint(max(0.0, self._time - 0.5 * state.dt))
+            start = start._replace(acceleration=middle.acceleration)
             if self._goal is not None:
                 start = start.scaled(self._pace)
             self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A stream of the tool has replaced this motion.")

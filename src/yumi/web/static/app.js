@@ -3,6 +3,7 @@
 import { Scene } from "./scene.js";
 
 const DEGREES = 180 / Math.PI;
+const fixed = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]+$)/, ""); // zero has no sign
 const MAX_JOINT_SPEED = 0.5; // [rad/s] as the server allows
 const MAX_LINEAR = 0.15; // [m/s]
 const MAX_ANGULAR = 0.5; // [rad/s]
@@ -22,6 +23,7 @@ const make = (tag, properties = {}, ...children) => {
 let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
+let limited = {}; // arms, with the two parts that must not come nearer to each other
 let nearest = null; // the parts that limit an arm, else those nearest to each other
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
@@ -63,6 +65,7 @@ function take(message) {
   if (message.type === "state") {
     state = message.state;
     stateTime = message.time;
+    limited = message.limited;
     nearest = message.nearest;
     addEvents(message.events);
     sample();
@@ -111,8 +114,8 @@ async function ask(message, button) {
   if (button) button.setAttribute("aria-busy", "true");
   try {
     const result = await end;
-    const sentence = typeof result === "string" ? result : describe(result);
-    if (sentence) toast(sentence, "info");
+    const told = typeof result === "string" ? result : describe(result);
+    if (told) toast(sentence(told), "info");
     return result;
   } catch (error) {
     toast(error.message);
@@ -137,24 +140,38 @@ function toast(sentence, level = "error") {
   box.dataset.level = level;
   box.hidden = false;
   clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => (box.hidden = true), level === "error" ? 9000 : 4000);
+  toastTimer = setTimeout(() => (box.hidden = true), level === "error" ? 20000 : 4000);
 }
 
 // ---- showing
 
+/** What to do about a reason, with the button that does it where there is one. */
 function remedies(reason) {
   const found = view.is_recording ? [] : model.remedies.filter(({ pattern }) => new RegExp(pattern).test(reason));
   return found
-    .map(({ remedy, on_virtual: other }) => (view.is_virtual && other ? other : remedy))
-    .filter((remedy) => !(state.stop && remedy.startsWith("“Recover…”"))); // what confirms the stop does that, too
+    .map((each) => (view.is_virtual && each.on_virtual ? { remedy: each.on_virtual, button: each.button_on_virtual } : each))
+    .filter(({ remedy }) => !(state.stop && remedy.startsWith("“Recover…”"))); // what confirms the stop does that, too
+}
+
+/** The id of the button that brings the robot nearer to motion; empty where there is none. */
+function remedyButton() {
+  if (view.control !== "here" || !state || view.why_no_robot) return "";
+  const todo = remedies(state.reason);
+  if (state.reason) return todo.every(({ button }) => button) ? (todo[0]?.button ?? "") : "";
+  return ARMS.some((name) => state.egm[name] === "running") ? "" : "start";
 }
 
 /** In a sentence whether the robot moves, else why not, and what to do. */
 function verdict() {
   if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
   if (!state) return ["wait", "Waiting for the robot", ""];
-  let todo = remedies(state.reason).join("; ");
+  let todo = remedies(state.reason).map(({ remedy }) => remedy).join("; ");
   if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
+  const silent = ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
+  if (silent.length && !state.stop && !state.cause) {
+    const head = `Cannot move: the robot runs EGM on the ${silent.join(" and the ")} arm, but its datagrams do not arrive`;
+    return ["error", head, sentence(`Check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device; then ${view.control === "none" && !view.why_not_operated ? "take control and " : ""}press “Recover…”`)];
+  }
   if (state.stop || state.cause) {
     // What the event log says to do is of use where nothing else is in the way now but a person who has to confirm.
     const [cause, ...advice] = (state.cause || state.reason).split("; ");
@@ -166,11 +183,16 @@ function verdict() {
   for (const [name, arm] of Object.entries(state.arms)) {
     if (arm.problem) return ["warn", `The ${name} arm holds: ${sentence(arm.problem, false)}`, ""];
   }
+  const held = view.is_recording ? [] : ARMS.filter((name) => limited[name]);
+  if (held.length) {
+    const pairs = held.map((name) => `the ${name} arm is kept apart: ${limited[name].part} – ${limited[name].other}`);
+    return ["warn", sentence(pairs.join("; ")).slice(0, -1), `Move ${held.length > 1 ? "them" : "it"} away from there.`];
+  }
   const moving = ARMS.filter((name) => state.arms[name].mode === "moving");
   if (moving.length) return ["good", `The ${moving.join(" and the ")} arm ${moving.length > 1 ? "move" : "moves"}`, ""];
   const running = ARMS.filter((name) => state.egm[name] === "running");
   if (running.length) return ["good", `Ready: EGM holds ${running.length > 1 ? "both arms" : `the ${running[0]} arm`}`, ""];
-  return ["warn", "Ready: EGM is off, the arms follow no commands", view.is_recording ? "" : "Start EGM to move them."];
+  return ["warn", "Ready: EGM is off, the arms follow no commands", view.is_recording || view.why_not_operated ? "" : `${view.control === "here" ? "" : "Take control, then: "}press “Start EGM”.`.replace(/^p/, "P")];
 }
 
 function sentence(text, isWhole = true) {
@@ -206,7 +228,7 @@ function show() {
     showNearest();
     const unmeasured = ARMS.filter((name) => !state.arms[name].position && !state.arms[name].resting);
     at("not-measured").hidden = !unmeasured.length;
-    const which = unmeasured.length > 1 ? "Where the arms are is not known: they are" : `Where the ${unmeasured[0]} arm is is not known: it is`;
+    const which = unmeasured.length > 1 ? "The positions of both arms are not known: they are" : `The position of the ${unmeasured[0]} arm is not known: it is`;
     text(at("not-measured"), `${which} drawn where last seen, or at home.`);
     if (document.activeElement !== at("speed")) at("speed").value = Math.round(state.speed_scale * 100);
     text(at("speed-value"), `${Math.round(state.speed_scale * 100)} %`);
@@ -226,21 +248,16 @@ function showSurroundings() {
   }
 }
 
-/** The line between the two parts nearest to each other, with their distance, and what limits an arm. */
+/** The line between the two parts nearest to each other, with their distance. */
 function showNearest() {
   const apart = (distance) => (distance > 0 ? `${(distance * 1000).toFixed(0)} mm` : "at the limit");
-  const limits = ARMS.filter((name) => state.arms[name].limited).map((name) => {
-    const { part, other, distance } = state.arms[name].limited;
-    return `The ${name} arm is kept apart: ${part} – ${other}, ${apart(distance)}. Move it away from there.`;
-  });
-  const isLimited = limits.length > 0;
   const place = scene?.showNearest(nearest && !view.is_recording ? [nearest.start, nearest.end] : null);
   const label = at("nearest");
   label.hidden = !nearest || Boolean(view.is_recording);
   if (!label.hidden) {
     const { part, other, distance } = nearest;
     text(label, `${part} – ${other}: ${apart(distance)}`);
-    label.classList.toggle("limited", isLimited);
+    label.classList.toggle("limited", ARMS.some((name) => limited[name]));
     const { clientWidth, clientHeight } = at("scene");
     const within = (value, most) => Math.min(Math.max(value, 8), most);
     if (place) {
@@ -248,8 +265,6 @@ function showNearest() {
       label.style.top = `${within(place[1] - 28, clientHeight - 60)}px`;
     }
   }
-  at("limited").hidden = !isLimited;
-  if (isLimited) text(at("limited"), limits.join(" "));
 }
 
 /** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
@@ -302,6 +317,10 @@ function showControl() {
   at("take").hidden = Boolean(view.is_recording) || Boolean(view.why_not_operated && !has);
   text(at("take"), has ? "Give control back" : "Take control");
   at("take").classList.toggle("primary", !has);
+  const mends = at(remedyButton() || "remedy-button");
+  at("remedy-button").hidden = mends === at("remedy-button");
+  at("remedy-button").dataset.presses = mends.id;
+  if (!at("remedy-button").hidden) text(at("remedy-button"), mends.textContent);
   at("stop").hidden = at("take").hidden;
   at("robot-panel").hidden = !has;
   if (has !== isOperated) {
@@ -348,7 +367,7 @@ function showArm() {
   const share = (value, index) => `${Math.min(100, Math.max(0, (100 * (value - lower[index])) / (upper[index] - lower[index])))}%`;
   rows.forEach(({ marker, goal, value, error }, index) => {
     const position = (arm.position ?? arm.resting)?.[index];
-    text(value, position === undefined ? "–" : `${(position * DEGREES).toFixed(2)}°`);
+    text(value, position === undefined ? "–" : `${fixed(position * DEGREES, 2)}°`);
     marker.hidden = position === undefined;
     goal.hidden = !arm.goal;
     if (position !== undefined) {
@@ -358,19 +377,19 @@ function showArm() {
     }
     if (arm.goal) goal.style.left = share(arm.goal[index], index);
     const off = arm.position && arm.sent && state.egm[word] === "running" ? (arm.sent[index] - position) * DEGREES : null;
-    text(error, off === null ? "–" : `${off.toFixed(2)}°`);
+    text(error, off === null ? "–" : `${fixed(off, 2)}°`);
   });
   const tip = scene && (arm.position ?? arm.resting) ? scene.tip(word).toArray() : null;
   const frame = frameOf(at("jog-frame").value);
   const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
-  const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${(value * 1000).toFixed(1)}`).join(", ");
+  const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${fixed(value * 1000, 1)}`).join(", ");
   const source = arm.position ? "" : ", as the controller reports while EGM is off";
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
   text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
   const gripper = state.grippers[word];
   const parts = gripper
-    ? [gripper.state, `${(gripper.width * 1000).toFixed(1)} mm`, ...(gripper.is_holding ? [`holding with ${gripper.force.toFixed(0)} N`] : []),
+    ? [...(gripper.is_holding ? [] : [gripper.state]), `${(gripper.width * 1000).toFixed(1)} mm`, ...(gripper.is_holding ? [`holding with ${gripper.force.toFixed(0)} N`] : []),
       ...(gripper.is_calibrated ? [] : ["not calibrated"]), ...(gripper.error ? [`error ${gripper.error}`] : [])]
     : ["unknown"];
   text(at("gripper-text"), parts.join(", "));
@@ -683,6 +702,7 @@ function fillGoals() {
   at("both").disabled = !(at("pose").value in model.arms.right.poses);
   at("joint-goal").hidden = at("pose").value !== "joint positions";
   at("preview").disabled = isHandle;
+  if (isHandle) at("preview").setAttribute("aria-pressed", "false");
   at("move").disabled = isHandle;
   const arm = state?.arms[word];
   const now = arm?.position ?? arm?.resting;
@@ -740,8 +760,12 @@ function confirmStop() {
 }
 
 function bind() {
+  const closeToast = () => (at("toast").hidden = true);
+  at("toast").addEventListener("click", closeToast);
+  document.addEventListener("keydown", (event) => event.key === "Escape" && closeToast());
   const press = (id, action) => at(id).addEventListener("click", () => action(at(id)));
   press("take", () => send({ type: view.control === "here" ? "give_back" : "take_control" }));
+  press("remedy-button", (button) => at(button.dataset.presses).click());
   press("stop", (button) => request("stop_egm", {}, button));
   press("start", (button) => request("start_egm", {}, button));
   press("recover", async (button) => {
@@ -754,7 +778,15 @@ function bind() {
   const shown = () => text(at("jog-speed-value"), `${at("jog-speed").value} %`);
   at("jog-speed").addEventListener("input", shown);
   shown();
-  for (const name of ARMS) press(`tab-${name}`, () => choose(name));
+  for (const name of ARMS) {
+    press(`tab-${name}`, () => choose(name));
+    at(`tab-${name}`).addEventListener("keydown", (event) => {
+      if (!["ArrowLeft", "ArrowRight"].includes(event.key)) return;
+      const other = ARMS.find((each) => each !== name);
+      choose(other);
+      at(`tab-${other}`).focus();
+    });
+  }
   const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
   at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
   model.arms.right.axes.forEach((axis, index) => {
@@ -889,6 +921,8 @@ async function openRecording() {
   });
   fillStrips();
   showTime(0);
+  const recorded = ARMS.find((name) => recording.arms[name].time.length);
+  if (recorded) choose(recorded); // a flight record has one arm alone
 }
 
 /** The last index of sorted times that is not after a time, or -1. */
