@@ -92,7 +92,7 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     time: float
     state: msgspec.Raw
     events: tuple[EventReport, ...]
-    limited: dict[str, LimitedReport]
+    limited: dict[str, Limited]
     nearest: Distance | None
 
 
@@ -111,9 +111,9 @@ class Shown:
     """What limits each arm, so that a person can read it: the same parts for as long as they do so now and again."""
 
     def __init__(self) -> None:
-        self._shown: dict[str, tuple[LimitedReport, float]] = {}  # and when it was last so [s]
+        self._shown: dict[str, tuple[Limited, float]] = {}  # and when it was last so [s]
 
-    def update(self, limited: Mapping[str, LimitedReport | None], now: float) -> dict[str, LimitedReport]:
+    def update(self, limited: Mapping[str, Limited | None], now: float) -> dict[str, Limited]:
         """What to show of the arms at ``now`` [s]."""
         for arm, newest in limited.items():
             last, since = self._shown.get(arm, (None, -inf))
