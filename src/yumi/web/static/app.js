@@ -5,6 +5,7 @@ import { Scene } from "./scene.js";
 const DEGREES = 180 / Math.PI;
 const fixed = (value, digits) => value.toFixed(digits).replace(/^-(?=[0.]+$)/, ""); // zero has no sign
 const MAX_JOINT_SPEED = 0.5; // [rad/s] as the server allows
+const BEGINNING = 1; // [s] EGM that begins may be without datagrams for so long
 const MAX_LINEAR = 0.15; // [m/s]
 const MAX_ANGULAR = 0.5; // [rad/s]
 const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms after the last one the arm brakes
@@ -24,6 +25,7 @@ let model;
 let scene = null;
 let stateTime = 0; // of the newest state, on the server's clock [s]
 let limited = {}; // arms, with the two parts that must not come nearer to each other
+let silentSince = Infinity; // when the robot began to run EGM without its datagrams, on the server's clock [s]
 let nearest = null; // the parts that limit an arm, else those nearest to each other
 let plan = null; // that is shown: {plan, duration, arms, time}
 let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {position, quaternion x, y, z, w}
@@ -168,7 +170,9 @@ function verdict() {
   let todo = remedies(state.reason).map(({ remedy }) => remedy).join("; ");
   if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
   const silent = ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
-  if (silent.length && !state.stop && !state.cause) {
+  if (!silent.length) silentSince = Infinity;
+  else silentSince = Math.min(silentSince, stateTime);
+  if (stateTime - silentSince > BEGINNING && !state.stop && !state.cause) {
     const head = `Cannot move: the robot runs EGM on the ${silent.join(" and the ")} arm, but its datagrams do not arrive`;
     return ["error", head, sentence(`Check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device; then ${view.control === "none" && !view.why_not_operated ? "take control and " : ""}press “Recover…”`)];
   }
