@@ -14,9 +14,7 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from itertools import product
 from math import dist, fsum, inf
 from typing import NamedTuple
@@ -24,7 +22,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.motion import BrakingPath, Setpoint, braking_paths, braking_positions
+from yumi.control.braking import ALONG, HALF, MIDDLE, NOISE, OFF, STILL, ArmMotion, Segment
+from yumi.control.motion import Setpoint
 from yumi.control.shared_state import Limited
 from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts, Query
 from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
@@ -41,7 +40,6 @@ _COARSE = 0.15  # [m] segments in which parts move further are cut at once: too 
 _FINE = 0.05  # [m] or, down to this, those that had to be cut in the last cycles all the same
 _AT_ONCE = 16  # unless there are as many of them
 _SIMILAR = 0.5  # of two segments, that in which parts move by this share of the other's is cut with it
-_SAMPLES = 64  # of each curve of a braking path; a power of two
 _SHORT = 5e-3  # [m] segments in which parts move less are taken for straight
 _BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
 _SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
@@ -50,191 +48,8 @@ _EXACT = 1e-6  # [m]
 _ALLOWED_APPROACH = 1e-4  # [m] in a cycle, of a part within its margin
 _SPARE = 5e-4  # [m] so far within its margin a part may turn round
 _MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and may go on from there
-_NOISE = 1e-3  # [rad] of where the robot plans to be
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
-_PATIENCE = 0.15  # [s] an arm that is limited may go on for so long without getting nearer to where it is commanded
-_NEARER = 1e-3  # [rad] by less it is no nearer
-_NEARER_SHARE = 0.1  # nor by less than this share of what is left
-_SAME = 5e-4  # [rad] a position desired that changes by less is the same
-_OWN = 0.5  # a proportional controller's changes with the arm itself, by less than this share of its motion
-_SAME_SPEED = 1e-2  # [rad/s]
-_ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
-
-
-class _Segment:
-    """Of a braking path: a straight line in joint space, and how far each joint may be off it.
-
-    Args:
-        rows: the four attributes [rad], (4, 7).
-        cut: makes its parts; none of the smallest segments.
-
-    Attributes:
-        rows: as above.
-        middle: of the line.
-        along: from there to its end.
-        off: it by so much, at most.
-        half: how far each joint is from the middle, at most.
-    """
-
-    __slots__ = ("_cut", "_parts", "rows")
-
-    def __init__(self, rows: Array, cut: Callable[[], tuple[_Segment, ...]]) -> None:
-        self.rows = rows
-        self._cut = cut
-        self._parts: tuple[_Segment, ...] | None = None
-
-    @property
-    def middle(self) -> Array:
-        return np.asarray(self.rows[_MIDDLE])
-
-    @property
-    def along(self) -> Array:
-        return np.asarray(self.rows[_ALONG])
-
-    @property
-    def off(self) -> Array:
-        return np.asarray(self.rows[_OFF])
-
-    @property
-    def half(self) -> Array:
-        return np.asarray(self.rows[_HALF])
-
-    @property
-    def parts(self) -> tuple[_Segment, ...]:
-        """What it consists of."""
-        if self._parts is None:
-            self._parts = self._cut()
-        return self._parts
-
-
-_MIDDLE, _ALONG, _OFF, _HALF = range(4)
-
-
-class _Curve:
-    """Segments of a braking path, level by level.
-
-    Args:
-        postures: along it [rad], (_SAMPLES + 1, 7); or the ends of a straight line, (2, 7).
-    """
-
-    def __init__(self, postures: Array) -> None:
-        self._postures = postures
-        self._levels: dict[int, Array] = {}
-
-    def segment(self, level: int = 0, index: int = 0) -> _Segment:
-        """One of the 2 ** level segments of the same number of postures."""
-
-        def cut() -> tuple[_Segment, ...]:
-            finer = level + 1
-            return () if 1 << level == _SAMPLES else tuple(self.segment(finer, 2 * index + each) for each in (0, 1))
-
-        return _Segment(self._rows(level)[index], cut)
-
-    def _rows(self, level: int) -> Array:
-        """Of all segments of a level, (2 ** level, 4, 7)."""
-        if level not in self._levels:
-            is_straight, step = len(self._postures) == _ENDS, _SAMPLES >> level
-            if is_straight:
-                first, last = self._postures
-                ends = first + np.linspace(0.0, 1.0, (1 << level) + 1)[:, None] * (last - first)
-            else:
-                ends = self._postures[::step]
-            rows = np.zeros((len(ends) - 1, 4, JOINT_COUNT))
-            rows[:, _MIDDLE], rows[:, _ALONG] = 0.5 * (ends[:-1] + ends[1:]), 0.5 * (ends[1:] - ends[:-1])
-            along = rows[:, _ALONG]
-            if step > 1 and not is_straight:
-                inner = self._postures[:-1].reshape(-1, step, JOINT_COUNT)[:, 1:] - rows[:, None, _MIDDLE]
-                lengths = np.maximum((along * along).sum(1), _TINY)[:, None, None]
-                shares = np.minimum(np.maximum(inner @ along[:, :, None] / lengths, -1.0), 1.0)
-                rows[:, _OFF] = np.abs(inner - shares * along[:, None]).max(1)
-            rows[:, _HALF] = np.abs(along) + rows[:, _OFF]
-            self._levels[level] = rows
-        return self._levels[level]
-
-
-def _hull(postures: Sequence[Joints | Array], cut: Callable[[], tuple[_Segment, ...]]) -> _Segment:
-    """All that lies between some postures [rad], (n, 7), whichever joint moves first."""
-    all_of_them = np.array(postures)
-    low, high = all_of_them.min(0), all_of_them.max(0)
-    rows = np.zeros((4, JOINT_COUNT))
-    rows[_MIDDLE], rows[_OFF] = 0.5 * (low + high), 0.5 * (high - low)
-    rows[_HALF] = rows[_OFF]
-    return _Segment(rows, cut)
-
-
-_ENDS = 2
-_TINY = 1e-12  # [rad²]
-_STILL = _Segment(np.zeros((4, JOINT_COUNT)), tuple)
-"""Instead of the other arm's, where what stands still is compared."""
-
-
-class ArmMotion:
-    """How an arm moves, and where it may come until it rests.
-
-    Args:
-        planned: where the robot plans to be [rad], (7,).
-        sent: how the position sent moves.
-        robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
-        limits: of the joints.
-        coasts_to: where the robot may go if it is not heard any more [rad], (7,).
-    """
-
-    def __init__(
-        self,
-        planned: Joints,
-        sent: Setpoint,
-        robot: Setpoint | None,
-        limits: JointLimits,
-        coasts_to: Joints | None = None,
-    ) -> None:
-        self.planned, self.sent, self.robot, self.coasts_to = planned, sent, robot, coasts_to
-        self._limits = limits
-
-    @cached_property
-    def _paths(self) -> tuple[BrakingPath, ...]:
-        """How each joint comes to rest, as the position sent."""
-        return braking_paths(self.sent, self._limits)
-
-    @cached_property
-    def length(self) -> float:
-        """How far all joints together get from where they are until they rest [rad]."""
-        return sum(path.highest - path.lowest for path in self._paths)
-
-    # No segment holds a motion: the control process collects no garbage, and what refers to itself would stay for ever.
-
-    @cached_property
-    def ahead(self) -> _Segment:
-        """Where a new command may lead the arm that it did not come by earlier ones: its braking path."""
-        limits, starts = self._limits, [self.sent] if self.robot is None else [self.sent, self.robot]
-        postures = _extremes(self.sent, self._paths)
-        if self.robot is not None:
-            postures += _extremes(self.robot, braking_paths(self.robot, limits))
-        return _hull(
-            postures, lambda: tuple(_Curve(braking_positions(start, limits, _SAMPLES)).segment() for start in starts)
-        )
-
-    @cached_property
-    def reachable(self) -> _Segment:
-        """Where it may come from now on: from where the robot plans to be to where it rests.
-
-        A robot follows the position sent late, by the time constant of its position loop; what that takes it off the
-        path of that position is left to the margin.
-        """
-        ahead, planned = self.ahead, self.planned
-        ends = [self.sent.position, self.coasts_to, self.robot and self.robot.position]
-        lines = [end for end in ends if end is not None]
-        postures = (ahead.middle - ahead.half, ahead.middle + ahead.half, np.array(planned), *map(np.array, lines))
-        return _hull(
-            postures,
-            lambda: (*(_Curve(np.array((planned, end))).segment() for end in lines), *(ahead.parts or (ahead,))),
-        )
-
-
-def _extremes(start: Setpoint, paths: Sequence[BrakingPath]) -> tuple[Joints, ...]:
-    """How far the joints get backwards and forwards while they brake [rad], (7,) each."""
-    rows = list(zip(start.position, paths, strict=True))
-    return joints([at + path.lowest for at, path in rows]), joints([at + path.highest for at, path in rows])
 
 
 class Boundary:
@@ -264,41 +79,123 @@ class Boundary:
         return [value + n * change / self._square for n, value in zip(self.normal, values, strict=True)]
 
 
-@dataclass(slots=True)
-class _Progress:
-    """Whether an arm that is limited still comes nearer to where it is commanded.
-
-    Attributes:
-        desired: what it is commanded.
-        measured: where it was measured then [rad], (7,).
-        nearest: how near to the position desired it was sent since [rad].
-        waited: for how long it has come no nearer than that while it could have [s].
-        limited: what has limited it meanwhile.
-        elsewhere: how far the other arm has to move before this one, if held, tries again [rad].
-        held_by: what is known of the other arm and of permitted pairs since it is held; None while it is not.
-    """
-
-    desired: ArmCommand
-    measured: Joints
-    nearest: float
-    waited: float = 0.0
-    limited: Limited | None = None
-    elsewhere: float = _ELSEWHERE
-    held_by: _Surroundings | None = None
-
-
-class _Surroundings(NamedTuple):
+class Surroundings(NamedTuple):
     """What an arm is limited by, besides what stands still.
 
     Attributes:
         position: that the other arm is sent to [rad], (7,); None of one that is unknown.
         heard: what is known of it: whether it is heard, was read, and may not have come to where it was sent.
         margins: of all pairs of parts.
+        is_limited: whether the other arm is limited itself.
     """
 
     position: Joints | None
     heard: tuple[bool, bool, bool]
     margins: Array
+    is_limited: bool
+
+
+_LIMITED_FOR = 0.15  # [s] an arm may be limited for so long without getting nearer to where it is commanded
+_NEARER = 1e-3  # [rad] by less it is no nearer
+_NEARER_SHARE = 0.1  # nor by less than this share of what is left
+_SAME = 5e-4  # [rad] a position desired that changes by less is the same
+_OWN = 0.5  # a proportional controller's changes with the arm itself, by less than this share of its motion
+_SAME_SPEED = 1e-2  # [rad/s]
+_ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
+
+
+class ProgressCheck:
+    """Whether an arm that is limited still comes nearer to where it is commanded; else it is held.
+
+    Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
+    that is limited has to come nearer in joint space, or it holds until it is commanded something else, or what limits
+    it has changed. If the other arm is limited itself, it has to move twice as far each time that trying again was of
+    no use; so both come to rest.
+
+    Attributes:
+        limited: what limits an arm that is held.
+    """
+
+    def __init__(self) -> None:
+        self.limited: Limited | None = None
+        self._held_by: Surroundings | None = None  # as they were when it was held; None while it is not
+        self._desired: ArmCommand | None = None
+        self._measured: Joints = ZERO  # where it was when it was commanded that
+        self._nearest = inf  # [rad] how near it was sent to the position desired since
+        self._limited_for = 0.0  # [s] without getting nearer than that
+        self._elsewhere = _ELSEWHERE
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether it has been limited since it came nearer to where it is commanded."""
+        return self._limited_for > 0.0 or self._held_by is not None
+
+    def holds(
+        self,
+        desired: ArmCommand | None,
+        measured: Joints,
+        sent: Joints,
+        dt: float,
+        limited: Limited | None,
+        surroundings: Surroundings,
+    ) -> bool:
+        """Whether the arm is to hold whatever is desired; to be asked in every cycle.
+
+        Args:
+            desired: what it is commanded; None for nothing.
+            measured: where it is [rad], (7,).
+            sent: the position it was sent last [rad], (7,).
+            dt: time since the cycle before [s].
+            limited: what limited it in that cycle, unless it was too fast to be led along a boundary.
+            surroundings: as they are now.
+        """
+        if desired is None or not self._is_same(desired, measured):
+            self._begin(desired, measured, inf if desired is None else dist(desired.position, sent))
+            return False
+        if self._held_by is not None:
+            if not self._have_changed(self._held_by, surroundings):
+                return True
+            self._held_by, self.limited, self._limited_for = None, None, 0.0
+            return False
+        far = dist(desired.position, sent)
+        if far < self._nearest - min(_NEARER, _NEARER_SHARE * self._nearest):
+            self._begin(desired, measured, far)
+        elif limited is not None:
+            self._limited_for += dt
+            if self._limited_for > _LIMITED_FOR:
+                self._held_by, self.limited = surroundings, limited
+                self._desired, self._measured = desired, measured
+        return self._held_by is not None
+
+    def _begin(self, desired: ArmCommand | None, measured: Joints, far: float) -> None:
+        self._desired, self._measured, self._nearest = desired, measured, far
+        self._held_by, self.limited = None, None
+        self._limited_for, self._elsewhere = 0.0, _ELSEWHERE
+
+    def _have_changed(self, before: Surroundings, now: Surroundings) -> bool:
+        """Whether what holds the arm has changed by so much that it tries again."""
+        if before.heard != now.heard or before.margins is not now.margins:
+            self._elsewhere = _ELSEWHERE
+            return True
+        if before.position is now.position or before.position is None or now.position is None:
+            return before.position is not now.position
+        if not now.is_limited:  # it goes where it wants to: it is not pushed away by this one
+            self._elsewhere = _ELSEWHERE
+        if dist(before.position, now.position) <= self._elsewhere:
+            return False
+        self._elsewhere *= 2.0
+        return True
+
+    def _is_same(self, desired: ArmCommand, measured: Joints) -> bool:
+        """Whether the arm is commanded the same as before, but for noise and for what its own motion makes of it."""
+        last = self._desired
+        if last is None:
+            return False
+        if desired.position == last.position and desired.velocity == last.velocity:
+            return True
+        moved = dist(measured, self._measured)
+        is_same_speed = dist(desired.velocity, last.velocity) <= _SAME_SPEED
+        return is_same_speed and dist(desired.position, last.position) <= _SAME + _OWN * moved
 
 
 class CollisionLimiter:
@@ -394,8 +291,7 @@ class ArmCollisionLimiter:
         self._both = both
         # Its motion, the other arm's and the margins that were found to be clear last.
         self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
-        # How it gets on with what it is commanded; None while that is nothing.
-        self._progress: _Progress | None = None
+        self._progress = ProgressCheck()
         # Of parts within their margins, how near they may be [m].
         self._floors: dict[tuple[int, int], float] = {}
         self._comparisons_left = _COMPARISONS  # in this cycle
@@ -406,66 +302,23 @@ class ArmCollisionLimiter:
         """That of the other arm."""
         return self._both.arm(self.side.other)
 
-    def begin_cycle(self) -> None:
-        """Nothing limits an arm so far."""
-        if self._progress is not None:
-            self._progress.limited = self.limited or self._progress.limited
-        self.limited, self._comparisons_left = None, _COMPARISONS
-
-    def holds(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
-        """Whether an arm is to hold whatever is desired; to be asked once in a cycle, at its begin.
-
-        Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
-        that is limited has to come nearer to where it is commanded, in joint space, or it is held: until it is
-        commanded something else, or what limits it has changed. The other arm has to move twice as far each time that
-        was of no use; so both come to rest.
-
-        Args:
-            desired: what it is commanded; None for nothing.
-            measured: where it was measured [rad], (7,).
-            dt: time since the cycle before [s].
-        """
-        if desired is None or self.motion is None:
-            self._progress = None
+    def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
+        """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
+        before, self.limited, self._comparisons_left = self.limited, None, _COMPARISONS
+        if self.motion is None:
             return False
-        progress, far = self._progress, dist(desired.position, self.motion.sent.position)
-        if progress is None or not _is_same(desired, measured, progress):
-            self._progress = _Progress(desired, measured, far)
-            return False
-        if progress.held_by is not None:
-            if not self._has_changed(progress):
-                self.limited = progress.limited
-                return True
-            progress.held_by, progress.waited, self.boundaries = None, 0.0, []
-        if far < progress.nearest - min(_NEARER, _NEARER_SHARE * progress.nearest):
-            self._progress = _Progress(desired, measured, far)
-        elif progress.limited is not None and self.motion.length < _SLOW:  # a faster one has to slow down first
-            progress.waited += dt
-            if progress.waited > _PATIENCE:
-                progress.desired, progress.measured = desired, measured
-                progress.held_by, self.limited = self._surroundings(), progress.limited
-                return True
-        return False
-
-    def _surroundings(self) -> _Surroundings:
-        its = self.other
+        its, is_slow = self.other, self.motion.length < _SLOW  # a faster one has to slow down first
         position = its.motion.sent.position if its.motion is not None else None
         coasts = its.motion is not None and its.motion.coasts_to is not None
-        return _Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins)
-
-    def _has_changed(self, progress: _Progress) -> bool:
-        """Whether what holds an arm has changed by so much that it tries again."""
-        before, now = progress.held_by, self._surroundings()
-        assert before is not None
-        if before.heard != now.heard or before.margins is not now.margins:
-            progress.elsewhere = _ELSEWHERE
-            return True
-        if before.position is now.position or before.position is None or now.position is None:
-            return before.position is not now.position
-        if dist(before.position, now.position) <= progress.elsewhere:
-            return False
-        progress.elsewhere *= 2.0
-        return True
+        is_limited = its.limited is not None or its._progress.is_limited
+        surroundings = Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
+        was_held, sent, limited = self._progress.limited, self.motion.sent.position, before if is_slow else None
+        is_held = self._progress.holds(desired, measured, sent, dt, limited, surroundings)
+        if is_held:
+            self.limited = self._progress.limited
+        elif was_held is not None:
+            self.boundaries = []
+        return is_held
 
     def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
@@ -491,12 +344,12 @@ class ArmCollisionLimiter:
         last, self.is_read = self.motion, True
         before = last.sent.position if last is not None else position
         # It may not have come yet to where its last command leads it.
-        coasts_to = last.coasts_to if last is not None and dist(before, position) > _NOISE else None
+        coasts_to = last.coasts_to if last is not None and dist(before, position) > NOISE else None
         self.motion = ArmMotion(before, Setpoint(position), None, self._both.limits, coasts_to)
 
     def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
-        if not self.is_heard or not _stays(self.motion, planned, sent, robot):
+        if not self.is_heard or self.motion is None or not self.motion.stays(planned, sent, robot):
             self.motion = ArmMotion(planned, sent, robot, self._both.limits)
         self.is_heard = True
 
@@ -510,7 +363,7 @@ class ArmCollisionLimiter:
         """
         is_back, self.is_heard = not self.is_heard, True
         last, its = self.motion, self.other.motion
-        if last is not None and not is_back and _stays(last, planned, sent, robot):
+        if last is not None and not is_back and last.stays(planned, sent, robot):
             # What it stands at may have left it, or have come nearer; else nothing has changed.
             known = zip(self._compared, (last, its, self._both.margins), strict=True)
             if not self.boundaries or all(before is now for before, now in known):
@@ -541,7 +394,7 @@ class ArmCollisionLimiter:
         self.boundaries = []
         floors: dict[tuple[int, int], float] | None = None
         violation: _Violation | None = None
-        pairs = [(motion.ahead, _STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
+        pairs = [(motion.ahead, STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
         is_first = True
         while pairs:
             compared = self._cut_long(pairs)
@@ -565,11 +418,11 @@ class ArmCollisionLimiter:
     def _near(self, compared: _Compared, *, steers: bool) -> Contacts:
         """What is near on pairs of segments, and, if the arm ``steers`` beside boundaries, those."""
         least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self._both.margin, 0.0)
-        postures = compared.rows[:, :, _MIDDLE].reshape(len(compared.pairs), -1)
+        postures = compared.rows[:, :, MIDDLE].reshape(len(compared.pairs), -1)
         rows = zip(postures, compared.own, compared.others, compared.pairs, strict=True)
         near = self._both.model.contacts(
             *(
-                Query(posture, max(own + others - _TOLERANCE, least) + margin, self.side if theirs is _STILL else None)
+                Query(posture, max(own + others - _TOLERANCE, least) + margin, self.side if theirs is STILL else None)
                 for posture, own, others, (_, theirs) in rows
             )
         )
@@ -587,7 +440,7 @@ class ArmCollisionLimiter:
         while len(pairs) <= _COMPARISONS:
             both = pairs if self.side is Side.RIGHT else [pair[::-1] for pair in pairs]
             rows = np.concatenate([each.rows for pair in both for each in pair]).reshape(len(pairs), 2, 4, JOINT_COUNT)
-            moved = rows[:, :, _HALF].reshape(len(pairs), -1) @ self._both.model.reach.T
+            moved = rows[:, :, HALF].reshape(len(pairs), -1) @ self._both.model.reach.T
             own, others = moved[:, own_parts].max(1), moved[:, other_parts].max(1)
             compared = _Compared(pairs, rows, moved, own.tolist(), others.tolist())
             far = own + others
@@ -623,7 +476,7 @@ class ArmCollisionLimiter:
         parts, segments = near.parts[lacking], near.queries[lacking]
         beyond, off = beyond[lacking], off[lacking]
         # Not all that moves comes nearer: how far along the line of nearest distance.
-        half = rows[:, :, _HALF]
+        half = rows[:, :, HALF]
         bends = (half * (half.cumsum(2) - 0.5 * half)).reshape(len(rows), -1) @ model.reach.T
         contacts, which = np.concatenate((lacking, lacking)), np.repeat(np.arange(2), len(lacking))
         concerned = np.flatnonzero(near.parts[contacts, which] < model.arms[Side.LEFT].stop)
@@ -631,8 +484,8 @@ class ArmCollisionLimiter:
         numbers, its = near.queries[contacts], near.parts[contacts, which]
         lines = rows[numbers, (its >= model.arms[Side.LEFT].start).astype(np.intp)]
         behind, slopes = model.slopes(near, contacts, which)
-        forward = np.abs((slopes @ lines[:, _ALONG, :, None])[:, :, 0]) - behind
-        forward += (np.abs(slopes) @ lines[:, _OFF, :, None])[:, :, 0]
+        forward = np.abs((slopes @ lines[:, ALONG, :, None])[:, :, 0]) - behind
+        forward += (np.abs(slopes) @ lines[:, OFF, :, None])[:, :, 0]
         towards = np.zeros(2 * len(lacking))
         towards[concerned] = np.maximum(forward.max(1), 0.0) + bends[numbers, its]
         nearer = np.minimum(towards[: len(lacking)] + towards[len(lacking) :], off)
@@ -640,13 +493,13 @@ class ArmCollisionLimiter:
         for pair, floor in floors.items():
             # A part within its margin already comes no nearer, and may leave it.
             its = np.flatnonzero(((parts == pair) | (parts == pair[::-1])).all(1))
-            beyond[its] = near.distances[lacking[its]] - floor + _ALLOWED_APPROACH
+            beyond[its] = near.distances[lacking[its]] - floor
             free[its] = beyond[its] - nearer[its]
         worst = int(free.argmin())
         if free[worst] >= 0.0:
             return None
         # Each path comes as near to the middle of a segment as it is off the line.
-        strays = rows[:, :, _OFF].reshape(len(rows), -1) @ model.reach.T
+        strays = rows[:, :, OFF].reshape(len(rows), -1) @ model.reach.T
         certain = beyond + strays[segments[:, None], parts].sum(1)
         is_certain = bool(certain.min() < 0.0)
         worst = int(certain.argmin()) if is_certain else worst
@@ -675,7 +528,7 @@ class ArmCollisionLimiter:
             floor = self._floors.get(pair, now)
             floors[pair] = now if now < floor - _MOVED else max(now, min(floor, float(margins[pair]) - _SPARE))
         self._floors = floors
-        return floors
+        return {pair: min(floor - _ALLOWED_APPROACH, within[pair]) for pair, floor in floors.items()}
 
     def _own_first(self, parts: Sequence[int]) -> tuple[int, int]:
         """The parts of a contact, that of the arm first."""
@@ -697,7 +550,7 @@ class ArmCollisionLimiter:
         pairs = [self._own_first(parts) for parts in near.parts[nearest].tolist()]
         which = np.array([int(part != first) for (part, _), first in zip(pairs, firsts[nearest].tolist(), strict=True)])
         behind, slopes = self._both.model.slopes(near, nearest, which)
-        middles = rows[near.queries[nearest], 0 if self.side is Side.RIGHT else 1, _MIDDLE]
+        middles = rows[near.queries[nearest], 0 if self.side is Side.RIGHT else 1, MIDDLE]
         found = {(each.limited.part, each.limited.other): each for each in self.boundaries}
         for row, (index, (part, other)) in enumerate(zip(nearest.tolist(), pairs, strict=True)):
             limited = self._limited_by(part, other, float(near.distances[index]))
@@ -755,7 +608,7 @@ class _Violation(NamedTuple):
     undecided: list[int]
 
 
-_Pair = tuple[_Segment, _Segment]
+_Pair = tuple[Segment, Segment]
 """Of the arm's braking path, and of the other one's."""
 
 
@@ -789,20 +642,3 @@ class _Compared(NamedTuple):
         """The parts of some pairs; none where one of them is the smallest: that is not decided by cutting."""
         parts = [self.cut(index) for index in indices]
         return [pair for each in parts for pair in each] if all(parts) else []
-
-
-def _stays(motion: ArmMotion | None, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
-    """Whether a command changes nothing: most of the time an arm stands."""
-    if motion is None or motion.sent != sent or motion.robot != robot:
-        return False
-    return motion.planned is planned or dist(motion.planned, planned) < _NOISE
-
-
-def _is_same(desired: ArmCommand, measured: Joints, before: _Progress) -> bool:
-    """Whether an arm is commanded the same as before, but for noise and for what its own motion makes of it."""
-    last = before.desired
-    if desired.position == last.position and desired.velocity == last.velocity:
-        return True
-    moved = dist(measured, before.measured)
-    is_same_speed = dist(desired.velocity, last.velocity) <= _SAME_SPEED
-    return is_same_speed and dist(desired.position, last.position) <= _SAME + _OWN * moved

@@ -395,6 +395,10 @@ _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 
 
+def _is_finite(command: ArmCommand) -> bool:
+    return isfinite(sum(command.position) + sum(command.velocity))
+
+
 @dataclass(slots=True)
 class LimiterCounters:
     """Cycles in which the limiter changed something.
@@ -577,10 +581,11 @@ class Limiter:
         self, collisions: ArmCollisionLimiter, state: ArmState, desired: ArmCommand | None, dt: float
     ) -> ArmCommand:
         """The same without coming too near to anything: what is not accepted is forgotten."""
-        collisions.begin_cycle()
-        is_held = collisions.holds(desired, state.position, dt)
+        wanted = desired if desired is not None and _is_finite(desired) else None
+        is_held = collisions.begin_cycle(wanted, state.position, dt)
         kept = copy(self._positions), copy(self._speeds), copy(self.counters), self._settling_for
-        for index, candidate in enumerate(() if is_held else self._candidates(collisions, desired)):
+        candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, wanted)
+        for index, candidate in enumerate(candidates):
             command = self._next(state, candidate, dt)
             if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
                 self.counters.kept_apart += candidate is not desired
@@ -589,17 +594,16 @@ class Limiter:
             self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
             self._settling_for = kept[3]
         self.counters.kept_apart += 1
+        self.counters.refused += wanted is not desired
         self.is_at_rest, self._was_refused = False, not is_held
         last = self._positions.position
         position = last if self._positions.stands(dt) else self._positions.brake(dt)
         return ArmCommand(position, self._speeds.next(state.planned, position, ZERO, dt))
 
-    def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand | None) -> Iterator[ArmCommand | None]:
+    def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand) -> Iterator[ArmCommand]:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
-        first = desired and collisions.steered(desired)
+        first = collisions.steered(desired)
         yield first
-        if desired is None:
-            return
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)
         if along != first and not self._was_refused:
@@ -620,7 +624,7 @@ class Limiter:
             self._is_settling = not (self.is_at_rest or (is_near and self._settling_for >= _SETTLING))
             return command
         self._settling_for = 0.0
-        if not isfinite(sum(desired.position) + sum(desired.velocity)):
+        if not _is_finite(desired):
             self.counters.refused += 1
             return self._hold(state, dt)
         if not self._is_near(state):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
-from math import dist, radians
+from math import dist, inf, radians
 
 import numpy as np
 import pytest
@@ -12,18 +12,41 @@ import pytest
 from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter, _Segment
+from yumi.control.braking import ArmMotion, Segment
+from yumi.control.collisions import (
+    BODY_MARGIN,
+    MARGIN,
+    ArmCollisionLimiter,
+    CollisionLimiter,
+    ProgressCheck,
+    Surroundings,
+)
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, Setpoint, stop
+from yumi.control.shared_state import Limited
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joints, named_pose
+from yumi.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    Joints,
+    Pose,
+    Side,
+    home,
+    joints,
+    named_pose,
+)
 from yumi.robot.kinematics import tool0_to_body
+from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
+from yumi.virtual.mechanics.motion import EgmSettings
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}
@@ -203,7 +226,7 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_other_one_has_left() -
     both.arm(Side.LEFT).sent(FORWARD[Side.LEFT], Setpoint(FORWARD[Side.LEFT]), None)
     assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
     assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
-    both.arm(Side.RIGHT).begin_cycle()
+    both.arm(Side.RIGHT).begin_cycle(None, ZERO, 0.0)
     assert both.limited(Side.RIGHT) is None
 
 
@@ -228,13 +251,13 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
 
     def stands_on() -> int:
         compared.clear()
-        both.arm(Side.RIGHT).begin_cycle()
+        both.arm(Side.RIGHT).begin_cycle(None, ZERO, 0.0)
         assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
         return len(compared)
 
     assert stands_on() == 0
     both.permit(("right gripper", "body"))
-    both.arm(Side.RIGHT).begin_cycle()
+    both.arm(Side.RIGHT).begin_cycle(None, ZERO, 0.0)
     assert not both.arm(Side.RIGHT).accepts(stands, Setpoint(goal), None)
     assert stands_on() > 0
     assert stands_on() == 0
@@ -242,7 +265,7 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
     assert stands_on() > 0
 
 
-def off(path: _Segment, postures: Array) -> float:
+def off(path: Segment, postures: Array) -> float:
     """By how much a joint is out of every smallest segment of a path, in one of these postures (n, 7) [rad]."""
     segments, smallest = [path], []
     while segments:
@@ -402,13 +425,13 @@ def test_noise_of_what_is_desired_does_not_move_arms_that_push_at_each_other(dri
 
 def test_stream_along_a_boundary_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
     arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: turned(Side.LEFT, radians(-80.0))}, obstacles=())
-    goal, holds, held = list(turned(Side.RIGHT, radians(70.0))), ArmCollisionLimiter.holds, []
+    goal, holds, held = list(turned(Side.RIGHT, radians(70.0))), ArmCollisionLimiter.begin_cycle, []
 
     def noted(*its: object) -> bool:
         held.append(holds(*its))  # type: ignore[arg-type]
         return held[-1]
 
-    monkeypatch.setattr(ArmCollisionLimiter, "holds", noted)
+    monkeypatch.setattr(ArmCollisionLimiter, "begin_cycle", noted)
     for _ in range(400):
         goal[5] += 0.1 * CYCLE
         arms.cycle({Side.RIGHT: to(joints(goal))})
@@ -445,7 +468,7 @@ def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycle
     try:
         for _ in range(100):
             arms.cycle({side: to(FORWARD[side]) for side in Side})
-        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | _Segment)]
+        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | Segment)]
         assert len(kept) < 100
     finally:
         gc.enable()
@@ -531,3 +554,78 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     shapes = CollisionModel(SERVO_GRIPPERS)
     now = {Side.RIGHT: home(Side.RIGHT), Side.LEFT: arm.snapshot.position}
     assert shapes.nearest(now)[0].distance > BODY_MARGIN - ROUNDING
+
+
+@pytest.mark.parametrize("is_limited", [False, True])
+def test_held_arm_tries_again_when_the_other_one_moves_and_less_often_when_that_one_is_pushed(is_limited: bool) -> None:
+    check, goal, limited = ProgressCheck(), ArmCommand((0.5,) * 7), Limited("right gripper", "left gripper", 0.01)
+    margins, tries = np.zeros(1), 0
+
+    def holds(other: float, seconds: float = CYCLE) -> bool:
+        surroundings = Surroundings((other,) * 7, (True, True, False), margins, is_limited)
+        return check.holds(goal, ZERO, ZERO, seconds, limited, surroundings)
+
+    for swing in range(20):
+        at = 0.1 * (swing % 2)
+        tries += not holds(at)
+        assert [holds(at, 0.1) for _ in range(3)][-1]
+    assert tries == (5 if is_limited else 20)
+
+
+def test_arm_at_its_goal_is_not_limited_by_what_has_left() -> None:
+    arms, goal = ApartArms(FORWARD, obstacles=()), turned(Side.RIGHT, radians(45.0))
+    for _ in range(400):
+        arms.cycle({Side.RIGHT: to(goal)})
+    limited = 0
+    for cycle in range(350):
+        wobble = radians(-110.0 + 3.0 * np.sin(cycle / 12.0))
+        arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(turned(Side.LEFT, wobble))})
+        limited += arms.both.limited(Side.RIGHT) is not None
+    for _ in range(600):
+        arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(FORWARD[Side.LEFT])})
+    assert limited
+    assert arms.both.limited(Side.RIGHT) is None
+    assert arms.sent[Side.RIGHT].position == pytest.approx(goal, abs=1e-6)
+
+
+@pytest.mark.parametrize("nearer", [0.00005, 0.00015, 0.00025, 0.00035])
+def test_arm_that_begins_again_a_little_nearer_within_its_margin_may_leave(nearer: float) -> None:
+    tip = tool0_to_body(Side.RIGHT, FORWARD[Side.RIGHT], Pose((0.0, 0.0, 0.155), UPRIGHT)).position
+    box = Obstacle("box", Pose(tip, UPRIGHT), (0.03, 0.03, 0.03))
+    arms = ApartArms(FORWARD, obstacles=(box,))
+    for _ in range(30):
+        arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1.0, name="box")))})
+    start, inwards = np.array(arms.sent[Side.RIGHT].position), np.array(at_nearest(arms, Side.RIGHT, 1.0, name="box"))
+
+    def distance(share: float) -> float:
+        positions = {**arms.commanded(), Side.RIGHT: joints((start + share * inwards).tolist())}
+        return arms.shapes.nearest(positions)[0].distance
+
+    low, high, least = 0.0, 0.05, distance(0.0) - nearer
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if distance(middle) > least else (low, middle)
+    there = joints((start + low * inwards).tolist())
+    both, away = arms.both.arm(Side.RIGHT), joints((start - 0.2 * inwards).tolist())
+    both.connection_lost()
+    limiter = Limiter(YUMI_LIMITS, collisions=both)
+    robot = VirtualArm(Side.RIGHT, there, ArmModel(supervises_load=False))
+    robot.switch_motors_on()
+    robot.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+    for cycle in range(400):
+        state = ArmState(1e3 + cycle * CYCLE, CYCLE if cycle else 0.0, 1, robot.position, ZERO, robot.planned, True)
+        command = limiter.limit(state, ArmCommand(away) if cycle else None)
+        robot.set_reference(*command)
+        limiter.observe(state)
+        robot.advance(CYCLE)
+    assert dist(command.position, there) > 0.9 * dist(away, there)
+
+
+def test_command_that_is_no_number_is_refused_beside_a_boundary_too() -> None:
+    arms = ApartArms(FORWARD, obstacles=())
+    for _ in range(300):
+        arms.cycle({side: to(turned(side, radians(168.0 if side is Side.RIGHT else -168.0))) for side in Side})
+    assert arms.both.limited(Side.RIGHT)
+    before = arms.limiters[Side.RIGHT].counters.refused
+    arms.cycle({Side.RIGHT: to((inf,) * 7)})
+    assert arms.limiters[Side.RIGHT].counters.refused == before + 1

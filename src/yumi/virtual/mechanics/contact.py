@@ -22,6 +22,7 @@ BODY_DEPTH = 0.030
 
 _DEEPER = 0.001  # [m] parts that overlap already touch anew once they are deeper by this
 _MOVED = 0.004  # [rad] of all joints together; with less, no part has moved by more than DEPTH
+_FINGERS_MOVED = 1e-4  # [m]
 _BODY = 4
 _ARM = {Side.RIGHT: 1, Side.LEFT: 2}
 _SHOULDER = {Side.RIGHT: 8, Side.LEFT: 16}
@@ -62,7 +63,8 @@ class ContactDetector:
         roots = {self._model.body(prefixed(f"yumi_link_1_{side.value}")).id: side for side in Side}
         self._side_of = [roots.get(root) for root in self._model.body_rootid[self._model.geom_bodyid].tolist()]
         self.free = dict(positions)
-        self._allowed = self._overlaps(positions, dict.fromkeys(Side, 0.0))
+        self._fingers = dict.fromkeys(Side, 0.0)
+        self._allowed = self._overlaps(positions, self._fingers)
 
     def touched(
         self, positions: Mapping[Side, Joints], fingers: Mapping[Side, float], supervised: Collection[Side]
@@ -80,6 +82,9 @@ class ContactDetector:
         }
         if sum(changes.values()) < _MOVED:
             return {}
+        if any(abs(fingers[side] - self._fingers[side]) > _FINGERS_MOVED for side in Side):
+            # They have opened into something while the arms stood: that is no motion of the arms.
+            self._fingers, self._allowed = dict(fingers), self._overlaps(self.free, fingers)
         allowed, touched = dict[tuple[int, int], float](), dict[Side, str]()
         for pair, depth in self._overlaps(positions, fingers).items():
             sides = [side for side in map(self._side_of.__getitem__, pair) if side is not None]

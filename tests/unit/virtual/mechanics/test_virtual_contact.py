@@ -158,3 +158,17 @@ def test_slow_approach_touches_as_early_as_a_quick_one() -> None:
 
     shares = [touched_at(steps) / steps for steps in (200, 2000, 20000)]
     assert max(abs(a - b) for a, b in pairwise(shares)) < 0.01
+
+
+def test_arm_into_which_fingers_have_opened_may_leave() -> None:
+    positions = {
+        Side.RIGHT: joints([radians(each) for each in (45, -90, -135, 30, 0, 40, 0)]),
+        Side.LEFT: joints([radians(each) for each in (-90, -90, 135, 30, 0, 40, 0)]),
+    }
+    detector, opened = ContactDetector(SERVO_GRIPPERS, positions), {Side.RIGHT: 0.025, Side.LEFT: 0.0}
+    assert not detector._overlaps(positions, dict.fromkeys(Side, 0.0))
+    assert max(detector._overlaps(positions, opened).values()) > 0.01
+    assert detector.touched(positions, opened, Side) == {}
+    for step in range(200):
+        away = joints([radians(45 - 0.1 * step), *positions[Side.RIGHT][1:]])
+        assert detector.touched({**positions, Side.RIGHT: away}, opened, Side) == {}
