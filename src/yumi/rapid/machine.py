@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from yumi.rapid.compiler import compile_routine
+from yumi.rapid.compiler import compile_program, compile_routine
 from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError, RapidValueError
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.program import Code, EventKind, Span, SystemEvent, UserRoutine
@@ -297,18 +297,25 @@ class Machine:
 
     def next_due(self) -> float:
         """Task time at which something is due [s]; infinite when nothing is."""
-        timer = self.interrupts.next_timer()
+        timer = math.inf if self.task.is_event_alone else self.interrupts.next_timer()
         due = self.frames[-1].due if self.frames and self.frames[-1].waiting is not None else None
         return timer if due is None else min(due, timer)
 
     # Entering and leaving routines --------------------------------------------------------------------------------
 
-    def enter(self, routine: UserRoutine, arguments: Sequence[Reference], result_slot: int | None) -> Frame:
+    def enter(
+        self,
+        routine: UserRoutine,
+        arguments: Sequence[Reference],
+        result_slot: int | None,
+        event: SystemEvent | None = None,
+    ) -> Frame:
         if len(self.frames) >= DEEPEST_STACK:
             raise RapidRuntimeError("ERR_EXECPHR", f"More than {DEEPEST_STACK} routines call each other.")
         frame = Frame(self.task, routine, arguments, result_slot)
+        frame.event = event
         code = self.task.program.codes.get(routine)
-        if code is None:
+        if code is None or (event is not None and not self.task.is_linked):
             frame.begin_wait(self._compiling(frame), None, None)
         else:
             frame.begin(code)
@@ -318,11 +325,20 @@ class Machine:
     def _compiling(self, frame: Frame) -> Generator[float | None, None, None]:
         """Compile the frame's routine in the background, and begin it then."""
         program, routine = self.task.program, frame.routine
-        work = self.task.background(lambda: compile_routine(program, routine))
+
+        def compiled() -> Code:
+            if frame.event is not None:  # of a program that has just been loaded, whose data may have no values yet
+                compile_program(program)
+            found = program.codes.get(routine)
+            return compile_routine(program, routine) if found is None else found
+
+        work = self.task.background(compiled)
         while not work.done():
             yield None
         try:
             program.codes[routine] = work.result()
+            if frame.event is not None:
+                self.task.linked_program = program
         except RapidReferenceError as error:
             raise RapidRuntimeError("ERR_LINKREF", str(error)) from error
         frame.begin(program.codes[routine])
@@ -405,15 +421,24 @@ class Machine:
     # Event routines -----------------------------------------------------------------------------------------------
 
     def begin_event(self, event: SystemEvent, routines: Sequence[UserRoutine]) -> None:
-        """Execute procedures one after the other before the program goes on; those of a start come after others."""
+        """Execute procedures one after the other before the program goes on; those of a start come after others.
+
+        Raises:
+            RapidRuntimeError: the stack is too deep for them; none is executed.
+        """
         first = (n for n, each in enumerate(self.frames) if each.event is not None and not each.event.is_of_start)
         depth = next(first, len(self.frames)) if event.is_of_start else len(self.frames)
         above = self.frames[depth:]
         del self.frames[depth:]
-        for routine in reversed(routines):
-            self.enter(routine, (), None).event = event
-        self.frames += above
-        self._find_event()
+        try:
+            for routine in reversed(routines):
+                self.enter(routine, (), None, event)
+        except RapidRuntimeError:
+            del self.frames[depth:]
+            raise
+        finally:
+            self.frames += above
+            self._find_event()
 
     @property
     def program(self) -> Sequence[Frame]:

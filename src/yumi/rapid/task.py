@@ -156,7 +156,8 @@ class Task:
         entry: the procedure the program begins with.
 
     Attributes:
-        now: the task's time, which stands still while the task is stopped [s].
+        now: the task's time, which stands still while the program is stopped; event routines that run alone have
+            their own [s].
         elapsed: the time that goes on then, of clocks, pulses and delayed outputs [s].
         timers: what the program has started and left to be done later, in elapsed time.
         in_position: whether the mechanical units stand still in a fine point; what \InPos waits for.
@@ -166,6 +167,7 @@ class Task:
         background: does what may take longer than a cycle (parsing, linking, compiling), at once or in another thread.
         planning: the same for moves, which must not wait for a long module.
         program: its modules and their code; another one after a module was loaded or unloaded.
+        linked_program: the last one whose data have all been given their values.
         event_routines: the names of the procedures that run on each system event, in their order.
         most_retries: how often RETRY begins a statement again (system parameter NoOfRetry).
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
@@ -202,6 +204,8 @@ class Task:
         }
         self.program = Program(library, host, system_data)
         self._ended_at = -1.0
+        self._program_time: float | None = None  # of the program beneath event routines that run alone [s]
+        self._leaves_event = False  # once the instruction has been executed
         self._pp_moved = self._stop_event = ""
         self.pp_moved_in_manual = False
         self._machine = Machine(self)
@@ -209,6 +213,7 @@ class Task:
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
         self._prepared: Prepared | None = None
+        self.linked_program: Program | None = None
         self._failures: list[Exception] = []  # of what happened outside of the task's time
 
     @property
@@ -225,6 +230,16 @@ class Task:
     def modules(self) -> tuple[ModuleInfo, ...]:
         syntaxes = ((module.name, module.syntax) for module in self.program.modules.values())
         return tuple(ModuleInfo(name, each.is_system, each.filename, each.text) for name, each in syntaxes)
+
+    @property
+    def has_program_pointer(self) -> bool:
+        """Whether there is a statement that a start would go on with."""
+        return bool(self._machine.program)
+
+    @property
+    def is_linked(self) -> bool:
+        """Whether all data have their values: event routines need them, also those of a program just loaded."""
+        return self.linked_program is self.program
 
     @property
     def is_empty(self) -> bool:
@@ -267,6 +282,8 @@ class Task:
         if prepared is None or not self._fits(prepared, modules, replaces_program=replaces_program):
             prepared = self._prepare(modules, replaces_program=replaces_program)
         self._adopt(prepared.program, *removed)
+        if prepared.is_linked:
+            self.linked_program = prepared.program
         return modules
 
     def prepare(self, *modules: s.Module, replaces_program: bool = False) -> None:
@@ -423,6 +440,7 @@ class Task:
         if self._execution is Execution.STARTED:
             raise RobotNotReady(f"The task {self.name} is running; stop it before PP is moved to main.")
         compile_program(self.program)
+        self.linked_program = self.program
         self._main()
 
     def _begin(self, routine: UserRoutine) -> None:
@@ -529,22 +547,36 @@ class Task:
         routines = []
         for name in self.event_routines.get(event, ()):
             try:
-                compile_program(self.program)
                 routines.append(self._routine_to_start(name, None))
             except RapidReferenceError as error:
-                text = f"The routine {name} of the system event {event.name} is not executed: {error}"
-                self.host.write_event(self.name, "Event routine", text, Severity.WARNING, ())
-        self._machine.begin_event(event, routines)
+                self._skip_event(event, name, error)
+        try:
+            self._machine.begin_event(event, routines)
+        except RapidRuntimeError as error:
+            self._skip_event(event, ", ".join(each.name for each in routines), error)
+
+    def _skip_event(self, event: SystemEvent, names: str, error: Exception) -> None:
+        text = f"The routine {names} of the system event {event.name} is not executed: {error}"
+        self.host.write_event(self.name, "Event routine", text, Severity.WARNING, ())
+
+    @property
+    def is_event_alone(self) -> bool:
+        """Whether the event routines that are being executed do not belong to a start: no robot may move."""
+        return self.event is not None and not self.event.is_of_start
 
     def event_changed(self) -> None:
-        """Event routines have begun or ended: a task that is not started runs while they do."""
-        event = self._machine.event
-        is_alone = event is not None and not event.is_of_start
+        """Event routines have begun or ended: a task that is not started runs while they do, in a time of theirs."""
+        is_alone = self.is_event_alone
+        if is_alone and self._program_time is None:
+            self._program_time = self.now
+        elif not is_alone and self._program_time is not None:
+            self.now, self._program_time = self._program_time, None
         self.is_running = is_alone or (self.is_running and self._execution is Execution.STARTED)
 
     def abandon_event(self) -> None:
-        """Leave the event routines that are being executed."""
-        self._machine.abandon_event()
+        """Leave the event routines that are being executed, but for those of a start, which goes on with them."""
+        while self.is_event_alone:
+            self._machine.abandon_event()
 
     @property
     def is_busy(self) -> bool:
@@ -555,7 +587,7 @@ class Task:
         """Let `dt` [s] pass without executing anything, as while a task in its foreground has more to execute."""
         self.now += dt
         self.stand(dt)
-        if self.is_running:
+        if self.is_running and not self.is_event_alone:
             self._machine.interrupts.time_passed(self.now)
 
     def stand(self, dt: float) -> None:
@@ -580,7 +612,9 @@ class Task:
             due = min(machine.next_due() if self.is_running else math.inf, of_timers)
             if due >= end or machine.is_exhausted():
                 break
-            self._pass_to(max(due, self.now))
+            due = max(due, self.now)
+            self._pass_to(due)
+            end += self.now - due  # the program's time is back where it was: event routines that ran alone have ended
         self._pass_to(end)
 
     def _pass_to(self, time: float) -> None:
@@ -591,8 +625,12 @@ class Task:
                 raise self._failures.pop(0)
             self._perform_timers()
             if self.is_running:
-                self._machine.interrupts.time_passed(time)
+                if not self.is_event_alone:
+                    self._machine.interrupts.time_passed(time)
                 self._machine.run()
+            if self._leaves_event:
+                self._leaves_event = False
+                self.abandon_event()
         except Exception as error:  # outside of a statement: whatever a program does, the controller goes on
             frame = self._machine.frames[-1] if self._machine.frames else None
             if isinstance(error, RapidRuntimeError) and frame is not None:
@@ -701,9 +739,11 @@ class Task:
     def stopped_by_program(self, kind: EventKind) -> None:
         """The instructions Stop and SystemStopAction."""
         frame = self._machine.frames[-1]
+        self._leaves_event = self.is_event_alone
+        if self._leaves_event and kind is EventKind.STOP and self._execution is not Execution.STARTED:
+            self.stop()  # the program stands already: only the routine ends
+            return
         self._halt(kind, f"{self.name} was stopped by the program in {self._where(frame)}.", frame)
-        if self.event is not None and not self.event.is_of_start:
-            self._machine.abandon_event()
 
     def exited(self, frame: Frame) -> None:
         self._halt(EventKind.EXIT, f"{self.name} was ended by EXIT in {self._where(frame)}.", frame)

@@ -160,6 +160,14 @@ def _done(work: Callable[[], T], result: Future[T]) -> None:
         del work, result  # the error's traceback leads here, and from here a result would lead back to it
 
 
+def _attempt(work: Callable[[], object]) -> None:
+    """Do the preparation of a call; what fails in it fails in the handler again, which answers it."""
+    try:
+        work()
+    except Exception as error:
+        log.info("A call could not be prepared (%s: %s); its answer says why.", type(error).__name__, error)
+
+
 class VirtualController:
     """A virtual IRC5 on the network: RWS over HTTP or HTTPS, EGM over UDP, advancing in real time.
 
@@ -358,4 +366,4 @@ class VirtualController:
                 work = operation.prepare(self.world.controller, call)
         except Failure:  # the answer says what is wrong
             return None
-        return None if work is None else self._background.submit(work)
+        return None if work is None else self._background.submit(partial(_attempt, work))

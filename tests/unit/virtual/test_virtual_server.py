@@ -20,6 +20,7 @@ from yumi.rapid import compiler, parser
 from yumi.rapid import task as rapid_task
 from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
+from yumi.rapid.program import SystemEvent
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.rws import rapid as rws_rapid
 from yumi.virtual.rws import service, symbols
@@ -78,7 +79,7 @@ def test_work_that_was_cancelled_is_not_begun_and_others_are(background: Backgro
 def test_text_of_a_module_is_quoted_once_for_all_who_read_it(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a long one that takes longer than a cycle, in which the world stands still."""
     texts: list[str] = []
-    monkeypatch.setattr(rws_rapid, "quote", lambda text, encoding: texts.append(text) or quote(text, encoding=encoding))
+    monkeypatch.setattr(rws_rapid, "quote", lambda text, **how: texts.append(text) or quote(text, **how))
     rws_rapid.quoted.cache_clear()
     controller = World().controller
     options = (("resource", "module-text"), ("task", "T_ROB_L"))
@@ -278,6 +279,7 @@ def test_no_module_is_parsed_or_compiled_while_the_world_waits(
     task, files = virtual.world.controller.tasks["T_ROB_L"], virtual.world.controller.files
     task.load(_EARLY, "HOME:/early.mod")
     task.move_pp_to_main()
+    task.event_routines = {SystemEvent.RESET: ("p",)}
     late = f"{_LATE}! {name} {is_2}"  # which nobody has parsed before
     files["HOME:/late.mod"] = late
     files["HOME:/late.pgf"] = "<Program><Module>late.mod</Module></Program>"
@@ -309,6 +311,44 @@ def test_no_module_is_parsed_or_compiled_while_the_world_waits(
     assert "x := 2;" in next(each.text for each in task.modules if each.name == "early")
     assert work, "it was parsed"
     assert True not in work
+
+
+def test_module_with_characters_that_no_file_has_is_prepared(served: Served) -> None:
+    virtual, cookie = served
+    virtual.world.controller.tasks["T_ROB_L"].load(_EARLY, "HOME:/early.mod")
+    target = LOADS["set-module-text"][isinstance(virtual._service, RwsService2)]
+    request = HttpRequest("POST", target, (cookie,), f"text={quote(_LATE + '! costs 5 €')}".encode())
+    virtual._background.start()
+    try:
+        preparation = virtual._prepare(request)
+        assert preparation is not None
+        preparation.result(5.0)
+    finally:
+        virtual._background.stop()
+    assert rws_rapid.quoted("! 5 €") == "%21%205%20%3F"
+
+
+def test_preparation_that_fails_leaves_the_answer_to_the_handler(
+    served: Served, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    virtual, cookie = served
+    virtual.world.controller.files["HOME:/once.mod"] = "MODULE once ENDMODULE"
+
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("by zero")
+
+    monkeypatch.setattr(rws_rapid, "prepare_modules", fail)
+    target = LOAD[isinstance(virtual._service, RwsService2)]
+    request = HttpRequest("POST", target, (cookie,), b"modulepath=HOME:/once.mod")
+    virtual._background.start()
+    try:
+        preparation = virtual._prepare(request)
+        assert preparation is not None
+        with caplog.at_level("INFO"):
+            assert preparation.result(5.0) is None
+    finally:
+        virtual._background.stop()
+    assert "ZeroDivisionError: by zero" in caplog.text
 
 
 @pytest.mark.parametrize("action", ["set-pp-routine", "set-pp-routine-from-url"])

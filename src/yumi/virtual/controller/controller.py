@@ -371,6 +371,18 @@ class Irc5:
         if self.controller_state is ControllerState.EMERGENCY_STOP:
             self.controller_state = ControllerState.EMERGENCY_STOP_RESET
 
+    def reset_emergency_stop(self) -> None:
+        """Acknowledge an emergency stop whose button has been pulled out; the motors stay off.
+
+        Raises:
+            Refused: EMERGENCY_STOP.
+        """
+        if self.controller_state is not ControllerState.EMERGENCY_STOP_RESET:
+            state = self.controller_state.value
+            sentence = f"an emergency stop is reset once its button is pulled out; the state is {state}."
+            raise Refused(Refusal.EMERGENCY_STOP, sentence)
+        self.controller_state = ControllerState.MOTORS_OFF
+
     def select_mode(self, mode: OperatingMode) -> None:
         """The mode selector is turned: motors off, RAPID stops."""
         if mode is not self.mode:
@@ -421,6 +433,7 @@ class Irc5:
             elif self._restart_left <= 0.0:  # from now on nothing answers
                 self.is_restarting = True
                 self.execution.stop_background()
+                self.execution.abandon_stop()
                 self._restart_left = self._restart_time
                 if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
                     self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
@@ -675,7 +688,7 @@ _ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
     "SoftStop": lambda controller, _: controller.stop_rapid(),
     "StopInstr": lambda controller, _: controller.stop_rapid(),
     "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
-    "ResetEstop": lambda controller, _: controller.release_emergency_stop(),
+    "ResetEstop": lambda controller, _: controller.reset_emergency_stop(),
 }
 
 

@@ -141,7 +141,7 @@ class _Stop:
     Attributes:
         reason: why RAPID stops, for the event log.
         event: STOP or QSTOP.
-        tasks: those that have event routines.
+        tasks: those that it has stopped.
         have_begun: whether the arms stand still, so that the routines are being executed.
         left: of the time it may take [s].
     """
@@ -236,7 +236,7 @@ class RapidExecution:
         if all(each.task.execution is Execution.STARTED for each in selected):
             raise Refused(Refusal.ALREADY_RUNNING, "RAPID is running already.")
         for each in selected:
-            if each.task.execution is Execution.UNINITIALIZED:
+            if not each.task.has_program_pointer:  # also after EXIT
                 name = each.task.name
                 raise Refused(Refusal.NO_PROGRAM_POINTER, f"{name} has no program pointer: move it to main first.")
         self.is_running = True
@@ -253,8 +253,7 @@ class RapidExecution:
         self._events.append(10150, "Program started", f"RAPID runs in {names}.")
 
     def end_after_cycle(self) -> None:
-        """Stop when the programs have come to their end."""
-        self.cycle = "once"
+        """Stop when the programs have come to their end; the next start repeats them as `cycle` says."""
         for each in self._selected:
             each.task.repeats = False
 
@@ -273,9 +272,7 @@ class RapidExecution:
                 continue
             task = each.task
             try:
-                if task.execution is Execution.UNINITIALIZED or (
-                    is_restart and each.settings.type is TaskType.SEMISTATIC
-                ):
+                if not task.has_program_pointer or (is_restart and each.settings.type is TaskType.SEMISTATIC):
                     task.stop()
                     task.move_pp_to_main()
             except RapidReferenceError as error:
@@ -293,24 +290,28 @@ class RapidExecution:
                 each.task.stop()
 
     def stop(self, reason: str, event: SystemEvent = SystemEvent.STOP, *, stopped: InstalledTask | None = None) -> None:
-        """Stop all tasks and bring the arms to a standstill; nothing happens when RAPID is stopped.
+        """Stop all tasks and bring the arms to a standstill.
+
+        Event routines that run alone are left: those of POWER_ON and RESET, and those of a stop before. An emergency
+        stop has its own ones executed instead of those of a stop before.
 
         Args:
             reason: for the event log.
             event: STOP, or QSTOP of an emergency stop: its event routines are executed when the arms stand still.
             stopped: the task whose instruction has stopped the others.
         """
-        if not self.is_running or self._stop is not None:
-            return
         normal = [each for each in self.installed.values() if each.is_normal]
-        routines = [
-            each
-            for each in normal
-            if (each.task.execution is Execution.STARTED or each is stopped) and each.task.event_routines.get(event)
-        ]
+        before = self._stop
+        if before is None:
+            tasks = [each for each in normal if each.task.execution is Execution.STARTED or each is stopped]
+        else:
+            tasks = list(before.tasks)
         self._resuming.clear()
         for each in normal:
             each.task.stop()
+            each.task.abandon_event()
+        if not self.is_running:
+            return
         self._show_in_egm()
         # An arm under EGM ramps down as configured; any other motion stops as fast as the drives allow.
         for unit in [each.unit for each in normal if each.unit is not None]:
@@ -318,8 +319,11 @@ class RapidExecution:
             unit.egm.abort()
             if not was_under_egm:
                 unit.arm.stop()
-        self._stop = _Stop(reason, event, routines)
-        if not routines:
+        if before is None or (event is SystemEvent.QSTOP and before.event is not event):
+            self._stop = _Stop(reason, event, tasks)
+            if not any(each.task.event_routines.get(event) for each in tasks):
+                self._end_stop()
+        elif before.have_begun:
             self._end_stop()
 
     def _go_on_stopping(self, stop: _Stop, dt: float) -> None:
@@ -335,13 +339,18 @@ class RapidExecution:
             names = ", ".join(each.task.name for each in unfinished)
             sentence = f"The event routines of {stop.event.name} in {names} took longer than {_LONGEST_STOP:g} s."
             self._events.append(40228, "Execution error", sentence, EventType.ERROR)
-            for each in unfinished:
-                each.task.abandon_event()
         if not unfinished or stop.left <= 0.0:
+            self._end_stop()
+
+    def abandon_stop(self) -> None:
+        """End a stop without what is left of its event routines."""
+        if self._stop is not None:
             self._end_stop()
 
     def _end_stop(self) -> None:
         assert self._stop is not None
+        for each in self._stop.tasks:
+            each.task.abandon_event()
         reason, self._stop = self._stop.reason, None
         self.is_running = False
         self._events.append(10125, "Program stopped", reason)
@@ -413,7 +422,11 @@ class RapidExecution:
             raise Refused(Refusal.BAD_PROGRAM, str(error)) from error
 
     def replace_program(self, texts: Mapping[str, str]) -> None:
-        """Load other modules, by their paths, in the place of all of motion tasks; PP goes to their main."""
+        """Load other modules, by their paths, in the place of all of motion tasks; PP goes to their main.
+
+        What is left of the event routines of a stop is not executed.
+        """
+        self.abandon_stop()
         for task in [each.task for each in self.installed.values() if each.settings.is_motion_task]:
             task.lose_pp()
             for module in task.modules:
@@ -488,17 +501,22 @@ class RapidExecution:
             if trust in (TrustLevel.SYS_FAIL, TrustLevel.SYS_HALT):
                 self._halt(reason)
             return
+        if self.is_running and self._stop is None:  # otherwise a routine has ended that ran alone: others go on
+            self._stop_with(stopped, event, reason)
+        if event.kind is EventKind.SYSTEM_STOP_BLOCK:
+            for each in self._selected:
+                each.task.lose_pp()
+        elif event.kind is EventKind.SYSTEM_HALT:
+            self._halt(reason)
+
+    def _stop_with(self, stopped: InstalledTask, event: TaskEvent, reason: str) -> None:
+        """Stop the other tasks with one that has stopped by itself, or execute its own event routines of STOP."""
         none_runs = all(each.task.execution is not Execution.STARTED for each in self._selected)
         if event.kind not in _OF_ITS_OWN_TASK or none_runs:
             self.stop(reason, stopped=stopped if event.kind in _STOPS else None)
         elif event.kind is EventKind.STOP:
             stopped.task.begin_event(SystemEvent.STOP)
             self._events.append(10125, "Program stopped", reason)
-        if event.kind is EventKind.SYSTEM_STOP_BLOCK:
-            for each in self._selected:
-                each.task.lose_pp()
-        elif event.kind is EventKind.SYSTEM_HALT:
-            self._halt(reason)
 
     def _show_in_egm(self) -> None:
         """The datagrams of each arm carry the state of its own task."""

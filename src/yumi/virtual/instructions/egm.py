@@ -19,6 +19,7 @@ from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
+from yumi.virtual.instructions.motion import check_may_move
 from yumi.virtual.mechanics.motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
 
 MOST_IDENTITIES = 4
@@ -196,6 +197,7 @@ class EgmInstructions:
         yield from self._running(call, self._ordered([call.present(axis) for axis in _AXES[: self._count]]))
 
     def _running(self, call: Call, axes: tuple[bool, ...]) -> Wait:
+        check_may_move(call)
         if not self._unit.has_moved:
             raise RapidRuntimeError(
                 FATAL, f"{call.name}: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."

@@ -250,6 +250,7 @@ class MotionInstructions:
             build: plans it.
             added: called when the leg has been added to the path.
         """
+        check_may_move(call)
         path, is_concurrent = self.arm.path, bool(call.get("Conc", False))
         self._concurrent = self._concurrent + 1 if is_concurrent else 0
         if self._concurrent > MOST_CONCURRENT:
@@ -276,7 +277,7 @@ class MotionInstructions:
         self._check_ready()
         while path.is_abandoned or (path.is_empty and not arm.is_stationary):
             yield None
-        unit.override_speed(self._speed_ratio())
+        self.override_speed()
         is_corrected = bool(call.get("Corr", False))
         stands = path.nominal if is_corrected and path.state.position == arm.planned else arm.planned
         if path.is_empty and (path.end is None or path.end.end != stands):
@@ -310,11 +311,15 @@ class MotionInstructions:
 
     def go_on(self) -> None:
         """The program runs: the arm follows the path, also after a stop."""
-        self.unit.override_speed(self._speed_ratio())
+        self.override_speed()
         try:
             self.arm.follow_path()
         except RobotNotReady as error:
             raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
+
+    def override_speed(self) -> None:
+        """Follow the speed override of the controller and of the program."""
+        self.unit.override_speed(self._speed_ratio())
 
     def _check_ready(self) -> None:
         try:
@@ -500,6 +505,17 @@ def normalized(call: Call) -> Any:
     return tuple(part / length for part in rotation)
 
 
+def check_may_move(call: Call) -> None:
+    """Refuse what lets a robot move in event routines that do not belong to a start."""
+    if call.task.is_event_alone:
+        assert call.task.event is not None
+        sentence = (
+            f"{call.name} moves a robot, which an event routine of {call.task.event.name} may not: use it in the "
+            "program, or in one of START, RESTART or STEP."
+        )
+        raise RapidRuntimeError(FATAL, sentence)
+
+
 def forbid_motion(library: Library) -> None:
     """Let the motion instructions of a task without mechanical units be refused, as RAPID does."""
 
@@ -512,7 +528,7 @@ def forbid_motion(library: Library) -> None:
     records = ("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd")
     corrections = ("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead")
     settings = ("SpeedLimAxis", "SpeedLimCheckPoint", "TuneServo", "TuneReset")
-    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "LoadId", *triggers, *records, *corrections, *settings)
+    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "StepBwdPath", "LoadId", *triggers, *records, *corrections, *settings)
     library.replace_implementations((*moves, *others), refuse)
 
 

@@ -16,9 +16,9 @@ from yumi.robot.joints import JOINT_COUNT, Pose
 from yumi.robot.kinematics import compose, inverse
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget
-from yumi.virtual.instructions.motion import FATAL, MotionInstructions
+from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move
 from yumi.virtual.instructions.poses import unit_quaternion
-from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
 from yumi.virtual.mechanics.course import CircleMode, Frames
 from yumi.virtual.mechanics.path import Acceleration
 
@@ -107,7 +107,7 @@ class MotionSettingInstructions:
             sentence = f"SpeedRefresh takes 0 to 100 %, not {call['Override']:g}."
             raise RapidRuntimeError("ERR_SPEED_REFRESH_LIM", sentence)
         self._unit.settings.refreshed = call["Override"]
-        self._motion.go_on()
+        self._motion.override_speed()
 
     def limit_tool_speed(self, call: Call) -> None:
         """SpeedLimCheckPoint: of the tool's point [mm/s], while the system input LimitSpeed is set."""
@@ -307,7 +307,7 @@ class MotionSettingInstructions:
         """
         arms = self._arms(call)
         for arm in arms:
-            arm.path.holds.add(STOP_MOVE)
+            arm.path.hold(STOP_MOVE)
         while not all(arm.is_stationary or arm.egm is not None for arm in arms):
             yield None
 
@@ -318,13 +318,30 @@ class MotionSettingInstructions:
         if call["StepLength"] < 0.0 or not call["StepTime"] > 0.0:
             sentence = "StepBwdPath takes a StepLength of 0 mm or more and a StepTime above 0 s."
             raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-        path, end = self._unit.arm.path, call.task.now + call["StepTime"] + 1.0
-        path.step_back(call["StepLength"] * 1e-3, call["StepTime"])
-        while (path.is_going_back or not self._unit.arm.is_stationary) and call.task.now < end:
+        arm = self._unit.arm
+        self._regain(arm)
+        while not arm.is_stationary:
             yield None
+            self._regain(arm)
+        arm.path.step_back(call["StepLength"] * 1e-3, call["StepTime"])
+        try:
+            while arm.path.is_going_back or not arm.is_stationary:
+                yield None
+                self._regain(arm)
+        finally:
+            arm.path.end_step_back()
+
+    def _regain(self, arm: VirtualArm) -> None:
+        """Bring an arm back to its path, where it stays until the event routines of the start have ended."""
+        arm.path.holds.add(STOPPED)
+        try:
+            arm.regain_path()
+        except RobotNotReady as error:
+            raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     def start_move(self, call: Call) -> None:
         """StartMove: on along the path."""
+        check_may_move(call)
         for arm in self._arms(call):
             arm.path.holds.discard(STOP_MOVE)
             try:
@@ -388,7 +405,7 @@ class MotionSettingInstructions:
     def recover(self, call: Call) -> Wait:
         """ProcerrRecovery: stop the movements and let the error handler go on, with ERR_PATH_STOP."""
         arm = self._unit.arm
-        arm.path.holds.add(STOP_MOVE)
+        arm.path.hold(STOP_MOVE)
         while not arm.is_stationary:
             yield None
         raise RapidRuntimeError("ERR_PATH_STOP", "ProcerrRecovery has stopped the movements.")

@@ -121,7 +121,7 @@ class TriggerInstructions:
         def act(move: Call) -> None:
             if not _RELATIONS[relation](move.task.read_signal(name), wanted):
                 if stops:
-                    self._motion.arm.path.holds.add("StopMove")
+                    self._motion.arm.path.hold("StopMove")
                 move.task.interrupts.occur(number)
 
         self._define(call, Event(act))

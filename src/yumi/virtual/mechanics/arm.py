@@ -358,6 +358,14 @@ class VirtualArm:
             RobotNotReady: the motors are off, or EGM moves the arm.
         """
         self.path.holds.discard(STOPPED)
+        self.regain_path()
+
+    def regain_path(self) -> None:
+        """Go back to the path from where something else has moved the arm to, as far as nothing else holds it.
+
+        Raises:
+            RobotNotReady: the motors are off, or EGM moves the arm.
+        """
         if self.path.is_empty or self._motion is self.path or self._is_regaining:
             return
         self.check_ready()
@@ -373,7 +381,7 @@ class VirtualArm:
     def stop(self) -> None:
         """Decelerate any motion to standstill as fast as the drives allow, and hold; a path is kept."""
         if self._motion is self.path:
-            self.path.holds.add(STOPPED)
+            self.path.hold(STOPPED)
         elif not self._motion.is_finished:
             self._motion, self._is_regaining = stopping(self._motion.state, self.model), False
 

@@ -16,7 +16,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.robot.joints import JointLimits, Joints
+from yumi.robot.joints import CYCLE, JointLimits, Joints
 from yumi.virtual.mechanics.course import Leg, Piece, Speed
 from yumi.virtual.mechanics.motion import MotionState
 
@@ -135,6 +135,7 @@ class Run:
         turn_speed: the same of its orientation [rad/s], (n,).
         possible: speed along the path, with all that lies ahead [m/s].
         along: acceleration along the path [m/s²].
+        free: speed along the path that the joints allow, whatever the program wants [m/s].
         rows, slopes, places: joints, their derivatives and distances, as the cycle reads them.
         triggers: what happens where.
     """
@@ -149,6 +150,7 @@ class Run:
     turn_speed: Array
     possible: list[float] = field(default_factory=list)
     along: list[float] = field(default_factory=list)
+    free: list[float] = field(default_factory=list)
     rows: list[tuple[float, ...]] = field(default_factory=list)
     slopes: list[tuple[float, ...]] = field(default_factory=list)
     places: list[float] = field(default_factory=list)
@@ -180,6 +182,7 @@ class Run:
                 self.turn_speed[1:] * steps / np.maximum(np.diff(self.turned), 1e-12),
             )
         wanted = np.minimum(np.concatenate([wanted[:1], wanted]), np.concatenate([wanted, wanted[-1:]])) * override
+        self.free = np.minimum(fast, limit.tool).tolist()
         fast = np.minimum(fast, wanted)
         fast[-1] = 0.0
         self.along = along.tolist()
@@ -424,15 +427,27 @@ class PathMotion:
 
         Args:
             length: of the tool's way [m].
-            duration: how long it takes [s].
+            duration: how long it takes [s], or longer where the joints cannot go that fast.
         """
         if not self._runs:
             return
         run = self._runs[0]
         way = float(np.interp(self._at, run.distance, run.way)) - length
         place = float(np.interp(way, run.way, run.distance)) if way > run.way[0] else float(run.distance[0])
-        self._back = place, (self._at - place) / duration
+        first, last = (int(np.searchsorted(run.distance, each)) for each in (place, self._at))
+        passed = slice(max(first - 1, 0), last + 1)
+        fastest = min(*run.free[passed], min(run.along[passed]) * SMOOTHING * CYCLE)  # reached in the averaged cycles
+        self._back = place, min((self._at - place) / duration, fastest)
         self._index = self._shown_index = 0
+
+    def hold(self, reason: str) -> None:
+        """Slow down on the path and stay there while the reason is one of `holds`; a way back ends, too."""
+        self.holds.add(reason)
+        self.end_step_back()
+
+    def end_step_back(self) -> None:
+        """Stay where it is on the way back."""
+        self._back = None
 
     @property
     def is_going_back(self) -> bool:
@@ -441,6 +456,7 @@ class PathMotion:
     def abandon(self) -> None:
         """Slow down on the path, and forget what is ahead then."""
         self.is_abandoned = bool(self._runs)
+        self.end_step_back()
 
     # The arm's side -----------------------------------------------------------------------------------------------
 
@@ -457,6 +473,7 @@ class PathMotion:
         """The arm was stopped by something else: go on from standstill later."""
         self._at, self._speed = self._shown, 0.0
         self._past = deque([self._shown] * SMOOTHING, SMOOTHING)
+        self.end_step_back()
         self._index = self._shown_index = 0
         self.state = MotionState.standing(self.state.position)
 

@@ -110,7 +110,7 @@ PING = 30.0
 BodyLimit = Callable[[HttpRequest], int]
 """How long the body of a request may be [bytes], decided from its head; 0 leaves it unread."""
 
-Preparation = Callable[[HttpRequest], "Future[object] | None"]
+BackgroundWork = Callable[[HttpRequest], "Future[object] | None"]
 """Begins long work that a request needs; the handler is called when it is done. None for none."""
 
 _ORIGIN = re.compile(r"https?://[^/?]*", re.IGNORECASE)
@@ -142,7 +142,7 @@ class HttpServer:
         host: str = "127.0.0.1",
         *,
         body_limit: BodyLimit = lambda request: _MAX_BODY,
-        prepare: Preparation = lambda request: None,
+        prepare: BackgroundWork = lambda request: None,
         tls: ssl.SSLContext | None = None,
     ) -> None:
         self.port = port

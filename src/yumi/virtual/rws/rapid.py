@@ -153,10 +153,10 @@ def load_module(controller: Irc5, call: Call) -> None:
 def prepare_module(controller: Irc5, call: Call) -> Callable[[], None] | None:
     path = path_of_file(call.required("modulepath"))
     text = controller.files.get(path)
-    return None if text is None else partial(link, _task(controller, call), {path: text})
+    return None if text is None else partial(prepare_modules, _task(controller, call), {path: text})
 
 
-def link(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
+def prepare_modules(task: Task, texts: Mapping[str, str], *, replaces_program: bool = False) -> None:
     """Parse, link and compile modules that are about to be loaded, in any thread; loading raises the same errors."""
     with suppress(RapidError):
         task.prepare(*(parsed(text, path) for path, text in texts.items()), replaces_program=replaces_program)
@@ -170,8 +170,11 @@ def parsed(text: str, path: str) -> s.Module:
 
 @lru_cache(maxsize=32)
 def quoted(text: str) -> str:
-    """A module's text, URL-encoded; a long one takes longer than a cycle the first time."""
-    return quote(text, encoding="latin-1")
+    """A module's text, URL-encoded; a long one takes longer than a cycle the first time.
+
+    What ISO 8859-1 does not have becomes a question mark, as in files that a program is saved in.
+    """
+    return quote(text, encoding="latin-1", errors="replace")
 
 
 def prepare_compiled(controller: Irc5, call: Call) -> Callable[[], None]:
@@ -448,7 +451,7 @@ def load_program(controller: Irc5, call: Call) -> None:
 
 def prepare_program(controller: Irc5, call: Call) -> Callable[[], None]:
     texts = _program_files(controller, path_of_file(call.required("progpath")))
-    return partial(link, _task(controller, call), texts, replaces_program=_is_replacing(call))
+    return partial(prepare_modules, _task(controller, call), texts, replaces_program=_is_replacing(call))
 
 
 def _is_replacing(call: Call) -> bool:

@@ -23,7 +23,7 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
-from yumi.virtual.rws.rapid import find_task, link, quoted
+from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
 from yumi.virtual.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
@@ -208,7 +208,7 @@ def set_module_text(controller: Irc5, call: Call) -> None:
 
 def prepare_module_text(controller: Irc5, call: Call) -> Callable[[], None]:
     task, module = _module(controller, call)
-    return functools.partial(link, task, {module.syntax.filename: call.required("text")})
+    return functools.partial(prepare_modules, task, {module.syntax.filename: call.required("text")})
 
 
 def _replace_text(controller: Irc5, task: Task, module: LoadedModule, text: str) -> None:
@@ -228,7 +228,7 @@ def set_text_range(controller: Irc5, call: Call) -> None:
 
 def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
     task, module = _module(controller, call)
-    return functools.partial(link, task, {module.syntax.filename: _changed_text(module, call)})
+    return functools.partial(prepare_modules, task, {module.syntax.filename: _changed_text(module, call)})
 
 
 def _changed_text(module: LoadedModule, call: Call) -> str:

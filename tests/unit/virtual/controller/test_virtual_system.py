@@ -454,13 +454,15 @@ SYSSIG_IN:
       -Signal "last" -Action "StopCycle"
 
       -Signal "off" -Action "MotOff"
+
+      -Signal "reset" -Action "ResetEstop"
 #
 EIO_SIGNAL:
 """
 
 
 def test_system_inputs_switch_motors_and_start_and_stop_the_program(tmp_path: Path) -> None:
-    names = ("power", "go", "resume", "halt", "last", "off")
+    names = ("power", "go", "resume", "halt", "last", "off", "reset")
     signals = "".join(f'\n -Name "{name}" -SignalType "DI"\n' for name in names)
     folder = write(tmp_path, {"a.mod": COUNT, "EIO.cfg": INPUTS + signals})
     world = world_of(folder, cfg=("EIO.cfg",), T_ROB_L="a.mod", T_ROB_R="")
@@ -487,7 +489,18 @@ def test_system_inputs_switch_motors_and_start_and_stop_the_program(tmp_path: Pa
     press("go", 0.3)
     press("last", 0.3)
     assert not controller.is_running
+    assert controller.cycle == "forever"
+    controller.start_rapid()
+    run(world, 0.5)
+    assert controller.is_running, "only the run before ended with its cycle"
     press("off")
+    assert controller.controller_state is ControllerState.MOTORS_OFF
+    controller.press_emergency_stop()
+    press("reset")
+    assert controller.controller_state is ControllerState.EMERGENCY_STOP, "a signal pulls no button out"
+    assert "reset once its button is pulled out" in controller.events.entries()[0].description
+    controller.release_emergency_stop()
+    press("reset")
     assert controller.controller_state is ControllerState.MOTORS_OFF
 
 

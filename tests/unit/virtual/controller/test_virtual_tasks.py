@@ -1,12 +1,16 @@
 """Event routines of the system parameters, and tasks that wait for the task in their foreground."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from math import degrees
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
+from yumi.robot.joints import Joints, Side
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
@@ -255,6 +259,233 @@ def test_stop_in_a_routine_of_stop_ends_the_routine(tmp_path: Path) -> None:
     run(world, 0.1)
     assert list(controller.screens["T_ROB_L"]) == ["main", "halted"]
     assert controller.tasks["T_ROB_L"].call_stack[0].routine == "main"
+    assert "system error" not in logged(controller)
+
+
+def test_stop_in_a_routine_of_a_stop_of_one_task_is_no_stop_of_its_own(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PROC main() TPWrite "main"; Stop; ENDPROC
+      PROC halted() TPWrite "halted"; Stop; TPWrite "never"; ENDPROC
+    ENDMODULE"""
+    hook = '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"'
+    controller = started(controller_world(tmp_path, hook, TASKS, T_ROB_L=[text], SERVER=[WAITING]), 0.5)
+    assert controller.screens["T_ROB_L"] == ("main", "halted")
+    assert controller.tasks["T_ROB_L"].execution is Execution.STOPPED
+    assert controller.is_running, "the other task goes on"
+
+
+ENDS: dict[str, Callable[[Irc5], object]] = {
+    "stop": Irc5.stop_rapid,
+    "collision": lambda controller: controller.collide(Side.LEFT),
+    "motors off": lambda controller: controller.set_motors(False),
+    "emergency stop": Irc5.press_emergency_stop,
+}
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_another_stop_leaves_the_routines_of_a_stop(tmp_path: Path, end: str) -> None:
+    text = """MODULE Main
+      PROC main() WaitTime 100; ENDPROC
+      PROC halted() WaitTime 50; TPWrite "never"; ENDPROC
+    ENDMODULE"""
+    hooks = ALL.replace('-Routine "on_event" -Shelf "STOP"', '-Routine "halted" -Shelf "STOP"')
+    world = controller_world(tmp_path, hooks, T_ROB_L=[text])
+    controller = started(world, 0.3)
+    controller.stop_rapid()
+    run(world, 0.3)
+    assert controller.is_running
+    ENDS[end](controller)
+    run(world, 0.3)
+    assert not controller.is_running
+    seen = ("power on", "start", *(["qstop"] if end == "emergency stop" else []))
+    assert controller.screens["T_ROB_L"] == seen
+    assert [each.routine for each in controller.tasks["T_ROB_L"].call_stack] == ["main"]
+
+
+def test_stop_that_comes_twice_before_the_arm_stands_calls_its_routines(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, T_ROB_L=[MOVING % ("", "")])
+    controller = started(world, 2.0)
+    controller.stop_rapid()
+    controller.stop_rapid()
+    run(world, 1.0)
+    assert not controller.is_running
+    assert controller.screens["T_ROB_L"] == ("power on", "start", "stop")
+
+
+def test_program_is_replaced_while_routines_of_a_stop_run(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC halted() WaitTime 50; ENDPROC ENDMODULE"
+    world = controller_world(tmp_path, '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[text])
+    controller = started(world)
+    controller.replace_program({"HOME:/other.mod": "MODULE Other PROC main() WaitTime 5; ENDPROC ENDMODULE"})
+    assert not controller.is_running
+    task = controller.tasks["T_ROB_L"]
+    assert [each.name for each in task.modules] == ["Other"]
+    assert task.execution is Execution.READY
+
+
+def test_start_after_exit_is_refused(tmp_path: Path) -> None:
+    controller = started(controller_world(tmp_path, "", T_ROB_L=["MODULE Main PROC main() EXIT; ENDPROC ENDMODULE"]))
+    with pytest.raises(Refused, match="T_ROB_L has no program pointer: move it to main first"):
+        controller.start_rapid()
+    assert not controller.is_running
+
+
+def test_background_task_that_has_ended_begins_again_at_a_restart(tmp_path: Path) -> None:
+    text = 'MODULE Main PROC main() TPWrite "main"; EXIT; ENDPROC ENDMODULE'
+    tasks = TASKS.replace('-Type "SEMISTATIC"', '-Type "STATIC"')
+    world = controller_world(tmp_path, "", tasks, WATCHER=[text])
+    run(world, 0.1)
+    world.controller.restart(0.01)
+    assert run(world, 0.5).screens["WATCHER"] == ("main", "main")
+
+
+def test_routines_that_the_call_stack_has_no_room_for_leave_a_warning(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PERS num depth := 0;
+      PROC main() deep; ENDPROC
+      PROC deep() Incr depth; IF depth < 249 deep; WaitTime 100; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, T_ROB_L=[text])
+    controller = started(world, 0.5)
+    controller.stop_rapid()
+    run(world, 0.1)
+    assert not controller.is_running
+    assert "on_event of the system event STOP is not executed" in logged(controller)
+    controller.start_rapid()
+    run(world, 0.1)
+    assert controller.tasks["T_ROB_L"].execution is Execution.STARTED
+    assert controller.screens["T_ROB_L"] == ("power on", "start")
+
+
+MOVING = """MODULE Moving
+  PROC main()
+    MoveAbsJ [[30,-100,10,0,40,0],[120,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs, v50, fine, tool0;
+    %s
+    WaitTime 100;
+  ENDPROC
+  PROC on_it()
+    VAR egmident egm;
+    %s
+  ENDPROC
+ENDMODULE"""
+MOVES = (
+    "MoveAbsJ [[10,-120,20,0,40,0],[130,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs, v50, fine, tool0;",
+    "StartMove;",
+    "StartMove\\AllMotionTasks;",
+    "EGMRunJoint egm, EGM_STOP_HOLD\\J1;",
+)
+
+
+def left(world: World) -> Joints:
+    return next(arm.position for settings, arm in world.arms.items() if settings.name == "LEFT")
+
+
+def moved_by(world: World, before: Joints) -> float:
+    """The largest way of a joint of the left arm [deg]."""
+    return max(abs(degrees(a - b)) for a, b in zip(left(world), before, strict=True))
+
+
+@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("event", ["STOP", "QSTOP"])
+def test_routines_of_a_stop_move_no_arm(tmp_path: Path, event: str, move: str) -> None:
+    hook = f'-Routine "on_it" -Shelf "{event}" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[MOVING % ("", f"WaitTime 1; {move}")])
+    controller = started(world, 3.0)
+    if event == "STOP":
+        controller.stop_rapid()
+        run(world, 0.5)
+    else:
+        controller.press_emergency_stop()
+        run(world, 0.2)
+        controller.release_emergency_stop()
+        controller.set_motors(True)
+    position = left(world)
+    run(world, 3.0)
+    assert moved_by(world, position) < 0.01
+    assert not controller.is_running
+    assert f"moves a robot, which an event routine of {event} may not" in logged(controller)
+
+
+@pytest.mark.parametrize("move", MOVES)
+@pytest.mark.parametrize("event", ["POWER_ON", "RESET"])
+def test_routines_without_a_start_move_no_arm(tmp_path: Path, event: str, move: str) -> None:
+    hook = f'-Routine "on_it" -Shelf "{event}" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[MOVING % ("", f"WaitTime 1; {move}")])
+    world.controller.set_motors(True)
+    world.controller.program_loaded("T_ROB_L")
+    position = left(world)
+    run(world, 3.0)
+    assert moved_by(world, position) < 0.01
+    assert f"moves a robot, which an event routine of {event} may not" in logged(world.controller)
+
+
+def test_routines_of_a_start_may_move_the_arm(tmp_path: Path) -> None:
+    hook = '-Routine "on_it" -Shelf "START" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[MOVING % ("", f"{MOVES[0]} Stop;")])
+    position = left(world)
+    started(world, 2.0)
+    assert moved_by(world, position) > 1.0
+
+
+def test_stop_leaves_the_routines_of_power_on_though_nothing_is_started(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC endless() WaitUntil FALSE; ENDPROC ENDMODULE"
+    world = controller_world(tmp_path, '-Routine "endless" -Shelf "POWER_ON" -Task "T_ROB_L"', T_ROB_L=[text])
+    task = run(world, 0.1).tasks["T_ROB_L"]
+    assert task.call_stack[0].routine == "endless"
+    world.controller.stop_rapid()
+    run(world, 0.1)
+    assert [each.routine for each in task.call_stack] == ["main"]
+    assert not task.is_running
+
+
+def test_wait_of_the_program_does_not_pass_in_routines_of_a_stop(tmp_path: Path) -> None:
+    text = """MODULE Main
+      VAR intnum tick;
+      PROC main()
+        CONNECT tick WITH ticked;
+        ITimer\\Single, 2, tick;
+        WaitTime 1;
+        TPWrite "waited";
+        WaitTime 100;
+      ENDPROC
+      TRAP ticked TPWrite "tick"; ENDTRAP
+      PROC halted() WaitTime 5; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[text])
+    controller = started(world, 0.5)
+    controller.stop_rapid()
+    run(world, 5.5)
+    assert not controller.is_running
+    controller.start_rapid()
+    run(world, 0.4)
+    assert controller.screens["T_ROB_L"] == ()
+    run(world, 0.2)
+    assert controller.screens["T_ROB_L"] == ("waited",)
+    run(world, 0.8)
+    assert controller.screens["T_ROB_L"] == ("waited",)
+    run(world, 0.2)
+    assert controller.screens["T_ROB_L"] == ("waited", "tick")
+
+
+def test_routines_of_another_program_are_compiled_beside_the_cycle(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, T_ROB_L=[WAITING])
+    controller = run(world, 0.1)
+    task = controller.tasks["T_ROB_L"]
+    waiting: list[tuple[Future[Any], Callable[[], Any]]] = []
+
+    def later(work: Callable[[], Any]) -> Future[Any]:
+        waiting.append((Future(), work))
+        return waiting[-1][0]
+
+    task.background = later
+    controller.execution.load_program("T_ROB_L", {"HOME:/late.mod": WAITING.replace("Main", "Late")}, replace=True)
+    controller.program_loaded("T_ROB_L")
+    run(world, 0.1)
+    assert controller.screens["T_ROB_L"] == ("power on",)
+    for result, work in waiting:
+        result.set_result(work())
+    run(world, 0.1)
+    assert controller.screens["T_ROB_L"] == ("power on", "reset")
 
 
 def test_routine_of_stop_that_does_not_end_is_left_after_a_minute(tmp_path: Path) -> None:
@@ -399,6 +630,14 @@ def test_stepping_back_is_for_event_routines_of_restart_only(tmp_path: Path) -> 
     assert "event routines of RESTART" in logged(controller)
 
 
+def test_task_without_an_arm_steps_no_arm_back(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC back() StepBwdPath 10, 1; ENDPROC ENDMODULE"
+    world = controller_world(tmp_path, '-Routine "back" -Shelf "RESTART" -Task "SERVER"', TASKS, SERVER=[text])
+    started(world).stop_rapid()
+    world.controller.start_rapid()
+    assert "which the task SERVER may not" in logged(run(world, 0.1))
+
+
 def test_move_that_was_stopped_goes_on_after_the_routine_of_restart(tmp_path: Path) -> None:
     text = """MODULE Main
       PERS num moved := -1;
@@ -423,3 +662,73 @@ def test_move_that_was_stopped_goes_on_after_the_routine_of_restart(tmp_path: Pa
     run(world, 4.0)
     assert float(controller.tasks["T_ROB_L"].read("Main", "moved")) == pytest.approx(0.0, abs=0.01)
     assert controller.screens["T_ROB_L"] == ("done",)
+
+
+BACK = """MODULE Moving
+  PROC main()
+    MoveAbsJ [[30,-100,10,0,40,0],[120,9E9,9E9,9E9,9E9,9E9]]\\NoEOffs, v50, fine, tool0;
+    TPWrite "main";
+    WaitTime 100;
+  ENDPROC
+  PROC back() StepBwdPath %s; TPWrite "back"; ENDPROC
+ENDMODULE"""
+
+
+def stopped_on_path(folder: Path, step: str) -> World:
+    """The left arm stands on its path; at a start it steps back."""
+    hook = '-Routine "back" -Shelf "RESTART" -Task "T_ROB_L"'
+    world = controller_world(folder, hook, T_ROB_L=[BACK % step])
+    started(world, 5.0)
+    world.controller.stop_rapid()
+    run(world, 0.5)
+    return world
+
+
+def test_stop_ends_the_way_back(tmp_path: Path) -> None:
+    world = stopped_on_path(tmp_path, "60, 5")
+    begin = left(world)
+    world.controller.start_rapid()
+    run(world, 1.0)
+    assert moved_by(world, begin) > 0.1
+    world.controller.stop_rapid()
+    run(world, 0.2)
+    position = left(world)
+    run(world, 6.0)
+    assert moved_by(world, position) < 0.01
+    world.controller.start_rapid()
+    run(world, 40.0)
+    assert world.controller.screens["T_ROB_L"] == ("back", "back", "main")
+
+
+def test_arm_comes_back_to_its_path_before_it_steps_back(tmp_path: Path) -> None:
+    hook = '-Routine "back" -Shelf "RESTART" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[BACK % "20, 1"])
+    controller = started(world, 5.0)
+    controller.press_emergency_stop()
+    run(world, 1.0)
+    controller.release_emergency_stop()
+    controller.set_motors(True)
+    begin = left(world)
+    controller.start_rapid()
+    while controller.screens["T_ROB_L"] != ("back",):
+        run(world, world.cycle_time)
+    assert moved_by(world, begin) > 0.5
+    controller.stop_rapid()
+    run(world, 0.2)
+    position = left(world)
+    run(world, 2.0)
+    assert moved_by(world, position) < 0.01
+
+
+def test_arm_steps_back_no_faster_than_its_joints_may(tmp_path: Path) -> None:
+    world = stopped_on_path(tmp_path, "60, 0.001")
+    arm = next(arm for settings, arm in world.arms.items() if settings.name == "LEFT")
+    limits, cycle = arm.model.limits, world.cycle_time
+    world.controller.start_rapid()
+    past = [arm.planned] * 3
+    while world.controller.screens["T_ROB_L"] != ("back",):
+        run(world, cycle)
+        past = [*past[1:], arm.planned]
+        for first, second, third, speed, acceleration in zip(*past, limits.velocity, limits.acceleration, strict=True):
+            assert abs(third - second) <= speed * cycle
+            assert abs(third - 2.0 * second + first) <= acceleration * cycle**2
