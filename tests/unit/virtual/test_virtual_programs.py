@@ -69,14 +69,19 @@ class Outside:
     def connect_(self, name: str) -> None:
         if name in self.clients:
             self.clients.pop(name).close()
-        client = socket.socket()
-        self.clients[name] = client
+        self.clients[name] = client = self._client()
         for _ in range(round(LONGEST_WAIT / self.world.cycle_time)):
             if client.connect_ex(("127.0.0.1", self.port)) == 0:
                 break
             self.wait("0.004")  # it does not listen yet
         client.setblocking(False)
         self.wait("0.02")
+
+    def _client(self) -> socket.socket:
+        """With a port of its own: it could be given the program's otherwise, and would connect to itself."""
+        client = socket.socket()
+        client.bind(("127.0.0.1", 0))
+        return client if client.getsockname()[1] != self.port else self._client()
 
     def udp(self, name: str) -> None:
         client = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
