@@ -63,13 +63,12 @@ class Page:
 
     def wait(self, selector: str, pattern: str) -> str:
         """Until the text of an element has the pattern; the text."""
-        self.tab.wait_for_function(
-            "([selector, pattern]) => new RegExp(pattern).test(document.querySelector(selector).innerText)",
-            arg=[selector, pattern],
-            timeout=SOON,
-            polling=50,  # a tab in the background draws nothing
-        )
-        return self.text(selector)
+        for _ in range(SOON // 50):
+            text = self.text(selector)
+            if re.search(pattern, text):
+                return text
+            self.tab.wait_for_timeout(50)
+        raise AssertionError(f"{selector} says {text!r}, not {pattern!r}")
 
     def until(self, condition: Callable[[], bool]) -> None:
         for _ in range(200):
@@ -234,7 +233,7 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
-    page.tab.wait_for_selector("#start:not([aria-busy])")  # the controllers take where the arm is when they are activated
+    page.tab.wait_for_selector("#start:not([aria-busy])")  # controllers start where the arm is
 
     # Push the arm: what is measured deviates, and comes back.
     before = page.angle(3)

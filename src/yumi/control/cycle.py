@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.limiter import Limiter
+from yumi.control.motion import largest_difference
 from yumi.control.statistics import DECODE, LIMIT, UPDATE, StageClock
 from yumi.robot.joints import ArmCommand, ArmState
 
@@ -80,6 +81,11 @@ class Cycle(NamedTuple):
     state: ArmState
     desired: ArmCommand | None
     sent: ArmCommand
+
+    @property
+    def beyond(self) -> float:
+        """How much further the controllers command the arm than it is sent [rad]."""
+        return largest_difference(self.desired.position, self.sent.position) if self.desired is not None else 0.0
 
 
 def run_cycle(

@@ -29,7 +29,7 @@ from yumi.control.events import (
 )
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Limiter, SpeedScale
-from yumi.control.motion import largest_difference
+from yumi.control.motion import AT_GOAL, largest_difference
 from yumi.control.shared_state import CAUSES, JointStates, Limited, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
@@ -47,8 +47,6 @@ LIMITED_SHOWN = 0.2
 
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
-
-_AT_GOAL = 1e-3  # [rad] an arm that is commanded no further than this from where it is sent is at its goal
 
 
 class ArmLoop:
@@ -147,9 +145,9 @@ class ArmLoop:
         last = self._last
         if last is None or not self.is_running:
             return
-        beyond = largest_difference(last.desired.position, last.sent.position) if last.desired else 0.0
+        beyond = last.beyond
         moves = max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves
-        is_held = beyond > _AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
+        is_held = beyond > AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
         if moves and not is_held:
             raise CommandRefused(f"the {self._side.word} arm moves; wait until it stands.")
         if is_held:
@@ -262,14 +260,16 @@ class ArmLoop:
 
     def _note_limited(self, now: float) -> None:
         """Remember what the arm is kept apart from, for as long as those who look now and then need to see it."""
-        count = self._limiter.counters.kept_apart
-        if count != self._kept_apart:  # else the limiter's pair may be that of an earlier cycle
-            self._kept_apart, limited = count, self._limiter.limited
-            if limited is not None:
-                self._limited, self._limited_at = limited, now
-                if now - self._limited_reported >= DOUBTS_REPORTED:
-                    self._limited_reported = now
-                    self._events.append(KeptApart(self._side, limited))
+        count, last = self._limiter.counters.kept_apart, self._last
+        # Without a new count the limiter's pair may be that of an earlier cycle. An arm at its goal misses nothing.
+        misses = self._sent_moves or (last is not None and last.beyond > AT_GOAL)
+        limited = self._limiter.limited if count != self._kept_apart and misses else None
+        self._kept_apart = count
+        if limited is not None:
+            self._limited, self._limited_at = limited, now
+            if now - self._limited_reported >= DOUBTS_REPORTED:
+                self._limited_reported = now
+                self._events.append(KeptApart(self._side, limited))
         elif self._limited is not None and now - self._limited_at > LIMITED_SHOWN:
             self._limited = None
 

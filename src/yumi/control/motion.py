@@ -492,6 +492,19 @@ class StandstillDetector:
         return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST
 
 
+AT_GOAL = 1e-3
+"""An arm that stands no further than this from where it is commanded to be is there [rad]."""
+
+
+def is_withheld(commanded: Joints, state: ArmState) -> bool:
+    """Whether an arm that stands is commanded to be elsewhere [rad], (7,): the limiter withheld the rest of its way.
+
+    It would be made up for as soon as the way is free, so a controller that leads the arm no further gives it up.
+    """
+    stands = max(map(abs, state.velocity)) < _NOISE
+    return stands and largest_difference(commanded, state.planned) > AT_GOAL
+
+
 def largest_difference(left: Joints, right: Joints) -> float:
     """Of two positions, by the joint that differs most [rad]."""
     return max(abs(a - b) for a, b in zip(left, right, strict=True))

@@ -233,6 +233,10 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     feed(loop, arm, middle, now=20.0)
     assert read_snapshot(snapshots).limited_part == ""  # nothing was limited: the pair is an old one
     loop._limiter.counters.kept_apart += 1
+    feed(loop, arm, middle, now=20.001)
+    assert read_snapshot(snapshots).limited_part == ""  # it stands where it is to be
+    loop.manager.switch(["pusher"], [], loop.state)
+    loop._limiter.counters.kept_apart += 1
     feed(loop, arm, middle, now=20.004)
     shown = read_snapshot(snapshots)
     assert shown.limited == pair

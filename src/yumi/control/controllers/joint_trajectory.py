@@ -16,7 +16,7 @@ from typing import Protocol, cast
 
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, stop
+from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, is_withheld, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
     ArmPlan,
@@ -600,6 +600,8 @@ class JointTrajectoryController(Controller):
                 self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
+            if self._goal is None and self._rests and is_withheld(self._position, state):
+                self._rest_at(state.planned)
         if not self._reports:
             return ()
         reports, self._reports = self._reports, []
@@ -737,6 +739,11 @@ class JointTrajectoryController(Controller):
     @property
     def _is_braking(self) -> bool:
         return isinstance(self._source, _Brake) and self._time < self._source.duration
+
+    @property
+    def _rests(self) -> bool:
+        """Whether the arm has had the time to come to where the last motion led it; that of streams stands still."""
+        return self._time > _LATE + (self._source.duration if isinstance(self._source, _Brake) else 0.0)
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
