@@ -248,6 +248,12 @@ class Controller(ABC):
         """
         self.check(message, state)
 
+    def note_withheld(self, position: Joints) -> None:  # noqa: B027 - most have nothing to give up
+        """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
+
+        It would make up for that as soon as the way is free, so a controller that leads the arm no further gives it up.
+        """
+
     def take_reports(self) -> Sequence[object]:
         """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""
         return ()

@@ -696,6 +696,14 @@ class ControllerManager:
                 self._fail(loaded, error)
             loaded.execution_time.add(self._now() - begin)
 
+    def note_withheld(self, position: Joints) -> None:
+        """The limiter holds the arm at ``position`` [rad], see :meth:`.Controller.note_withheld`. Never raises."""
+        for loaded in self._commanding:
+            try:
+                loaded.controller.note_withheld(position)
+            except Exception as error:
+                self._fail(loaded, error)
+
     def note_times(self, state: ArmState, marks: Sequence[float]) -> None:
         """After the reply to ``state``: take the times of the cycle's stations into the statistics."""
         self._component.note(state.session, state.time, marks)

@@ -203,6 +203,8 @@ class ArmLoop:
             before, self._last, self._position = self._last, cycle, cycle.state.position
             way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
             self._sent_moves = way > AT_REST * cycle.state.dt
+            if cycle.beyond > AT_GOAL and not self._sent_moves:
+                self.manager.note_withheld(cycle.sent.position)
             self._cycles += 1
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):

@@ -358,6 +358,11 @@ class SpeedMotion:
             self._velocity = joints(velocity)
         return ArmCommand(self.position, self._velocity if any(self._velocity) else ZERO)
 
+    def give_up(self, position: Joints) -> None:
+        """Go on from ``position`` [rad], (7,), where the limiter holds the arm, once no speed leads it further."""
+        if not any(self._velocity):
+            self.position = position
+
     def rest_after(self, goal: Joints, dt: float) -> Joints:
         """Where the joints would come to rest if they braked after a step of ``dt`` [s] towards the speeds ``goal``."""
         limits, places = self._limits, []
@@ -492,17 +497,22 @@ class StandstillDetector:
         return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST
 
 
+_ELSEWHERE = 0.05  # [rad]
+_DELAYED = 0.25  # [s] by so much of its speed an arm is behind what it is commanded
 AT_GOAL = 1e-3
 """An arm that stands no further than this from where it is commanded to be is there [rad]."""
 
 
-def is_withheld(commanded: Joints, state: ArmState) -> bool:
-    """Whether an arm that stands is commanded to be elsewhere [rad], (7,): the limiter withheld the rest of its way.
+def is_held_back(commanded: Joints, velocity: Joints, planned: Joints) -> bool:
+    """Whether an arm is further behind what it is commanded than it is by its delay.
 
-    It would be made up for as soon as the way is free, so a controller that leads the arm no further gives it up.
+    Args:
+        commanded: the position [rad], (7,).
+        velocity: of that [rad/s], (7,).
+        planned: where the robot plans to be [rad], (7,).
     """
-    stands = max(map(abs, state.velocity)) < _NOISE
-    return stands and largest_difference(commanded, state.planned) > AT_GOAL
+    rows = zip(commanded, velocity, planned, strict=True)
+    return any(abs(wanted - now) > _ELSEWHERE + _DELAYED * abs(speed) for wanted, speed, now in rows)
 
 
 def largest_difference(left: Joints, right: Joints) -> float:

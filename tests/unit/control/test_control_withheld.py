@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from itertools import count
+
 import pytest
 
+from controller_states import configured, state
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import MemoryBuffer, write_speeds
+from yumi.control.controller import Controller, MemoryBuffer, SessionGoal, write_speeds
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
-from yumi.control.controllers.joint_trajectory import CancelTrajectory
+from yumi.control.controllers.forward_command import JointGroupVelocityController
+from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
+from yumi.control.controllers.joint_trajectory import (
+    CancelTrajectory,
+    FollowTrajectory,
+    JointTrajectoryController,
+    Outcome,
+    TrajectoryEnded,
+)
 from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter
 from yumi.control.motion import AT_GOAL, EGM_GAIN
 from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
 from yumi_evaluation.virtual_rig import VirtualArmRig
 
 UPWARDS = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0)  # [m/s]; from home, the wrist meets the body
@@ -52,18 +65,85 @@ def test_tool_that_was_jogged_into_the_limit_stays_there_when_it_is_let_go(is_ca
     assert rests_where_it_is(rig)
 
 
-def test_joints_that_were_jogged_into_the_limit_stay_there_when_they_are_let_go() -> None:
-    speeds = MemoryBuffer()
-    rig = VirtualArmRig(
-        {"jog": JointVelocityController(speeds)}, side=Side.RIGHT, limiter=limited(), position=home(Side.RIGHT)
-    )
+@pytest.mark.parametrize("controller_type", [JointVelocityController, JointGroupVelocityController])
+def test_joints_that_were_jogged_into_the_limit_stay_there_when_they_are_let_go(controller_type: type) -> None:
+    speeds = MemoryBuffer[SessionGoal]()
+    if controller_type is JointVelocityController:
+        controller: Controller = JointVelocityController(speeds)
+    else:
+        controller = JointGroupVelocityController(MemoryBuffer[SessionGoal](), speeds)
+    rig = VirtualArmRig({"jog": controller}, side=Side.RIGHT, limiter=limited(), position=home(Side.RIGHT))
     rig.start()
     rig.switch_to("jog")
     rig.run(0.1)
-    for _ in range(500):
+    for _ in range(600):
         write_speeds(speeds, rig.snapshot.session, UP, rig.clock.now())
         rig.cycle()
     assert rig.snapshot.limited_part
     assert rig.cycles[-1].beyond > AT_GOAL
-    rig.run(2.0)
+    for _ in range(500):
+        write_speeds(speeds, rig.snapshot.session, ZERO, rig.clock.now())
+        rig.cycle()
     assert rests_where_it_is(rig)
+
+
+def test_joint_goal_that_is_stopped_in_front_of_the_limit_is_given_up_at_once() -> None:
+    controller = JointGoalController(MemoryBuffer[SessionGoal]())
+    rig = VirtualArmRig({"go": controller}, side=Side.RIGHT, limiter=limited(), position=home(Side.RIGHT))
+    rig.start()
+    rig.switch_to("go")
+    rig.run(0.5)
+    far = joints([now + 1.5 * up for now, up in zip(home(Side.RIGHT), UP, strict=True)])
+    rig.manager.receive("go", JointGoal(far), rig.line.state)
+    rig.run_until(lambda: bool(rig.snapshot.limited_part) and rig.cycles[-1].beyond > 0.1, limit=10.0)
+    rig.manager.receive("go", StopMotion(), rig.line.state)
+    rig.run(1.0)
+    assert rests_where_it_is(rig)
+
+
+def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once() -> None:
+    controller = JointTrajectoryController(Side.RIGHT, MemoryBuffer[TrajectoryFeedback]())
+    rig = VirtualArmRig({"go": controller}, side=Side.RIGHT, limiter=limited(), position=home(Side.RIGHT))
+    rig.start()
+    rig.switch_to("go")
+    rig.run(0.5)
+    far = joints([now + 1.5 * up for now, up in zip(home(Side.RIGHT), UP, strict=True)])
+    points = [TrajectoryPoint(0.0, home(Side.RIGHT), ZERO, ZERO), TrajectoryPoint(4.0, far, ZERO, ZERO)]
+    plan = ArmPlan(Side.RIGHT, points[0], smooth_spline_through(points), None)
+    rig.manager.receive("go", FollowTrajectory(plan, 1), rig.line.state)
+    rig.run_until(lambda: rig.cycles[-1].beyond > 0.1, limit=10.0)
+    rig.manager.receive("go", CancelTrajectory(), rig.line.state)
+    rig.run(0.1)
+    assert rig.cycles[-1].beyond < 0.05  # the other arm may leave at any time
+    rig.run(1.0)
+    assert rests_where_it_is(rig)
+    ended = [each.report for each in rig.events if isinstance(each, ControllerReport)]
+    assert [each.outcome for each in ended if isinstance(each, TrajectoryEnded)] == [Outcome.CANCELED]
+
+
+def test_motion_of_an_arm_that_slides_far_behind_it_ends_where_the_arm_is_when_it_is_cancelled() -> None:
+    """An arm that is led along something moves all the time: where it is led to must not stay where it was."""
+    start, far = home(Side.RIGHT), joints([now + up for now, up in zip(home(Side.RIGHT), UP, strict=True)])
+    points = [TrajectoryPoint(0.0, start, ZERO, ZERO), TrajectoryPoint(2.0, far, ZERO, ZERO)]
+    follower = configured(JointTrajectoryController(Side.RIGHT, MemoryBuffer[TrajectoryFeedback]()))
+    goer = configured(JointGoalController(MemoryBuffer[SessionGoal]()), path_tolerance=0.0)
+    plan = ArmPlan(Side.RIGHT, points[0], smooth_spline_through(points), None)
+    for controller, command, end in (
+        (follower, FollowTrajectory(plan, 1), CancelTrajectory()),
+        (goer, JointGoal(far), StopMotion()),
+    ):
+        times = (10.0 + CYCLE * number for number in count())
+        controller.activate(state(start, time=next(times)))
+        for _ in range(20):
+            controller.update(state(start, time=next(times)))
+        controller.receive(command, state(start, time=next(times)))
+        for _ in range(600):
+            behind = state(start, time=next(times))
+            last = controller.update(behind)
+        assert last is not None
+        assert last.position[0] == pytest.approx(far[0])
+        controller.receive(end, behind)
+        assert controller.update(state(start, time=next(times))) is None  # the limiter brings it to rest
+        for _ in range(20):
+            last = controller.update(state(start, time=next(times)))
+        assert last == ArmCommand(start)

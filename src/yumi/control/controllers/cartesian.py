@@ -497,6 +497,10 @@ class CartesianController(JointTrajectoryController):
             self._rest_at(self._position)
         return command
 
+    def note_withheld(self, position: Joints) -> None:
+        if not isinstance(self._source, _Stream):
+            super().note_withheld(position)
+
     def take_reports(self) -> Sequence[object]:
         reports = super().take_reports()
         if self._limited:

@@ -94,6 +94,9 @@ class ForwardCommandController(Controller):
         is_silent = 0.0 < self._timeout < state.time - self._given_at
         return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
 
+    def note_withheld(self, position: Joints) -> None:
+        self._motion.give_up(position)
+
     @property
     def reference(self) -> Joints | None:
         if self._forwarded == "position":

@@ -19,6 +19,7 @@ from yumi.control.motion import (
     PointMotion,
     Setpoint,
     StandstillDetector,
+    is_held_back,
     largest_difference,
     slower,
     stop,
@@ -170,7 +171,11 @@ class JointGoalController(Controller):
             "the arm was commanded to stop" if is_stop else "another goal replaced this one",
         )
         self._order = order
-        self._start(motion)
+        before = self._setpoint
+        if is_stop and state is not None and is_held_back(before.position, before.velocity, state.planned):
+            self._hold(state)  # what the limiter withheld would be made up for as soon as the way is free
+        else:
+            self._start(motion)
 
     def update(self, state: ArmState) -> ArmCommand | None:
         newest = self._goals.read()
@@ -197,6 +202,11 @@ class JointGoalController(Controller):
         if self._order is not None:
             self._check_progress(state)
         return ArmCommand(*self._setpoint.scaled(scale)[:2])
+
+    def note_withheld(self, position: Joints) -> None:
+        is_over = self._time >= self._motion.duration and not isinstance(self._order, JointGoal)
+        if is_over and self._standstill is None:
+            self._rest_at(position)
 
     def take_reports(self) -> Sequence[object]:
         if not self._notices:

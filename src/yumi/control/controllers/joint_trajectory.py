@@ -16,7 +16,7 @@ from typing import Protocol, cast
 
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, is_withheld, stop
+from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, is_held_back, stop
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
     ArmPlan,
@@ -456,7 +456,6 @@ class TrajectoryGoal:
 
 
 _ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
-_LATE = 0.25  # [s] by so much of its speed an arm is behind what it is commanded
 _SCALING_RATE = 4.0  # [1/s] a scale goes from 0 to 1 in a quarter of a second: no joint brakes too hard by it
 _BRAKE_SHARE = 0.9  # of the limits: with what the robot's own loop adds, a command at the limits is beyond them
 
@@ -589,6 +588,10 @@ class JointTrajectoryController(Controller):
         self._velocity = velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share)
         return ArmCommand(self._position, self._velocity)
 
+    def note_withheld(self, position: Joints) -> None:
+        if self._goal is None and not self._is_braking:
+            self._rest_at(position)
+
     def take_reports(self) -> Sequence[object]:
         """Judges the newest cycle, too: its reply has left, and what comes of it is for the next one."""
         state = self._state
@@ -600,8 +603,6 @@ class JointTrajectoryController(Controller):
                 self._compare_arms(self._goal, state)
             if state.time >= self._feedback_due:
                 self._give_feedback(state)
-            if self._goal is None and self._rests and is_withheld(self._position, state):
-                self._rest_at(state.planned)
         if not self._reports:
             return ()
         reports, self._reports = self._reports, []
@@ -672,7 +673,7 @@ class JointTrajectoryController(Controller):
 
     def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
         if goal.is_cancelled:
-            if isinstance(self._source, _Brake) and self._time >= self._source.duration:
+            if self._standstill is None and not self._is_braking:
                 self._end(Outcome.CANCELED, ResultCode.SUCCESSFUL, "The motion was cancelled; the arm is at rest.")
             return
         if not goal.first and self._time > goal.begin:
@@ -706,19 +707,8 @@ class JointTrajectoryController(Controller):
         self._rest_at(self._position)
 
     def _abort(self, code: ResultCode, sentence: str) -> None:
-        state = self._state
-        if state is not None and self._is_held_back(state):
-            # What the limiter withheld from the arm would be made up for as soon as its way is free.
-            self._rest_at(state.planned)
-            self._standstill = StandstillDetector(state)
-        else:
-            self._brake()
+        self._brake()
         self._end(Outcome.ABORTED, code, sentence)
-
-    def _is_held_back(self, state: ArmState) -> bool:
-        """Whether the arm is further behind what it is commanded than it is by its delay."""
-        rows = zip(self._position, self._velocity, state.planned, strict=True)
-        return any(abs(wanted - now) > _ELSEWHERE + _LATE * abs(speed) for wanted, speed, now in rows)
 
     def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
         """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
@@ -727,7 +717,13 @@ class JointTrajectoryController(Controller):
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, sentence, self._skew))
 
     def _brake(self) -> None:
-        """From what the arm is commanded now, at the speed time goes by."""
+        """From what the arm is commanded now, at the speed time goes by; from where it is, if it is held back."""
+        state = self._state
+        if state is not None and is_held_back(self._position, self._velocity, state.planned):
+            # What the limiter withheld from the arm would be made up for as soon as its way is free.
+            self._rest_at(state.planned)
+            self._standstill = StandstillDetector(state)
+            return
         setpoint = self._source.setpoint(self._time)
         if self._goal is not None and not isinstance(self._source, _Brake):
             setpoint = setpoint.scaled(self._pace)
@@ -739,11 +735,6 @@ class JointTrajectoryController(Controller):
     @property
     def _is_braking(self) -> bool:
         return isinstance(self._source, _Brake) and self._time < self._source.duration
-
-    @property
-    def _rests(self) -> bool:
-        """Whether the arm has had the time to come to where the last motion led it; that of streams stands still."""
-        return self._time > _LATE + (self._source.duration if isinstance(self._source, _Brake) else 0.0)
 
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)

@@ -10,7 +10,7 @@ from math import inf
 
 from yumi.control.controller import Controller, GoalBuffer, GoalInbox, GoalKind
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import SpeedMotion, StandstillDetector, is_withheld
+from yumi.control.motion import SpeedMotion
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 from yumi.settings import Parameter, Values, number
 
@@ -34,7 +34,6 @@ class JointVelocityController(Controller):
         self._wanted: Joints = ZERO
         self._given_at = -inf
         self._timeout = inf
-        self._standstill: StandstillDetector | None = None  # since it was to stand
         self._is_active = False
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -50,7 +49,6 @@ class JointVelocityController(Controller):
         self._inbox.forget()
         self._wanted, self._given_at = ZERO, -inf
         self._motion.begin(state)
-        self._standstill = None
         self._is_active = True
 
     def deactivate(self) -> None:
@@ -61,14 +59,10 @@ class JointVelocityController(Controller):
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
         wanted = ZERO if state.time - self._given_at > self._timeout else self._wanted
-        command = self._motion.step(state, wanted, self._speed.value)
-        if any(wanted) or command.velocity is not ZERO:
-            self._standstill = None
-        elif self._standstill is None:
-            self._standstill = StandstillDetector(state)
-        elif self._standstill.is_over(state) and is_withheld(command.position, state):
-            self._motion.begin(state)
-        return command
+        return self._motion.step(state, wanted, self._speed.value)
+
+    def note_withheld(self, position: Joints) -> None:
+        self._motion.give_up(position)
 
     @property
     def reference(self) -> Joints | None:
