@@ -248,7 +248,7 @@ class Controller(ABC):
         """
         self.check(message, state)
 
-    def note_withheld(self, position: Joints) -> None:  # noqa: B027 - most have nothing to give up
+    def note_withheld(self, position: Joints) -> None:
         """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
 
         It would make up for that as soon as the way is free, so a controller that leads the arm no further gives it up.
