@@ -732,3 +732,18 @@ def test_arm_steps_back_no_faster_than_its_joints_may(tmp_path: Path) -> None:
         for first, second, third, speed, acceleration in zip(*past, limits.velocity, limits.acceleration, strict=True):
             assert abs(third - second) <= speed * cycle
             assert abs(third - 2.0 * second + first) <= acceleration * cycle**2
+
+
+@pytest.mark.parametrize("after", ["", 'UnLoad "HOME:/other.mod";'])
+def test_routines_run_though_a_module_that_was_loaded_does_not_fit(tmp_path: Path, after: str) -> None:
+    text = f"""MODULE Main
+      PROC main() Load "HOME:/tool.mod"; Load "HOME:/other.mod"; {after} WaitTime 100; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, T_ROB_L=[text])
+    files = {"tool": "PROC misfit() on_event 5; ENDPROC", "other": "PROC unused() ENDPROC"}
+    world.controller.files.update({f"HOME:/{name}.mod": f"MODULE {name} {it} ENDMODULE" for name, it in files.items()})
+    controller = started(world)
+    controller.stop_rapid()
+    run(world, 0.1)
+    assert "Execution error" not in [entry.title for entry in controller.events.entries()]
+    assert controller.screens["T_ROB_L"] == ("power on", "start", "stop")
