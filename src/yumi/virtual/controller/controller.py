@@ -636,6 +636,8 @@ class Irc5:
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
+            if each.name in units_of_tasks:
+                units_of_tasks[each.name].is_started = partial(_is_started, task)
             for path in modules_of(each, system, self.effective):
                 try:
                     task.load(host.read_file(path), path.rsplit("/")[-1])
@@ -690,6 +692,10 @@ _ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
     "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
     "ResetEstop": lambda controller, _: controller.reset_emergency_stop(),
 }
+
+
+def _is_started(task: Task) -> bool:
+    return task.execution is Execution.STARTED
 
 
 def _stands_still(unit: ArmUnit) -> bool:

@@ -734,6 +734,58 @@ def test_arm_steps_back_no_faster_than_its_joints_may(tmp_path: Path) -> None:
             assert abs(third - 2.0 * second + first) <= acceleration * cycle**2
 
 
+EGM_ON = """MODULE Guided
+  VAR egmident egm;
+  PROC main()
+    MoveAbsJ CJointT(), v100, fine, tool0;
+    EGMGetId egm;
+    EGMSetupUC ROB_L, egm, "ROB_L", "ROB_L"\\Joint\\CommTimeout:=100;
+    EGMActJoint egm\\J1:=[-0.1,0.1];
+    EGMRunJoint egm, EGM_STOP_HOLD\\J1\\J2\\J3\\J4\\J5\\J6\\J7;
+  ENDPROC
+  PROC waits() WaitTime 0.5; EGMWaitCond egm; ENDPROC
+ENDMODULE"""
+
+
+def test_routine_of_stop_does_not_start_egm_again(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, '-Routine "waits" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[EGM_ON])
+    controller = started(world, 1.0)
+    assert world.egm[Side.LEFT].is_running
+    controller.stop_rapid()
+    run(world, 3.0)
+    assert not world.egm[Side.LEFT].is_running
+    assert not controller.is_running
+    assert "EGMWaitCond moves a robot, which an event routine of STOP may not" in logged(controller)
+
+
+RESUMING = """MODULE Main
+  VAR num number := 0;
+  PROC main()
+    IF custom_DO_0 = 1 THEN
+      StartMove\\AllMotionTasks;
+      WaitTime 100;
+    ENDIF
+    WaitTime 0.01;
+  ERROR
+    number := ERRNO;
+    WaitTime 100;
+  ENDPROC
+ENDMODULE"""
+
+
+def test_background_task_moves_no_arm_whose_program_is_stopped(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, "", TASKS, T_ROB_L=[MOVING % ("", "")], WATCHER=[RESUMING])
+    controller = started(world, 3.0)
+    controller.stop_rapid()
+    run(world, 0.5)
+    position = left(world)
+    controller.signals.drive("custom_DO_0", 1.0)
+    run(world, 1.0)
+    assert moved_by(world, position) < 0.01
+    watcher = controller.tasks["WATCHER"]
+    assert watcher.error_name(float(watcher.read("Main", "number"))) == "ERR_PROGSTOP"
+
+
 @pytest.mark.parametrize("after", ["", 'UnLoad "HOME:/other.mod";'])
 def test_routines_run_though_a_module_that_was_loaded_does_not_fit(tmp_path: Path, after: str) -> None:
     text = f"""MODULE Main
