@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Generator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from yumi.rapid.compiler import compile_program, compile_routine
+from yumi.rapid.compiler import compile_routine, link_module
 from yumi.rapid.errors import ALL_ERRORS, LARGEST_OWN_NUMBER, RapidReferenceError, RapidRuntimeError, RapidValueError
 from yumi.rapid.interrupts import Interrupts
 from yumi.rapid.program import Code, EventKind, Span, SystemEvent, UserRoutine
@@ -328,7 +328,8 @@ class Machine:
 
         def compiled() -> Code:
             if frame.event is not None:  # of a program that has just been loaded, whose data may have no values yet
-                compile_program(program)
+                for module in program.modules.values():
+                    link_module(program, module)
             found = program.codes.get(routine)
             return compile_routine(program, routine) if found is None else found
 

@@ -281,9 +281,7 @@ class Task:
         prepared, self._prepared = self._prepared, None
         if prepared is None or not self._fits(prepared, modules, replaces_program=replaces_program):
             prepared = self._prepare(modules, replaces_program=replaces_program)
-        self._adopt(prepared.program, *removed)
-        if prepared.is_linked:
-            self.linked_program = prepared.program
+        self._adopt(prepared.program, *removed, is_linked=prepared.is_linked)
         return modules
 
     def prepare(self, *modules: s.Module, replaces_program: bool = False) -> None:
@@ -308,7 +306,7 @@ class Task:
                 yield
             prepared = work.result()
             self._check_loadable(prepared.modules[0].syntax, replace=False)
-        self._adopt(prepared.program)
+        self._adopt(prepared.program, is_linked=prepared.is_linked)
 
     def _prepare(self, modules: Sequence[s.Module], *, replaces_program: bool = False) -> Prepared:
         """The program with other modules; the program that is executed stays as it is."""
@@ -356,12 +354,14 @@ class Task:
         if old is not None:
             self._check_not_executing(old)
 
-    def _adopt(self, program: Program, *removed: LoadedModule) -> None:
-        """Go on with another program."""
+    def _adopt(self, program: Program, *removed: LoadedModule, is_linked: bool) -> None:
+        """Go on with another program; `is_linked` says whether its data have their values."""
         executed = {id(frame.code) for frame in self._machine.frames}
         codes = self.program.codes.items()
         discarded = [code for routine, code in codes if routine not in program.codes and id(code) not in executed]
         self.program = program
+        if is_linked:
+            self.linked_program = program
         if any(frame.routine.module in removed for frame in self._machine.frames):
             self.lose_pp()
         for module in removed:
@@ -385,7 +385,7 @@ class Task:
         """
         found = self._module(module)
         self._check_not_executing(found)
-        self._adopt(self.program.unloaded(module), found)
+        self._adopt(self.program.unloaded(module), found, is_linked=self.is_linked)
 
     def _check_not_executing(self, module: LoadedModule) -> None:
         is_started = self._execution is Execution.STARTED

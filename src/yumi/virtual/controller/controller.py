@@ -284,7 +284,7 @@ class Irc5:
         self.execution.start(cycle, step, stop_at_breakpoints=stop_at_breakpoints)
 
     def stop_rapid(self) -> None:
-        """Stop all NORMAL tasks and the arms; nothing happens when RAPID is stopped."""
+        """Stop all NORMAL tasks, and the arms whatever moves them."""
         self.execution.stop("RAPID has been stopped on request.")
 
     def move_pp_to_main(self) -> None:
@@ -427,13 +427,13 @@ class Irc5:
             self._restart_left -= dt
             if self._restart_left <= 0.0 and self.is_restarting:
                 self.is_restarting = False
+                self.execution.abandon_events()
                 self._use_configuration()
                 self.execution.start_background(is_restart=True)
                 self.events.append(10045, "System restarted", "The system that was installed has been restarted.")
             elif self._restart_left <= 0.0:  # from now on nothing answers
                 self.is_restarting = True
                 self.execution.stop_background()
-                self.execution.abandon_stop()
                 self._restart_left = self._restart_time
                 if self.controller_state in (ControllerState.MOTORS_ON, ControllerState.SYSTEM_FAILURE):
                     self._switch_motors_off(ControllerState.MOTORS_OFF, "The controller is restarted.")
@@ -636,6 +636,8 @@ class Irc5:
             task.operating_mode = lambda: _RAPID_MODES[self.mode]
             if unit is not None:
                 task.in_position = lambda unit=unit: unit.arm.is_stationary  # type: ignore[misc]
+            if each.name in units_of_tasks:
+                units_of_tasks[each.name].is_started = partial(_is_started, task)
             for path in modules_of(each, system, self.effective):
                 try:
                     task.load(host.read_file(path), path.rsplit("/")[-1])
@@ -690,6 +692,10 @@ _ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
     "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
     "ResetEstop": lambda controller, _: controller.reset_emergency_stop(),
 }
+
+
+def _is_started(task: Task) -> bool:
+    return task.execution is Execution.STARTED
 
 
 def _stands_still(unit: ArmUnit) -> bool:

@@ -202,7 +202,20 @@ class RapidExecution:
     @property
     def _selected(self) -> list[InstalledTask]:
         """The tasks that users start and stop."""
-        return [each for each in self.installed.values() if each.is_normal and each.is_active and each.has_program]
+        return [each for each in self._normal if each.is_active and each.has_program]
+
+    @property
+    def _normal(self) -> list[InstalledTask]:
+        return [each for each in self.installed.values() if each.is_normal]
+
+    @property
+    def _started(self) -> list[InstalledTask]:
+        return [each for each in self._normal if each.task.execution is Execution.STARTED]
+
+    @property
+    def _tasks_in_stop_routines(self) -> list[InstalledTask]:
+        """The tasks that have stopped and execute their event routines of STOP."""
+        return [each for each in self._normal if each.task.event is SystemEvent.STOP]
 
     def select(self, task: str, *, is_active: bool) -> None:
         """Select a task on the task panel, or take it out.
@@ -289,8 +302,10 @@ class RapidExecution:
             if not each.is_normal:
                 each.task.stop()
 
-    def stop(self, reason: str, event: SystemEvent = SystemEvent.STOP, *, stopped: InstalledTask | None = None) -> None:
-        """Stop all tasks and bring the arms to a standstill.
+    def stop(
+        self, reason: str, event: SystemEvent = SystemEvent.STOP, *, stopped: Sequence[InstalledTask] = ()
+    ) -> None:
+        """Stop all tasks and bring the arms to a standstill, whatever moves them.
 
         Event routines that run alone are left: those of POWER_ON and RESET, and those of a stop before. An emergency
         stop has its own ones executed instead of those of a stop before.
@@ -298,33 +313,35 @@ class RapidExecution:
         Args:
             reason: for the event log.
             event: STOP, or QSTOP of an emergency stop: its event routines are executed when the arms stand still.
-            stopped: the task whose instruction has stopped the others.
+            stopped: tasks that their own instructions have stopped, whose event routines are executed, too.
         """
-        normal = [each for each in self.installed.values() if each.is_normal]
-        before = self._stop
+        normal, before = self._normal, self._stop
         if before is None:
-            tasks = [each for each in normal if each.task.execution is Execution.STARTED or each is stopped]
+            tasks = [each for each in normal if each.task.execution is Execution.STARTED or each in stopped]
         else:
             tasks = list(before.tasks)
         self._resuming.clear()
         for each in normal:
             each.task.stop()
             each.task.abandon_event()
+        self._show_in_egm()
+        self._stop_arms()
         if not self.is_running:
             return
-        self._show_in_egm()
-        # An arm under EGM ramps down as configured; any other motion stops as fast as the drives allow.
-        for unit in [each.unit for each in normal if each.unit is not None]:
-            was_under_egm = unit.arm.egm is not None
-            unit.egm.abort()
-            if not was_under_egm:
-                unit.arm.stop()
         if before is None or (event is SystemEvent.QSTOP and before.event is not event):
             self._stop = _Stop(reason, event, tasks)
             if not any(each.task.event_routines.get(event) for each in tasks):
                 self._end_stop()
         elif before.have_begun:
             self._end_stop()
+
+    def _stop_arms(self) -> None:
+        """An arm under EGM ramps down as configured; any other motion stops as fast as the drives allow."""
+        for unit in [each.unit for each in self._normal if each.unit is not None]:
+            was_under_egm = unit.arm.egm is not None
+            unit.egm.abort()
+            if not was_under_egm:
+                unit.arm.stop()
 
     def _go_on_stopping(self, stop: _Stop, dt: float) -> None:
         """Execute the event routines of a stop once the arms stand still."""
@@ -342,10 +359,12 @@ class RapidExecution:
         if not unfinished or stop.left <= 0.0:
             self._end_stop()
 
-    def abandon_stop(self) -> None:
-        """End a stop without what is left of its event routines."""
+    def abandon_events(self) -> None:
+        """Leave the event routines that run alone in all tasks, which ends a stop."""
         if self._stop is not None:
             self._end_stop()
+        for each in self.installed.values():
+            each.task.abandon_event()
 
     def _end_stop(self) -> None:
         assert self._stop is not None
@@ -426,7 +445,8 @@ class RapidExecution:
 
         What is left of the event routines of a stop is not executed.
         """
-        self.abandon_stop()
+        if self._stop is not None:
+            self._end_stop()
         for task in [each.task for each in self.installed.values() if each.settings.is_motion_task]:
             task.lose_pp()
             for module in task.modules:
@@ -459,7 +479,7 @@ class RapidExecution:
         """Let the tasks run for ``dt`` [s]; 0 runs what is due at once."""
         busy = set()
         for each in self._in_order:
-            if not (each.task.is_running or (each.is_normal and self.is_running)):
+            if not each.task.is_running:
                 each.task.stand(dt)
                 continue
             if each.settings.foreground.upper() in busy:
@@ -469,9 +489,7 @@ class RapidExecution:
                 each.task.advance(dt)
                 if each.task.is_busy:
                     busy.add(each.task.name.upper())
-        for each in self.installed.values():
-            while each.host.events:
-                self._react(each, each.host.events.popleft())
+        self._react_to_reports()
         if self._resuming:
             self._resume()
         if self._stop is not None:
@@ -482,10 +500,24 @@ class RapidExecution:
         for task in self.tasks.values():
             task.signal_changed(name, old, new)
 
-    def _react(self, stopped: InstalledTask, event: TaskEvent) -> None:
-        task = stopped.task.name
+    def _react_to_reports(self) -> None:
+        """React to all tasks that have stopped by themselves in this cycle; RAPID ends with the last one."""
+        reports = [(each, event) for each in self.installed.values() for event in each.host.events]
+        stopped = [each for each, event in reports if each.is_normal and event.kind in _STOPS]
+        for each, _ in reports:
+            each.host.events.clear()
+        for each, event in reports:
+            self._react(each, event, stopped)
+        if self.is_running and self._stop is None and not self._started:  # only routines of tasks that stopped earlier
+            self._stop_arms()
+            tasks = self._tasks_in_stop_routines
+            self._stop = _Stop("All tasks have stopped.", SystemEvent.STOP, tasks, have_begun=True)
+
+    def _react(self, reporter: InstalledTask, event: TaskEvent, stopped: Sequence[InstalledTask]) -> None:
+        """React to the report of a task; `stopped` are those that their own instructions stopped in this cycle."""
+        task = reporter.task.name
         if event.kind is EventKind.ERROR:
-            stopped.has_failed = True
+            reporter.has_failed = True
             place = f"{task}/{event.module}/{event.routine}, line {event.line}"
             arguments = task, event.error, f"/{event.module}/{event.routine}/{event.line}"
             text = f"{place}: {event.sentence}"
@@ -493,29 +525,30 @@ class RapidExecution:
             log.warning("%s", event.sentence)
         self._show_in_egm()
         reason = f"{task} has stopped: {event.sentence}"
-        if not stopped.is_normal:
+        if not reporter.is_normal:
             # System parameters manual, TrustLevel: what the error of a task that always runs does to the others.
-            trust = stopped.settings.trust if event.kind is EventKind.ERROR else TrustLevel.NO_SAFETY
+            trust = reporter.settings.trust if event.kind is EventKind.ERROR else TrustLevel.NO_SAFETY
             if trust is not TrustLevel.NO_SAFETY:
-                self.stop(reason)
+                self.stop(reason, stopped=stopped)
             if trust in (TrustLevel.SYS_FAIL, TrustLevel.SYS_HALT):
                 self._halt(reason)
             return
         if self.is_running and self._stop is None:  # otherwise a routine has ended that ran alone: others go on
-            self._stop_with(stopped, event, reason)
+            self._stop_with(reporter, event, reason, stopped)
         if event.kind is EventKind.SYSTEM_STOP_BLOCK:
             for each in self._selected:
                 each.task.lose_pp()
         elif event.kind is EventKind.SYSTEM_HALT:
             self._halt(reason)
 
-    def _stop_with(self, stopped: InstalledTask, event: TaskEvent, reason: str) -> None:
+    def _stop_with(
+        self, reporter: InstalledTask, event: TaskEvent, reason: str, stopped: Sequence[InstalledTask]
+    ) -> None:
         """Stop the other tasks with one that has stopped by itself, or execute its own event routines of STOP."""
-        none_runs = all(each.task.execution is not Execution.STARTED for each in self._selected)
-        if event.kind not in _OF_ITS_OWN_TASK or none_runs:
-            self.stop(reason, stopped=stopped if event.kind in _STOPS else None)
+        if event.kind not in _OF_ITS_OWN_TASK or not (self._started or self._tasks_in_stop_routines):
+            self.stop(reason, stopped=stopped)
         elif event.kind is EventKind.STOP:
-            stopped.task.begin_event(SystemEvent.STOP)
+            reporter.task.begin_event(SystemEvent.STOP)
             self._events.append(10125, "Program stopped", reason)
 
     def _show_in_egm(self) -> None:

@@ -226,6 +226,7 @@ class ArmUnit:
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
         task: name of the task that moves it.
+        is_started: whether that task is started.
     """
 
     arm: VirtualArm
@@ -248,6 +249,7 @@ class ArmUnit:
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
     task: str = ""
+    is_started: Callable[[], bool] = lambda: True
 
     def __post_init__(self) -> None:
         self.egm_device = self.egm_device or self.arm.unit

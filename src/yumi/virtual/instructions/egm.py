@@ -215,13 +215,13 @@ class EgmInstructions:
         )
         self._do(lambda: self._client.run_joint(run))
         if run.is_waited:
-            yield from self._until_over(run)
+            yield from self._until_over(call, run)
 
     def wait_cond(self, call: Call) -> Wait:
         r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
         if self._run is None:
             raise RapidRuntimeError(FATAL, "EGMWaitCond: there was no EGMRunJoint to wait for.")
-        yield from self._until_over(self._run)
+        yield from self._until_over(call, self._run)
 
     def stop(self, call: Call) -> Wait:
         """EGMStop: done when the arm stands."""
@@ -241,7 +241,7 @@ class EgmInstructions:
         """EGMGetState."""
         return float(self._client.state)
 
-    def _until_over(self, run: EgmRun) -> Wait:
+    def _until_over(self, call: Call, run: EgmRun) -> Wait:
         while True:
             yield None
             outcome = self._client.outcome
@@ -254,6 +254,7 @@ class EgmInstructions:
                 break
             if outcome is not EgmOutcome.RUNNING and self._unit.arm.is_stationary:
                 # The program had been stopped and continues: the interrupted instruction starts EGM again.
+                check_may_move(call)
                 self._do(lambda: self._client.run_joint(run))
         while not self._unit.arm.is_stationary:
             yield None

@@ -340,9 +340,14 @@ class MotionSettingInstructions:
             raise RapidRuntimeError("ERR_PATH_STOP", str(error)) from error
 
     def start_move(self, call: Call) -> None:
-        """StartMove: on along the path."""
+        """StartMove: on along the path, unless the program that moves one of the arms is stopped."""
         check_may_move(call)
-        for arm in self._arms(call):
+        units = self._units(call)
+        for unit in units:
+            if not unit.is_started() and not unit.arm.path.is_empty:
+                sentence = f"{call.name}: {unit.task} is stopped, and its arm stays where it is until it is started."
+                raise RapidRuntimeError("ERR_PROGSTOP", sentence)
+        for arm in [unit.arm for unit in units]:
             arm.path.holds.discard(STOP_MOVE)
             try:
                 arm.follow_path()
@@ -361,10 +366,11 @@ class MotionSettingInstructions:
         for arm in self._arms(call):
             arm.path.holds.discard(STOP_MOVE)
 
+    def _units(self, call: Call) -> Sequence[ArmUnit]:
+        return self._robots if call.get("AllMotionTasks", False) or not self._is_motion_task else [self._unit]
+
     def _arms(self, call: Call) -> list[VirtualArm]:
-        if call.get("AllMotionTasks", False) or not self._is_motion_task:
-            return [unit.arm for unit in self._robots]
-        return [self._unit.arm]
+        return [unit.arm for unit in self._units(call)]
 
     def clear_path(self, call: Call) -> None:
         """ClearPath: forget the rest of the path; the arm has to stand, as after StopMove."""

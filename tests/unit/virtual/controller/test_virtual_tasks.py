@@ -11,10 +11,11 @@ import pytest
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
 from yumi.robot.joints import Joints, Side
-from yumi.rws.types import ControllerState
+from yumi.rws.types import ControllerState, EventType
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.mechanics.motion import EgmRun
 from yumi.virtual.world import World, WorldSettings
 
 TASKS = """
@@ -732,3 +733,176 @@ def test_arm_steps_back_no_faster_than_its_joints_may(tmp_path: Path) -> None:
         for first, second, third, speed, acceleration in zip(*past, limits.velocity, limits.acceleration, strict=True):
             assert abs(third - second) <= speed * cycle
             assert abs(third - 2.0 * second + first) <= acceleration * cycle**2
+
+
+EGM_ON = """MODULE Guided
+  VAR egmident egm;
+  PROC main()
+    MoveAbsJ CJointT(), v100, fine, tool0;
+    EGMGetId egm;
+    EGMSetupUC ROB_L, egm, "ROB_L", "ROB_L"\\Joint\\CommTimeout:=100;
+    EGMActJoint egm\\J1:=[-0.1,0.1];
+    EGMRunJoint egm, EGM_STOP_HOLD\\J1\\J2\\J3\\J4\\J5\\J6\\J7;
+  ENDPROC
+  PROC waits() WaitTime 0.5; EGMWaitCond egm; ENDPROC
+ENDMODULE"""
+
+
+def test_routine_of_stop_does_not_start_egm_again(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, '-Routine "waits" -Shelf "STOP" -Task "T_ROB_L"', T_ROB_L=[EGM_ON])
+    controller = started(world, 1.0)
+    assert world.egm[Side.LEFT].is_running
+    controller.stop_rapid()
+    run(world, 3.0)
+    assert not world.egm[Side.LEFT].is_running
+    assert not controller.is_running
+    assert "EGMWaitCond moves a robot, which an event routine of STOP may not" in logged(controller)
+
+
+def test_stop_ends_egm_though_no_program_runs(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, "", T_ROB_L=[EGM_ON])
+    controller = started(world, 1.0)
+    controller.stop_rapid()
+    run(world, 1.0)
+    egm = world.egm[Side.LEFT]
+    egm.run_joint(EgmRun())
+    run(world, 0.5)
+    assert egm.is_running
+    controller.stop_rapid()
+    run(world, 0.5)
+    assert not egm.is_running
+
+
+RESUMING = """MODULE Main
+  VAR num number := 0;
+  PROC main()
+    IF custom_DO_0 = 1 THEN
+      StartMove\\AllMotionTasks;
+      WaitTime 100;
+    ENDIF
+    WaitTime 0.01;
+  ERROR
+    number := ERRNO;
+    WaitTime 100;
+  ENDPROC
+ENDMODULE"""
+
+
+def test_background_task_moves_no_arm_whose_program_is_stopped(tmp_path: Path) -> None:
+    world = controller_world(tmp_path, "", TASKS, T_ROB_L=[MOVING % ("", "")], WATCHER=[RESUMING])
+    controller = started(world, 3.0)
+    controller.stop_rapid()
+    run(world, 0.5)
+    position = left(world)
+    controller.signals.drive("custom_DO_0", 1.0)
+    run(world, 1.0)
+    assert moved_by(world, position) < 0.01
+    watcher = controller.tasks["WATCHER"]
+    assert watcher.error_name(float(watcher.read("Main", "number"))) == "ERR_PROGSTOP"
+
+
+@pytest.mark.parametrize("discards_programs", [False, True])
+def test_routine_of_stop_ends_with_a_restart(tmp_path: Path, discards_programs: bool) -> None:
+    text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC halted() WaitDI custom_DI_0, 1; ENDPROC ENDMODULE"
+    hooks = ALL.replace('-Routine "on_event" -Shelf "STOP"', '-Routine "halted" -Shelf "STOP"')
+    world = controller_world(tmp_path, hooks, T_ROB_L=[text])
+    started(world).restart(1.0, discards_programs=discards_programs)
+    controller = run(world, 4.0)
+    assert not controller.is_running
+    assert not [entry for entry in controller.events.entries() if entry.type is EventType.ERROR]
+    assert [each.routine for each in controller.tasks["T_ROB_L"].call_stack] == ["main"]
+    controller.set_motors(True)
+    controller.start_rapid()
+    assert run(world, 0.1).tasks["T_ROB_L"].execution is Execution.STARTED
+
+
+def test_routine_of_power_on_is_left_at_a_restart(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() WaitTime 100; ENDPROC PROC endless() WaitUntil FALSE; ENDPROC ENDMODULE"
+    world = controller_world(tmp_path, '-Routine "endless" -Shelf "POWER_ON" -Task "T_ROB_L"', T_ROB_L=[text])
+    run(world, 0.1).restart(0.1)
+    stack = run(world, 4.0).tasks["T_ROB_L"].call_stack
+    assert [each.routine for each in stack] == ["endless", "main"]
+
+
+SOON = 'MODULE Main PROC main() WaitTime %s; TPWrite "waited"; WaitTime 100; ENDPROC %s ENDMODULE'
+
+
+def test_wait_of_a_program_does_not_pass_in_routines_of_another_task(tmp_path: Path) -> None:
+    hook = '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"'
+    long = SOON % (100, "PROC halted() WaitTime 5; ENDPROC")
+    world = controller_world(tmp_path, hook, T_ROB_L=[long], T_ROB_R=[SOON % (1, "")])
+    controller = started(world, 0.5)
+    controller.stop_rapid()
+    run(world, 5.5)
+    assert not controller.is_running
+    controller.start_rapid()
+    assert run(world, 0.4).screens["T_ROB_R"] == ()
+    assert run(world, 0.2).screens["T_ROB_R"] == ("waited",)
+
+
+def test_time_of_a_task_that_has_stopped_itself_stands_still_while_another_runs(tmp_path: Path) -> None:
+    text = """MODULE Main
+      VAR intnum tick;
+      PROC main()
+        CONNECT tick WITH ticked;
+        ITimer\\Single, 1, tick;
+        Stop;
+        WaitTime 100;
+      ENDPROC
+      TRAP ticked TPWrite "tick"; ENDTRAP
+    ENDMODULE"""
+    world = controller_world(tmp_path, "", T_ROB_L=[text], T_ROB_R=[WAITING])
+    controller = started(world, 3.0)
+    assert controller.is_running
+    controller.start_rapid()
+    assert run(world, 0.9).screens["T_ROB_L"] == ()
+    assert run(world, 0.2).screens["T_ROB_L"] == ("tick",)
+
+
+def test_tasks_that_stop_themselves_together_execute_their_routines_of_stop(tmp_path: Path) -> None:
+    text = 'MODULE Main PROC main() Stop; ENDPROC PROC halted() TPWrite "halted"; ENDPROC ENDMODULE'
+    hook = '-Routine "halted" -Shelf "STOP" -AllMotionTask'
+    controller = started(controller_world(tmp_path, hook, T_ROB_L=[text], T_ROB_R=[text]))
+    assert controller.screens["T_ROB_L"] == controller.screens["T_ROB_R"] == ("halted",)
+    assert not controller.is_running
+
+
+def test_task_that_finishes_leaves_the_routine_of_stop_of_another(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PROC main() Stop; ENDPROC
+      PROC halted() WaitTime 1; TPWrite "halted"; ENDPROC
+    ENDMODULE"""
+    short = "MODULE Main PROC main() WaitTime 0.5; ENDPROC ENDMODULE"
+    hook = '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[text], T_ROB_R=[short])
+    world.controller.set_motors(True)
+    world.controller.start_rapid("once")
+    assert run(world, 0.9).is_running
+    assert run(world, 0.2).screens["T_ROB_L"] == ("halted",)
+    assert not world.controller.is_running
+
+
+def test_routine_of_stop_that_does_not_end_is_left_a_minute_after_the_last_task(tmp_path: Path) -> None:
+    text = "MODULE Main PROC main() Stop; ENDPROC PROC halted() WaitUntil FALSE; ENDPROC ENDMODULE"
+    short = "MODULE Main PROC main() WaitTime 0.5; Stop; ENDPROC ENDMODULE"
+    hook = '-Routine "halted" -Shelf "STOP" -Task "T_ROB_L"'
+    world = controller_world(tmp_path, hook, T_ROB_L=[text], T_ROB_R=[short])
+    started(world)
+    assert run(world, 60.0).is_running
+    assert not run(world, 1.0).is_running
+    assert "longer than 60 s" in logged(world.controller)
+
+
+@pytest.mark.parametrize("after", ["", 'UnLoad "HOME:/other.mod";'])
+def test_routines_run_though_a_module_that_was_loaded_does_not_fit(tmp_path: Path, after: str) -> None:
+    text = f"""MODULE Main
+      PROC main() Load "HOME:/tool.mod"; Load "HOME:/other.mod"; {after} WaitTime 100; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, T_ROB_L=[text])
+    files = {"tool": "PROC misfit() on_event 5; ENDPROC", "other": "PROC unused() ENDPROC"}
+    world.controller.files.update({f"HOME:/{name}.mod": f"MODULE {name} {it} ENDMODULE" for name, it in files.items()})
+    controller = started(world)
+    controller.stop_rapid()
+    run(world, 0.1)
+    assert "Execution error" not in [entry.title for entry in controller.events.entries()]
+    assert controller.screens["T_ROB_L"] == ("power on", "start", "stop")
