@@ -9,6 +9,7 @@ from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
+from yumi.egm.session import SILENCE
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
@@ -38,11 +39,20 @@ class EgmLoop(VirtualArmRig):
         side: the arm.
         guard: of the fast line; the real one when left out, :class:`OpenLimiter` for none.
         model: dynamics of the virtual arm.
+        silence: EGM has ended for our end after this time without a datagram [s].
     """
 
-    def __init__(self, side: Side = Side.LEFT, limiter: Limiter | None = None, model: ArmModel = SUPERVISED) -> None:
+    def __init__(
+        self,
+        side: Side = Side.LEFT,
+        limiter: Limiter | None = None,
+        model: ArmModel = SUPERVISED,
+        *,
+        silence: float = SILENCE,
+    ) -> None:
         self._goals = MemoryBuffer()
-        super().__init__({CONTROLLER: JointPositionController(self._goals)}, side=side, limiter=limiter, model=model)
+        controllers = {CONTROLLER: JointPositionController(self._goals)}
+        super().__init__(controllers, side=side, limiter=limiter, model=model, silence=silence)
 
     def begin(self, motion: EgmMotionSettings = FULL_SPEED) -> None:
         """Start EGM, and let the controller command as soon as the robot follows."""

@@ -20,7 +20,7 @@ from yumi.control.shared_state import Snapshot, read_snapshot
 from yumi.driver.arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.codec import JointCodec
-from yumi.egm.session import SensorSession
+from yumi.egm.session import SILENCE, SensorSession
 from yumi.egm.udp import memory_links
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
@@ -82,6 +82,7 @@ class VirtualArmRig:
         model: dynamics of the virtual arm.
         position: where it stands at first [rad], (7,); home when left out.
         speed: the factor on its speeds, which its controllers share.
+        silence: EGM has ended for our end after this time without a datagram [s].
 
     Attributes:
         robot: the robot's end.
@@ -101,6 +102,7 @@ class VirtualArmRig:
         model: ArmModel | None = None,
         position: Joints | None = None,
         speed: SpeedScale | None = None,
+        silence: float = SILENCE,
     ) -> None:
         self.robot = VirtualArmEnd(side, model, position=position)
         self.clock = ManualClock(100.0)
@@ -114,7 +116,7 @@ class VirtualArmRig:
             self.manager.load(name, controller)
             self.manager.configure(name)
         near, self._far = memory_links()
-        arm = EgmArm(near, SensorSession(JointCodec()))
+        arm = EgmArm(near, SensorSession(JointCodec(), silence=silence))
         self.line = ArmLoop(side, arm, self.manager, limiter or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property

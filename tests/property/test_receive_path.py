@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import count
 from math import cos, dist, inf, radians, sin
 from random import Random
 from typing import Any, NamedTuple
@@ -17,7 +18,7 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop
+from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from soak import RECEIVE_EXAMPLES
 from yumi.control.controller import MemoryBuffer, State, write_speeds
 from yumi.control.controllers.joint_velocity import JointVelocityController
@@ -25,8 +26,10 @@ from yumi.control.events import ImplausibleFeedback, ProblemOver, ReferencesIgno
 from yumi.control.limiter import FOLLOWING, LATE_CYCLE, Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
+from yumi.driver.settings import EgmSettings
 from yumi.egm.codec import RobotCodec, SensorCodec
 from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.session import SILENCE
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, joints
 from yumi.virtual.mechanics.arm import ArmModel
@@ -56,6 +59,7 @@ class Attacked(EgmLoop):
     Args:
         feeds_speed: move by a controller that feeds speeds forward.
         knows_other_arm: the limiter knows where the other arm is, as in the process that holds both.
+        silence: EGM has ended for our end after this time without a datagram [s].
 
     Attributes:
         extra: datagrams that arrive besides the next true one, before or after it.
@@ -66,9 +70,9 @@ class Attacked(EgmLoop):
         deceived_at: when replies were lost, or a datagram forged that may not be known as false, last [s].
     """
 
-    def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True) -> None:
+    def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = SILENCE) -> None:
         limiter = Limiter(YUMI_LIMITS, other_arm=lambda: OTHER_ARM if knows_other_arm else None)
-        super().__init__(limiter=limiter, model=ArmModel(supervises_load=False))
+        super().__init__(limiter=limiter, model=ArmModel(supervises_load=False), silence=silence)
         self._speeds = MemoryBuffer() if feeds_speed else None
         if self._speeds is not None:
             self.manager.load(VELOCITY_CONTROLLER, JointVelocityController(self._speeds))
@@ -489,6 +493,72 @@ def test_lead_is_taken_back_within_the_limits_after_a_silence(cycles: int) -> No
     assert [event for event in loop.events if isinstance(event, SessionResumed)]
 
 
+Delay = Callable[[int], float]
+"""How late a datagram arrives [s], by its number on the wire; infinite when it is lost."""
+
+
+def late(delay: Delay) -> Wire:
+    """A wire on which datagrams wait, and those that are due in one cycle arrive together."""
+    waiting: list[tuple[float, bytes]] = []
+    cycles = count()
+
+    def arriving(datagram: bytes) -> list[bytes]:
+        cycle = next(cycles)
+        waiting.append((cycle + delay(cycle) / CYCLE, datagram))
+        waiting.sort(key=lambda each: each[0])
+        due = [datagram for time, datagram in waiting if time <= cycle]
+        del waiting[: len(due)]
+        return due
+
+    return arriving
+
+
+LATE: dict[str, Callable[[Random], Delay]] = {
+    "4 at once": lambda _: lambda number: -number % 4 * CYCLE,
+    "12 at once": lambda _: lambda number: -number % 12 * CYCLE,
+    "50 ms late": lambda _: lambda _: 0.05,
+    "0 to 30 ms late": lambda random: lambda _: random.uniform(0.0, 0.03),
+    "overtaken within 3": lambda random: lambda _: random.randint(0, 3) * CYCLE,
+    "half of them lost": lambda random: lambda _: random.choice((0.0, inf)),
+}
+
+
+@pytest.mark.parametrize("feeds_speed", [False, True])
+@pytest.mark.parametrize("name", LATE)
+def test_motion_goes_on_within_the_limits_when_datagrams_come_late_at_once_or_not_at_all(
+    name: str, feeds_speed: bool
+) -> None:
+    loop = Attacked(feeds_speed=feeds_speed, silence=EgmSettings().silence)
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(100)
+    arriving, wire = loop.to_us, late(LATE[name](Random(1)))
+    loop.to_us = lambda datagram: [each for sent in arriving(datagram) for each in wire(sent)]
+    loop.move(60 if feeds_speed else 400)
+    before, loop.to_us = len(loop.cycles), arriving
+    loop.move(60)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert len(loop.cycles) - before >= 59  # this end looks once a cycle, and may find the last late one
+    assert loop.snapshot.session == 1
+    assert loop.snapshot.is_commanded
+
+
+@pytest.mark.parametrize("feeds_speed", [False, True])
+@pytest.mark.parametrize("cycles", [4, 12, 18])
+def test_motion_goes_on_within_the_limits_after_a_short_silence(cycles: int, feeds_speed: bool) -> None:
+    loop = Attacked(feeds_speed=feeds_speed, silence=EgmSettings().silence)
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(300)
+    for_a_while("is_silent", cycles)(loop)
+    loop.move(60)
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert loop.snapshot.session == 1
+    assert loop.snapshot.is_commanded
+
+
 @pytest.mark.parametrize("cycles", [3, 10, 25, 250, 1250])
 def test_speed_that_was_fed_forward_is_not_resumed_at_once_after_a_silence(cycles: int) -> None:
     loop = Attacked(feeds_speed=True)
@@ -586,6 +656,21 @@ def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refuse
     assert loop.events[-1] == ProblemOver(Side.LEFT, Problem.REFERENCES_IGNORED)
     loop.line.check_follows()
     assert dist(loop.robot.arm.planned, loop.home) < 0.01
+
+
+def test_robot_that_hears_nothing_from_the_begin_is_reported_within_300_ms_of_the_first_goal() -> None:
+    loop = Attacked()
+    loop.to_robot = lambda datagram: ()
+    loop.begin()
+    loop.run(0.5)
+    begun = len(loop.events)
+    assert loop.snapshot.is_commanded
+    loop.go(joints([value + 0.3 for value in loop.home]))
+    loop.run(0.3)
+    (event,) = loop.events[begun:]
+    assert isinstance(event, ReferencesIgnored)
+    assert event.deactivated == (CONTROLLER,)
+    assert loop.snapshot.problem is Problem.REFERENCES_IGNORED
 
 
 def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from threading import Event, Timer
 from types import SimpleNamespace
 from typing import Any, Concatenate, ParamSpec, TypeVar
+from unittest.mock import Mock
 
 import pytest
 from controller_manager_bench import (
@@ -51,6 +52,7 @@ from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.executors import TimerThread
+from yumi.ros.topics import DescriptionWait
 from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros
@@ -167,6 +169,20 @@ def test_manager_serves_nothing_but_parameters_until_it_has_a_description(rig: S
     assert rate == 248
     rig.client.until(rig.client.hears("Waiting for a message on robot_description."))
     assert not services(rig)
+
+
+@pytest.mark.parametrize("reminders", [0, 1])
+def test_manager_whose_description_comes_in_time_does_not_say_that_it_waits(reminders: int) -> None:
+    """The timer is overdue when the node is first spun, before the description that has long been there."""
+    node = Mock()
+    wait = DescriptionWait(node, Side.RIGHT, lambda: None)
+    (_, remind), (_, _, take, _) = node.create_timer.call_args.args, node.create_subscription.call_args.args
+    for _ in range(reminders):
+        remind()
+    take(String(data=robot_description()))
+    assert wait.is_over
+    assert node.get_logger.return_value.mock_calls == []
+    node.create_timer.return_value.cancel.assert_called_once()
 
 
 @pytest.mark.parametrize(

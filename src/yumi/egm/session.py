@@ -281,7 +281,7 @@ class SensorSession(Generic[Message]):
         if is_accepted:
             return True
         self._count_old(-ahead)
-        if message == last.message:  # a copy is no other session
+        if message == last.message or self._is_overtaken(last, message, -ahead, now):  # these are no other session
             return False
         before = self._candidate
         if not self._is_new_session(message, now):
@@ -439,6 +439,11 @@ class SensorSession(Generic[Message]):
             return False
         self._cycle = cycle
         return True
+
+    def _is_overtaken(self, last: _Heard[Message], message: Message, behind: int, now: float) -> bool:
+        """Whether a datagram of this session is late: its number and its clock say so, and it was long on its way."""
+        is_late = now - message.measured_time - self._fastest > _EARLY * self._cycle
+        return is_late and 0 < behind <= LARGEST_GAP and self._agree(message, last.message, behind)
 
     def _cycle_between(self, before: Message, message: Message, ahead: int) -> float:
         """The period of a robot that sent these: the session's, or another one since it has begun anew."""

@@ -270,6 +270,17 @@ def test_session_does_not_begin_with_many_old_datagrams_at_once(session: SensorS
     assert session.number == 1
 
 
+def test_session_does_not_begin_with_its_own_datagrams_that_one_has_overtaken(
+    session: SensorSession[JointReport],
+) -> None:
+    now = live(session, 300)
+    assert accept(session, 303, now=now + 4 * CYCLE) == 303
+    late = [accept(session, seqno, now=now + (seqno - 295) * CYCLE) for seqno in (300, 301, 302)]
+    assert late == [None, None, None]
+    assert accept(session, 307, now=now + 8 * CYCLE) == 307
+    assert (session.number, session.counters.lost, session.counters.stale) == (1, 3, 3)
+
+
 @pytest.mark.parametrize("seqno", [0, 1, 150, 298, 299, 300, 301, 303, 310, 330, 363, 400, 2**32 - 1])
 @pytest.mark.parametrize("later", [-900.0, -1.0, -0.2, 0.0, 0.5 * CYCLE, CYCLE, 5 * CYCLE, 30 * CYCLE, 10.0, 1e6, None])
 def test_session_answers_the_true_datagram_after_a_single_false_one(
