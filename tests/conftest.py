@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Iterator
 from math import radians
@@ -12,6 +13,12 @@ from hypothesis import settings
 
 from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
+
+
+def pytest_configure() -> None:
+    """A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
