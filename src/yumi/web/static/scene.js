@@ -426,7 +426,7 @@ export class Scene {
     this.camera.aspect = width / height;
     this.camera.fov = width / height < 0.9 ? 40 : 30;
     this.camera.updateProjectionMatrix();
-    this.draw();
+    this.renderer.render(this.scene, this.camera); // a canvas of another size is empty, and would be shown so
   }
 
   /** Draw soon, once for all that has changed. */
