@@ -58,8 +58,8 @@ class JointVelocityController(Controller):
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
-        wanted = ZERO if state.time - self._given_at > self._timeout else self._wanted
-        return self._motion.step(state, wanted, self._speed.value)
+        is_silent = state.time - self._given_at > self._timeout
+        return self._motion.step(state, ZERO if is_silent else self._wanted, self._speed.value)
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)
