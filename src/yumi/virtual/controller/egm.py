@@ -342,6 +342,11 @@ class EgmClient:
         survives = (EgmOutcome.RUNNING, EgmOutcome.ABORTED)
         return self.outcome in survives or self._data.restarts_after_motors_off
 
+    @property
+    def waiting(self) -> int:
+        """How many datagrams of the sensor wait for their cycle: by so many cycles its references come late."""
+        return len(self._session.queue) if self._session is not None else 0
+
     def take_failure(self) -> EgmFailure | None:
         """The failure the controller reacts to, once."""
         failure, self._failure = self._failure, None
