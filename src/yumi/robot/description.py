@@ -1,9 +1,8 @@
 """The robot's description for ROS: a URDF of both arms and grippers, exact kinematics and simple shapes.
 
 Every number stands in one of the tables below; the functions only turn tables into XML, and ``read_frames`` reads the
-frames of such a URDF again. Link frames are those
-of the public YuMi descriptions (reference/yumi.md §1.4), so their meshes fit. Lengths in [m], angles in [rad],
-masses in [kg] unless the name says otherwise.
+frames of such a URDF again. Link frames are those of the public YuMi descriptions (reference/yumi.md §1.4), so their
+meshes fit. Lengths in [m], angles in [rad], masses in [kg] unless the name says otherwise.
 
 ==================================== ==================================================================================
 link                                 where
