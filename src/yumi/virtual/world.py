@@ -13,9 +13,8 @@ from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
-from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.system import System, delivered_system
+from yumi.virtual.controller.system import Robot, System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.contact import ContactDetector
