@@ -1,7 +1,9 @@
-"""What is installed on the virtual controller: the robot, system parameters, files, and the modules its tasks begin with.
+"""What is installed on the virtual controller: its robot, system parameters, files, the modules its tasks begin with.
 
-The robots that it knows are data, each with a set of system parameters of its own (``stock``). The rest is ours (the state machine of `yumi.controller_files`), a user's own RAPID files, or a backup as a controller or
-RobotStudio writes it: ``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``.
+The robots are data, each with system parameters of its own (``stock``). The modules are ours (the state machine of
+`yumi.controller_files`), a user's own RAPID files, or those of a backup as a controller or RobotStudio writes it:
+``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``. The virtual controller writes
+and restores such backups, too.
 """
 
 from __future__ import annotations
@@ -9,9 +11,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timezone
 from enum import Enum
 from operator import itemgetter
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import yumi.controller_files
@@ -20,9 +24,13 @@ from yumi.errors import SettingsError
 from yumi.rapid.program import SystemEvent
 from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
 from yumi.robot.joints import Side
-from yumi.virtual.controller.files import DEVICES, decoded
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.files import DEVICES, ENCODING, decoded
 from yumi.virtual.controller.signals import Configuration, Instance
 from yumi.virtual.controller.units import NO_UNIT, YUMI_OPTIONS, YUMI_UNITS, MechanicalUnit
+
+if TYPE_CHECKING:
+    from yumi.virtual.controller.controller import Irc5
 
 _STOCK = Path(next(iter(yumi.virtual.controller.__path__)))
 _OPTIONS = (
@@ -104,7 +112,11 @@ ROBOTS: Mapping[str, Robot] = {
 """By name."""
 
 
+DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+"""Of system parameters; each has a cfg file in a backup."""
+
 _HOME = "HOME:/"
+_INFO = "BACKINFO/backinfo.txt"
 _SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
 _TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
 _REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
@@ -400,3 +412,86 @@ def modules_of(task: TaskSettings, system: System, configuration: Configuration)
             if path.partition(":")[0].upper() in DEVICES:
                 paths.append(path)
     return tuple(paths)
+
+
+def write_backup(controller: Irc5, path: str) -> None:
+    """Make a backup in a directory, over what is there.
+
+    Raises:
+        Refused: NO_SPACE.
+    """
+    files, identity = controller.files, controller.identity
+    when = datetime.fromtimestamp(controller.time, timezone.utc).strftime("%Y-%m-%d %H:%M:%S")
+    lines = [
+        f">>SYSTEM: {identity.system_name}",
+        f">>SYSTEM_ID: {identity.system_id}",
+        f">>ROBOTWARE: {identity.robotware}",
+        f">>DATE: {when}",
+        *(f">>OPTION: {option}" for option in identity.options),
+        *(f">>TASK{number}: ({name},,)" for number, name in enumerate(controller.tasks, 1)),
+    ]
+    content = {_INFO: "\n".join(lines) + "\n"}
+    for domain in DOMAINS:
+        content[f"SYSPAR/{domain}.cfg"] = controller.configuration.text(domain)
+    for number, task in enumerate(controller.tasks.values(), 1):
+        for module in task.modules:
+            folder, suffix = ("SYSMOD", "sys") if module.is_system else ("PROGMOD", "mod")
+            content[f"RAPID/TASK{number}/{folder}/{module.name}.{suffix}"] = module.text
+    home = [files.get_file(each) for each in tuple(files) if each.upper().startswith(_HOME)]
+    for name, text in content.items():
+        files.write(f"{path}/{name}", text.encode(ENCODING, "replace"))
+    for file in home:
+        files.write(f"{path}/HOME{file.path[len('HOME:') :]}", file.content or b"")
+
+
+def check_backup(controller: Irc5, path: str) -> str:
+    """Refuse what cannot be restored; the name of the system it is of.
+
+    Raises:
+        Refused: NO_FILE where there is no backup.
+    """
+    text = controller.files.get(f"{path}/{_INFO}")
+    if text is None:
+        raise Refused(Refusal.NO_FILE, f"{path} is not a backup: it has no {_INFO}.")
+    return next((line.partition(":")[2].strip() for line in text.splitlines() if line.startswith(">>SYSTEM:")), "")
+
+
+def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bool = True) -> None:
+    """Become as in a backup: system parameters, HOME and programs; a restart brings it into effect.
+
+    Raises:
+        Refused: NO_FILE where there is no backup, BAD_PROGRAM where it has something that is not RAPID.
+        SettingsError: its system parameters cannot be read.
+    """
+    check_backup(controller, path)
+    files = controller.files
+    inside = {each[len(path) + 1 :]: files.get_file(each) for each in tuple(files) if _is_in(each, path)}
+    if cfg:
+        texts = [
+            (file.content or b"").decode(ENCODING)
+            for name, file in inside.items()
+            if name.upper().startswith("SYSPAR/")
+        ]
+        restored = Configuration(texts)
+        controller.configuration.become(restored)
+    if modules:
+        for each in [each for each in tuple(files) if each.upper().startswith(_HOME)]:
+            files.remove(each)
+        for name, file in inside.items():
+            if name.upper().startswith("HOME/"):
+                files.write(f"HOME:/{name[len('HOME/') :]}", file.content or b"")
+        for number, task in enumerate(controller.tasks.values(), 1):
+            texts = [
+                (file.content or b"").decode(ENCODING)
+                for name, file in inside.items()
+                if name.upper().startswith(f"RAPID/TASK{number}/")
+            ]
+            task.lose_pp()
+            for module in task.modules:
+                task.unload(module.name)
+            for text in texts:
+                task.load(text, f"TASK{number}")
+
+
+def _is_in(path: str, folder: str) -> bool:
+    return path.lower().startswith(f"{folder.lower()}/")
