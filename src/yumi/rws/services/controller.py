@@ -1,4 +1,4 @@
-"""The controller itself: its panel, its event log, and identity, clock, network, backups, options, licence, energy, jobs.
+"""The controller itself: panel, event log, identity, clock, network, backups, options, licence, energy, jobs.
 
 The panel has motors, operating mode, speed, collision detection, and the restart of RobotWare.
 """

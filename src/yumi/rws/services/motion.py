@@ -9,10 +9,9 @@ from math import degrees
 
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
-from yumi.rws import replies
 from yumi.rws.documents import Pairs, State
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.services.targets import RobTarget, joint_target, pose, rob_target
+from yumi.rws.replies import RobTarget, joint_target, pose, rob_target
+from yumi.rws.services.requests import Requests, given, post
 
 _MOTION = "/rw/motionsystem"
 _UNITS = "/rw/motionsystem/mechunits"
@@ -121,12 +120,8 @@ class Motion(Requests):
 
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
-        target = self._read(
-            get(f"/rw/motionsystem/mechunits/{unit}/jointtarget"),
-            replies.joint_target,
-            f"reading the joints of {unit}",
-        )
-        return target.chain()
+        state = self._state(f"reading the joints of {unit}", f"{_UNITS}/{unit}/jointtarget", "ms-jointtarget")
+        return joint_target(state, "rax_", _EXTERNAL).chain()
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""

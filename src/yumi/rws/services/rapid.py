@@ -9,9 +9,8 @@ from yumi.errors import ControllerRefused
 from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import State, member
-from yumi.rws.replies import ModuleInfo, TaskInfo
+from yumi.rws.replies import ModuleInfo, RobTarget, TaskInfo, joint_target, rob_target
 from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.services.targets import RobTarget, joint_target, rob_target
 from yumi.rws.session import Request
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 
