@@ -34,8 +34,7 @@ from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import MemoryRws
 from yumi.virtual.world import World
 from yumi_evaluation.experiments import AXIS_6
-from yumi_evaluation.virtual_rig import VirtualArmRig
-from yumi_evaluation.virtual_time import CONTROLLER, moved
+from yumi_evaluation.virtual_time import CONTROLLER, VirtualArmRig, moved
 
 SHOWN_AFTER = 2
 """Datagrams from the one that was answered to the one that shows what the robot made of the answer."""
