@@ -1,8 +1,8 @@
 """Virtual time: both ends of one arm's EGM with our control loop, and experiments with them; deterministic.
 
 The rig is a virtual arm, a link that may be tampered with, the wire's codecs and our control loop. It has no RAPID and
-no RWS, so that it is fast: what a controller, the limiter, the link and the robot's motion make of a reference is there,
-and nothing else.
+no RWS, so that it is fast: what a controller, the limiter, the link and the robot's motion make of a reference is
+there, and nothing else.
 
 In experiments that are bare, nothing but the gain's range and the limiter's limits differ from what is shipped: a gain
 may be as high as one likes, and the limiter lets every step pass, as the thesis's system did.
