@@ -27,10 +27,9 @@ from yumi.rws.services.io import Io
 from yumi.rws.services.motion import Motion
 from yumi.rws.services.queues import Queues
 from yumi.rws.services.rapid import Rapid
-from yumi.rws.services.requests import OnProgress, get
 from yumi.rws.services.symbols import Symbols
 from yumi.rws.services.users import Users
-from yumi.rws.session import BUSY, Request, RwsSession, Transport
+from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get
 from yumi.rws.transport import HttpTransport
 
 DEFAULT_USER = "Default User"

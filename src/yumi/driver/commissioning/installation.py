@@ -33,7 +33,7 @@ from yumi.robot.joints import Side
 from yumi.rws.cfg_files import FLAG, CfgFile, read_cfg, stated, write_cfg
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
-from yumi.rws.services.requests import OnProgress
+from yumi.rws.session import OnProgress
 from yumi.rws.types import Code, ExecutionState, Grant, OperatingMode
 
 FOLDER = "HOME:/yumi/"

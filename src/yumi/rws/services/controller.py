@@ -15,8 +15,7 @@ import httpx
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError
 from yumi.rws import replies
 from yumi.rws.replies import ControllerIdentity, Event, SystemInfo
-from yumi.rws.services.requests import OnProgress, Requests, file_path, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import OnProgress, Request, Requests, file_path, get, given, post
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 
 _EVENTS_PER_PAGE = 50

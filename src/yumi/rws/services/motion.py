@@ -11,7 +11,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws.documents import Pairs, State
 from yumi.rws.replies import RobTarget, joint_target, pose, rob_target
-from yumi.rws.services.requests import Requests, given, post
+from yumi.rws.session import Requests, given, post
 
 _MOTION = "/rw/motionsystem"
 _UNITS = "/rw/motionsystem/mechunits"

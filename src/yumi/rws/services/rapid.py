@@ -10,8 +10,7 @@ from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import State, member
 from yumi.rws.replies import ModuleInfo, RobTarget, TaskInfo, joint_target, rob_target
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 
 _EXECUTION = "/rw/rapid/execution"
