@@ -27,6 +27,9 @@ from yumi.rws.types import (
 SixAxes = tuple[float, float, float, float, float, float]
 Configuration = tuple[int, int, int, int]
 
+EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+"""Fields of the external axes in pages of the motion system."""
+
 _NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
 _MM = 1e-3
 _VERSION = re.compile(r"\d+(\.\d+)+")
@@ -322,7 +325,12 @@ def axes(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
     return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
 
 
-def joint_target(state: State, robot: str, external: Sequence[str]) -> JointTarget:
+def joint_target(page: Page) -> JointTarget:
+    """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
+    return joint_target_of(page.one("ms-jointtarget"), "rax_", EXTERNAL_AXES)
+
+
+def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointTarget:
     """A jointtarget whose fields of the robot's axes begin with ``robot``."""
     a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
     found = [state.number(name) for name in external]

@@ -59,7 +59,6 @@ _REALM = re.compile(r'realm="([^"]*)"')
 # would make the next requests longer than the controller reads.
 _COOKIE = re.compile(rf"({SESSION_COOKIE}|{CONNECTION_COOKIE})=([!-:<-~]{{1,256}})\s*(?:;|$)")
 
-
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")

@@ -9,7 +9,7 @@ from yumi.errors import ControllerRefused
 from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import State, member
-from yumi.rws.replies import ModuleInfo, RobTarget, TaskInfo, joint_target, rob_target
+from yumi.rws.replies import ModuleInfo, RobTarget, TaskInfo, joint_target_of, rob_target
 from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 
@@ -339,7 +339,7 @@ class Rapid(Requests):
         """Where the arm of a task stands, chain order [rad]."""
         query = ("resource", "jointtarget")
         state = self._state(f"reading the joints of {task}", f"{_TASKS}/{task}/motion", "rapid-jointtarget", query)
-        return joint_target(state, "j", ("ej1", "ej2", "ej3", "ej4", "ej5", "ej6")).chain()
+        return joint_target_of(state, "j", ("ej1", "ej2", "ej3", "ej4", "ej5", "ej6")).chain()
 
     def task_units(self, task: str) -> tuple[str, ...]:
         """The mechanical units that a task moves."""
