@@ -221,12 +221,13 @@ def run_virtually(experiment: Experiment, system: System = System.SHIPPED, model
         return Trace(experiment, planned.goals(), {which[0]: path.measured}, path.slowed)
     limits = YUMI_LIMITS.slowed_to(radians(experiment.mode.value.max_speed_deviation))
     is_bare = system is System.BARE
+    unlimited = replace(limits, velocity=_NO_LIMIT, acceleration=_NO_LIMIT, jerk=_NO_LIMIT)  # only the ranges remain
     rig = StreamedArm(
         limits,
         experiment.controller.values,
         experiment.mode,
         experiment.side,
-        Limiter(_unlimited(limits) if is_bare else limits),
+        Limiter(unlimited if is_bare else limits),
         model or (FITTED if is_bare else ArmModel()),
     )
     times = goal_times(experiment)
@@ -292,11 +293,6 @@ class StreamedArm:
     def slowed(self) -> int:
         """Cycles in which the limiter changed the command."""
         return self.rig.snapshot.slowed - self._slowed
-
-
-def _unlimited(limits: JointLimits) -> JointLimits:
-    """Only the ranges remain."""
-    return replace(limits, velocity=_NO_LIMIT, acceleration=_NO_LIMIT, jerk=_NO_LIMIT)
 
 
 @dataclass(frozen=True, slots=True)

@@ -402,7 +402,7 @@ def read_frames(urdf: str) -> tuple[Frame, ...]:
             Frame(
                 joint.find("child").attrib["link"],  # type: ignore[union-attr]  # every joint has both
                 joint.find("parent").attrib["link"],  # type: ignore[union-attr]
-                Pose(_vector(place.get("xyz")), _orientation(place.get("rpy"))),
+                Pose(_vector(place.get("xyz")), quaternion_from_euler_zyx(_vector(place.get("rpy")))),
                 "" if kind == "fixed" else name if mimic is None else mimic.attrib["joint"],
                 (0.0, 0.0, 0.0) if axis is None else _vector(axis.get("xyz")),
                 kind == "prismatic",
@@ -415,7 +415,3 @@ def read_frames(urdf: str) -> tuple[Frame, ...]:
 def _vector(text: str | None) -> Vector:
     x, y, z = (float(word) for word in (text or "0 0 0").split())
     return (x, y, z)
-
-
-def _orientation(rpy: str | None) -> Quaternion:
-    return quaternion_from_euler_zyx(_vector(rpy))

@@ -410,7 +410,13 @@ class Rapid(Requests):
     def breakpoints(self, task: str) -> tuple[tuple[str, Range], ...]:
         """Module and place of each breakpoint."""
         states = self._states(f"reading the breakpoints of {task}", f"{_TASKS}/{task}/program/breakpoint")
-        return tuple((state.text("module-name"), _range(state, "start-row", "start-col")) for state in states)
+        return tuple(
+            (
+                state.text("module-name"),
+                Range(*(state.whole(name) for name in ("start-row", "start-col", "end-row", "end-col"))),
+            )
+            for state in states
+        )
 
     def set_breakpoint(self, task: str, module: str, row: int, column: int = 1) -> None:
         """Let execution stop at a place of the text, if it is started with ``stop_at_breakpoints``."""
@@ -564,10 +570,6 @@ class Rapid(Requests):
         """Answer a dialog: the literal of a number or a string, whatever it asks for."""
         path = f"/rw/rapid/uiinstr/active/param/{stack}/{name}"
         self._do(post(path, "set", ("value", literal)), "answering the dialog")
-
-
-def _range(state: State, row: str, column: str) -> Range:
-    return Range(*(state.whole(name) for name in (row, column, "end-row", "end-col")))
 
 
 def _pointer(state: State) -> Pointer:

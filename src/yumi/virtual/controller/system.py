@@ -465,7 +465,8 @@ def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bo
     """
     check_backup(controller, path)
     files = controller.files
-    inside = {each[len(path) + 1 :]: files.get_file(each) for each in tuple(files) if _is_in(each, path)}
+    folder = f"{path.lower()}/"
+    inside = {each[len(folder) :]: files.get_file(each) for each in tuple(files) if each.lower().startswith(folder)}
     if cfg:
         texts = [
             (file.content or b"").decode(ENCODING)
@@ -491,7 +492,3 @@ def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bo
                 task.unload(module.name)
             for text in texts:
                 task.load(text, f"TASK{number}")
-
-
-def _is_in(path: str, folder: str) -> bool:
-    return path.lower().startswith(f"{folder.lower()}/")
