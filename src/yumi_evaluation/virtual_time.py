@@ -126,8 +126,8 @@ class VirtualArmRig:
         for name, controller in controllers.items():
             self.manager.load(name, controller)
             self.manager.configure(name)
-        near, self._far = memory_links()
-        arm = EgmArm(near, SensorSession(JointCodec(), silence=silence))
+        self._near, self._far = memory_links()
+        arm = EgmArm(self._near, SensorSession(JointCodec(), silence=silence))
         self.line = ArmLoop(side, arm, self.manager, limiter or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property
@@ -163,9 +163,10 @@ class VirtualArmRig:
         datagram = self.robot.cycle(replies)
         for arriving in self.to_us(datagram) if datagram is not None else ():
             self._far.send(arriving)
-        cycle = self.line.run(self.clock.now())
-        if cycle is not None:
-            self.cycles.append(cycle)
+        while self._near.has_datagram:  # as the driver's poll says
+            answered = self.line.run(self.clock.now())
+            if answered is not None:
+                self.cycles.append(answered)
         self.line.watch_silence(self.clock.now())
         self.events += self.line.take_events()
 

@@ -371,6 +371,9 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
 @example(  # a forged plan that comes after a true datagram is a cycle later
     script=[(15, not_running(4)), (0, forged(0, 0.0, 2, CYCLE))], feeds_speed=False
 )
+@example(  # forged datagrams left others waiting for good, so that a false plan told before was used after its time
+    script=[(15, not_running(5)), (0, forged(0, 0.0, 1, CYCLE))], feeds_speed=False
+)
 @example(  # a forged word that the motors are off came with a plan a cycle old, which was taken for a lead
     script=[(3, deaf(55)), (8, take_over), (3, not_running(1)), (0, not_running(1))], feeds_speed=True
 )

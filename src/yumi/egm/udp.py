@@ -372,6 +372,10 @@ class MemoryLink:
     def release(self) -> None:
         """There is no other sender."""
 
+    @property
+    def has_datagram(self) -> bool:
+        return bool(self._inbox)
+
     def receive_next(self) -> bytes | None:
         """The oldest datagram that waits."""
         return self._inbox.popleft() if self._inbox else None
