@@ -19,7 +19,7 @@ from yumi.control.trajectory import ArmPlan
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints
 from yumi.robot.kinematics import multiply, rotation_vector, tool0_to_body
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "cartesian_controller"
 Array = NDArray[np.float64]

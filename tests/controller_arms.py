@@ -17,7 +17,7 @@ from yumi.control.statistics import StageClock
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
 from yumi.settings import Values
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "controller"
 SIDE = Side.RIGHT

@@ -18,7 +18,7 @@ from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "dual_arm_trajectory_controller"
 HALF_A_DEGREE = Tolerances(path=joints([radians(0.5)] * 7), goal=joints([radians(0.5)] * 7), goal_time=1.0)

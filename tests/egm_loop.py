@@ -1,4 +1,4 @@
-"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi_evaluation.virtual_rig`.
+"""Both ends of one arm's EGM in virtual time with a joint position controller; see :mod:`yumi_evaluation.virtual_time`.
 
 The whole robot, with RAPID and RWS, is in ``system/virtual_time_bench.py``.
 """
@@ -12,7 +12,7 @@ from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.session import SILENCE
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Joints, Side
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
+from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd, VirtualArmRig, Wire
 
 __all__ = ["CONTROLLER", "CYCLE", "FULL_SPEED", "SUPERVISED", "EgmLoop", "OpenLimiter", "VirtualArmEnd", "Wire"]
 

@@ -12,8 +12,7 @@ from math import nan
 
 import numpy as np
 
-from yumi_evaluation.experiments import System, published_experiments
-from yumi_evaluation.figures import step_figures_of
+from yumi_evaluation.experiments import System, published_experiments, step_figures_of
 from yumi_evaluation.virtual_time import CONTROL_LAG, arm_with, run_virtually
 
 STEPS = [each for each in published_experiments() if each.published.settling_s is not None]

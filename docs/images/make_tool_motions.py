@@ -27,7 +27,7 @@ from yumi.robot.collision import Obstacle
 from yumi.robot.description import robot_description
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose
 from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -6,8 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.experiments import TOLERANCE_DEG, Mode, System, proportional, step
-from yumi_evaluation.figures import StepFigures, step_figures_of
+from yumi_evaluation.experiments import TOLERANCE_DEG, Mode, StepFigures, System, proportional, step, step_figures_of
 from yumi_evaluation.virtual_time import run_virtually
 
 GAINS = tuple(round(0.2 * number, 1) for number in range(5, 17))

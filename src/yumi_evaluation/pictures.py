@@ -23,11 +23,11 @@ from yumi_evaluation.experiments import (
     Experiment,
     Mode,
     System,
+    matches_of,
     proportional,
     sine,
     step,
 )
-from yumi_evaluation.figures import matches_of
 from yumi_evaluation.gain_sweep import SLOWER, GainPoint, Recommendation
 from yumi_evaluation.kpis import legs
 from yumi_evaluation.results import Result, Results

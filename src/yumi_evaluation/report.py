@@ -23,20 +23,23 @@ from yumi.virtual.mechanics.arm import ArmModel
 from yumi_evaluation.experiments import (
     FREQUENCY,
     GOAL_RATE,
+    HOLD,
     PREDICTION,
     PUBLISHED_OSCILLATION,
     TOLERANCE_DEG,
     Experiment,
     Mode,
+    SineFigures,
+    StepFigures,
     System,
     better_experiments,
     joint_experiments,
+    main_figure,
     other_frequencies,
     proportional,
     published_experiments,
     step,
 )
-from yumi_evaluation.figures import HOLD, SineFigures, StepFigures, main_figure
 from yumi_evaluation.gain_sweep import onset_of
 from yumi_evaluation.kpis import WORST_TO_MEAN, Kpi, Measured, kpis, legs, machine_legs, machine_totals
 from yumi_evaluation.metrics import Distribution, distribution

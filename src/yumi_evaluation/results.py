@@ -19,17 +19,22 @@ from yumi.virtual.mechanics.arm import ArmModel
 from yumi_evaluation.experiments import (
     PREDICTION,
     Experiment,
+    Figures,
+    SineFigures,
     System,
     Trace,
     better_experiments,
+    compared,
+    figures_of,
     joint_experiments,
+    main_figure,
     other_frequencies,
     proportional,
     published_experiments,
     sine,
     step,
+    step_figures_of,
 )
-from yumi_evaluation.figures import Figures, SineFigures, compared, figures_of, main_figure, step_figures_of
 from yumi_evaluation.gain_sweep import GAINS, GainPoint, onset_of, sweep
 from yumi_evaluation.kpis import Measured, kpis, legs, machine_legs, motion_delay
 from yumi_evaluation.round_trips import virtual_machine_trips, virtual_trips

@@ -31,11 +31,10 @@ from yumi.driver.state_machine import RAPID, RUN_RAPID, EgmMotionSettings
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
-from yumi.virtual.memory import MemoryRws
+from yumi.testing.virtual_yumi import MemoryRws
 from yumi.virtual.world import World
 from yumi_evaluation.experiments import AXIS_6
-from yumi_evaluation.virtual_rig import VirtualArmRig
-from yumi_evaluation.virtual_time import CONTROLLER, moved
+from yumi_evaluation.virtual_time import CONTROLLER, VirtualArmRig, moved
 
 SHOWN_AFTER = 2
 """Datagrams from the one that was answered to the one that shows what the robot made of the answer."""

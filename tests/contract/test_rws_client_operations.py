@@ -14,13 +14,13 @@ from yumi.robot.joints import Joints, Pose, Side, home
 from yumi.robot.kinematics import tool0_to_body
 from yumi.rws.client import RwsClient
 from yumi.rws.events import OPERATING_MODE
+from yumi.rws.replies import RobTarget
+from yumi.rws.services.controller import RestartMode
 from yumi.rws.services.io import SignalChange
 from yumi.rws.services.motion import Coordinates, Increment, JogMode, Supervision
-from yumi.rws.services.panel import RestartMode
 from yumi.rws.services.queues import QueueMessage
 from yumi.rws.services.rapid import Range, RunCycle, Step, StopMode
 from yumi.rws.services.symbols import SymbolKind
-from yumi.rws.services.targets import RobTarget
 from yumi.rws.services.users import Privilege, RmmpStatus
 from yumi.rws.types import Code, OperatingMode, SignalType
 from yumi.virtual.rws.operations import Call, Operation

@@ -17,7 +17,7 @@ from digest_client import authorization
 from rws_examples import PASSWORD, USER, Session
 from rws_examples_2 import Session2
 from yumi.rws.types import EventType, OperatingMode
-from yumi.virtual.memory import MemoryChannel
+from yumi.testing.virtual_yumi import MemoryChannel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.rws.version_2 import HAL, XHTML

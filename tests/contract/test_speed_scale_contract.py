@@ -28,7 +28,7 @@ from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.shared_state import Factor
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT
 HOME = home(SIDE)

@@ -23,7 +23,7 @@ from yumi.control.trajectory import ArmPlan
 from yumi.driver.arm import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from yumi.settings import Values
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME = "joint_trajectory_controller"
 SIDE = Side.LEFT

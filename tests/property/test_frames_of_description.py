@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from urdf_kinematics import links_to_root, matrix
-from yumi.robot.description import robot_description
-from yumi.robot.frames import read_frames
+from yumi.robot.description import read_frames, robot_description
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Side, finger_names, joint_names, set_prefix
 from yumi.robot.kinematics import tool0_to_body

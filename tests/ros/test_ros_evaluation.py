@@ -13,12 +13,12 @@ from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi_evaluation import networked
-from yumi_evaluation.evaluation_node import EvaluationNode, evaluation_node
-from yumi_evaluation.experiments import Experiment, Trace, proportional, step
-from yumi_evaluation.figures import step_figures_of
+from yumi_evaluation.experiments import Experiment, Trace, proportional, step, step_figures_of
 from yumi_evaluation.metrics import series
 from yumi_evaluation.networked import (
+    EvaluationNode,
     NetworkedPlan,
+    evaluation_node,
     join_recorded,
     machine_trips,
     run_undisturbed,

@@ -14,7 +14,7 @@ from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTra
 from yumi.control.motion import Setpoint
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory, timed
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names, joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 NAME, SIDE = "joint_trajectory_controller", Side.RIGHT
 NAMES = joint_names(SIDE)

@@ -15,7 +15,7 @@ from yumi.errors import SettingsError
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Side
 from yumi.rws.client import RwsClient
 from yumi.settings import Values
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 SIDE = Side.LEFT
 

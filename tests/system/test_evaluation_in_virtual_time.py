@@ -19,13 +19,16 @@ from yumi_evaluation.experiments import (
     PREDICTION,
     Experiment,
     Mode,
+    SineFigures,
     System,
+    compared,
+    figures_of,
     proportional,
     published_experiments,
     sine,
     step,
+    step_figures_of,
 )
-from yumi_evaluation.figures import SineFigures, compared, figures_of, step_figures_of
 from yumi_evaluation.kpis import Measured
 from yumi_evaluation.report import (
     headline,

@@ -24,7 +24,7 @@ from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
 
 PoseLike = Pose | Sequence[SupportsFloat]
-"""A pose: a :class:`yumi.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
+"""A pose: a :class:`yumi.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
 
 TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
 FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)

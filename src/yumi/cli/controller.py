@@ -141,8 +141,13 @@ def controller(
       yumi controller --rws-port 8080 --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
-    from yumi.virtual.controller.robots import ROBOTS  # noqa: PLC0415
-    from yumi.virtual.controller.system import delivered_system, factory_system, read_backup, with_programs  # noqa: PLC0415
+    from yumi.virtual.controller.system import (  # noqa: PLC0415
+        ROBOTS,
+        delivered_system,
+        factory_system,
+        read_backup,
+        with_programs,
+    )
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
     if show:

@@ -115,7 +115,8 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
         identity = client.identity()
         record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
-        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare " + _version(system))
+        version = ".".join(map(str, system.robotware))
+        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
         yield session
     finally:
         client.close()
@@ -135,10 +136,6 @@ class _Progress:
             return
         self._last, self._next = kind, now + _PROGRESS_PERIOD
         click.echo(f"  {text}")
-
-
-def _version(system: SystemInfo) -> str:
-    return ".".join(map(str, system.robotware))
 
 
 @click.command()

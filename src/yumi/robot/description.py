@@ -1,8 +1,8 @@
 """The robot's description for ROS: a URDF of both arms and grippers, exact kinematics and simple shapes.
 
-Every number stands in one of the tables below; the functions only turn tables into XML. Link frames are those
-of the public YuMi descriptions (reference/yumi.md §1.4), so their meshes fit. Lengths in [m], angles in [rad],
-masses in [kg] unless the name says otherwise.
+Every number stands in one of the tables below; the functions only turn tables into XML, and ``read_frames`` reads the
+frames of such a URDF again. Link frames are those of the public YuMi descriptions (reference/yumi.md §1.4), so their
+meshes fit. Lengths in [m], angles in [rad], masses in [kg] unless the name says otherwise.
 
 ==================================== ==================================================================================
 link                                 where
@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import atan2, dist, hypot, pi, sqrt
+from math import atan2, cos, dist, hypot, pi, sin, sqrt
 from xml.etree import ElementTree as ET
 
 from yumi.robot.gripper import GripperModules
@@ -37,7 +37,7 @@ from yumi.robot.joints import (
     joint_names,
     prefixed,
 )
-from yumi.robot.kinematics import compose, euler_zyx, foot_to_body
+from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, foot_to_body, quaternion_from_euler_zyx
 
 FINGER_TRAVEL = 0.025
 FINGER_SPEED = 0.025
@@ -354,4 +354,64 @@ def _middle(a: Vector, b: Vector) -> Vector:
 
 def _metres(values_mm: Vector) -> Vector:
     x, y, z = (value / 1000.0 for value in values_mm)
+    return (x, y, z)
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """A link seen from its parent, where the joint between them is at zero.
+
+    Attributes:
+        name: of the link.
+        parent: of the link before it.
+        origin: ``frame_to_parent`` at zero.
+        joint: the joint that moves it, of which a mimicking one follows; empty when it is fixed.
+        axis: of the joint, in the frame.
+        slides: whether the joint slides along its axis [m], else it turns about it [rad].
+        multiplier: what the joint's position is multiplied by.
+    """
+
+    name: str
+    parent: str
+    origin: Pose
+    joint: str = ""
+    axis: Vector = (0.0, 0.0, 0.0)
+    slides: bool = False
+    multiplier: float = 1.0
+
+    def to_parent(self, position: float = 0.0) -> Pose:
+        """``frame_to_parent`` with its joint at ``position`` [rad] or [m]."""
+        if not self.joint:
+            return self.origin
+        position *= self.multiplier
+        x, y, z = self.axis
+        if self.slides:
+            return compose(self.origin, Pose((x * position, y * position, z * position), IDENTITY))
+        s, turn = sin(position / 2.0), cos(position / 2.0)
+        return compose(self.origin, Pose((0.0, 0.0, 0.0), (turn, x * s, y * s, z * s)))
+
+
+def read_frames(urdf: str) -> tuple[Frame, ...]:
+    """The frames of a URDF in its order, parents first; the root has none."""
+    frames = []
+    for joint in ET.fromstring(urdf).iter("joint"):
+        kind, mimic, name = joint.attrib["type"], joint.find("mimic"), joint.attrib["name"]
+        origin, axis = joint.find("origin"), joint.find("axis")
+        place = {} if origin is None else origin.attrib
+        frames.append(
+            Frame(
+                joint.find("child").attrib["link"],  # type: ignore[union-attr]  # every joint has both
+                joint.find("parent").attrib["link"],  # type: ignore[union-attr]
+                Pose(_vector(place.get("xyz")), quaternion_from_euler_zyx(_vector(place.get("rpy")))),
+                "" if kind == "fixed" else name if mimic is None else mimic.attrib["joint"],
+                (0.0, 0.0, 0.0) if axis is None else _vector(axis.get("xyz")),
+                kind == "prismatic",
+                1.0 if mimic is None else float(mimic.get("multiplier", "1")),
+            )
+        )
+    return tuple(frames)
+
+
+def _vector(text: str | None) -> Vector:
+    x, y, z = (float(word) for word in (text or "0 0 0").split())
     return (x, y, z)

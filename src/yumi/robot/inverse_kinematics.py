@@ -204,7 +204,8 @@ def postures_of_each(
     found, of = _polished(*_candidates(targets), targets)
     new, of_new = found, of
     while len(new):
-        singular = _smallest_singular_value(new, targets.of(of_new)) < _NEARLY_SINGULAR
+        derivative = _residual(new, targets.of(of_new))[1]
+        singular = np.linalg.svd(derivative, compute_uv=False)[:, -1] < _NEARLY_SINGULAR
         turned, of_turned = _turned_over(new), np.tile(of_new, 3)
         beside, of_beside = _beside(new[singular], of_new[singular], targets)
         more, of_more = _polished(np.concatenate([turned, beside]), np.concatenate([of_turned, of_beside]), targets)
@@ -344,10 +345,6 @@ def _solve(derivative: Array, missing: Array) -> Array:
         return np.asarray(np.linalg.solve(derivative, missing[:, :, None])[:, :, 0])
     except np.linalg.LinAlgError:  # one of them is exactly singular
         return np.asarray((np.linalg.pinv(derivative, rcond=1e-13) @ missing[:, :, None])[:, :, 0])
-
-
-def _smallest_singular_value(positions: Array, targets: _Targets) -> Array:
-    return np.asarray(np.linalg.svd(_residual(positions, targets)[1], compute_uv=False)[:, -1])
 
 
 def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Rows]:

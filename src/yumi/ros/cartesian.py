@@ -43,7 +43,7 @@ from yumi.control.tool_path import Waypoint, check_pose, plan_path
 from yumi.control.trajectory import ArmPlan
 from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.frames import read_frames
+from yumi.robot.description import read_frames
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, prefixed
 from yumi.robot.kinematics import IDENTITY, compose, inverse, rotate, tool0_to_body
 from yumi.ros.controllers import MakeInterface

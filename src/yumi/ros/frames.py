@@ -18,7 +18,7 @@ from tf2_msgs.msg import TFMessage
 
 from yumi.clock import Clock
 from yumi.driver.settings import RosSettings
-from yumi.robot.frames import Frame, read_frames
+from yumi.robot.description import Frame, read_frames
 from yumi.robot.joints import Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import tool0_to_body
 from yumi.ros.executors import TimerThread

@@ -21,18 +21,15 @@ from yumi.rws.documents import Page, Pairs, State, decode_form, read_page
 from yumi.rws.events import Change, Interruption, OnChange, OnLost, Resource, Subscription, write_resources
 from yumi.rws.replies import SystemInfo
 from yumi.rws.services.configuration import Configuration
-from yumi.rws.services.controller import Controller
-from yumi.rws.services.event_log import EventLog
+from yumi.rws.services.controller import Controller, EventLog, Panel
 from yumi.rws.services.files import Files
 from yumi.rws.services.io import Io
 from yumi.rws.services.motion import Motion
-from yumi.rws.services.panel import Panel
 from yumi.rws.services.queues import Queues
 from yumi.rws.services.rapid import Rapid
-from yumi.rws.services.requests import OnProgress, get
 from yumi.rws.services.symbols import Symbols
 from yumi.rws.services.users import Users
-from yumi.rws.session import BUSY, Request, RwsSession, Transport
+from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get
 from yumi.rws.transport import HttpTransport
 
 DEFAULT_USER = "Default User"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
@@ -11,9 +11,9 @@ from math import radians
 from urllib.parse import unquote, unquote_plus
 
 from yumi.errors import ControllerRefused, ProtocolError
-from yumi.robot.joints import Joints, chain_from_abb, joints
+from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
 from yumi.rws import types as codes
-from yumi.rws.documents import Page, member, read_status
+from yumi.rws.documents import Page, State, member, read_status
 from yumi.rws.types import (
     CollisionState,
     ControllerState,
@@ -25,8 +25,13 @@ from yumi.rws.types import (
 )
 
 SixAxes = tuple[float, float, float, float, float, float]
+Configuration = tuple[int, int, int, int]
+
+EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+"""Fields of the external axes in pages of the motion system."""
 
 _NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
+_MM = 1e-3
 _VERSION = re.compile(r"\d+(\.\d+)+")
 
 
@@ -118,6 +123,21 @@ class JointTarget:
         if axis_7_deg is None:
             raise ProtocolError("The mechanical unit has no seventh axis; it is not an arm of a YuMi.")
         return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
+
+
+@dataclass(frozen=True, slots=True)
+class RobTarget:
+    """A position of the tool.
+
+    Attributes:
+        tool_to_object: of the tool in the work object, or as was asked for.
+        configuration: quarter turns of axes 1, 4 and 6, and ABB's cfx.
+        external: external axes [rad], None where there is no axis; of a YuMi's arm the first is the arm angle.
+    """
+
+    tool_to_object: Pose
+    configuration: Configuration
+    external: tuple[float | None, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,12 +304,37 @@ def cfg(page: Page) -> tuple[CfgInstance, ...]:
     )
 
 
+def pose(state: State) -> Pose:
+    """Out of ``x`` to ``q4``."""
+    x, y, z = (state.number(name) * _MM for name in "xyz")
+    w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
+    return Pose((x, y, z), (w, i, j, k))
+
+
+def rob_target(state: State) -> RobTarget:
+    """A robtarget, as each of the services spells it."""
+    names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
+    one, four, six, x = (state.whole(name) for name in names)
+    external = [name for name in state.fields if name.startswith(("eax", "ej"))]
+    return RobTarget(pose(state), (one, four, six, x), axes(state, external))
+
+
+def axes(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
+    """External axes [rad]."""
+    found = [state.number(name) for name in names]
+    return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
+
+
 def joint_target(page: Page) -> JointTarget:
     """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
-    state = page.one("ms-jointtarget")
-    a1, a2, a3, a4, a5, a6 = (state.number(f"rax_{axis}") for axis in range(1, 7))
-    external = tuple(state.number(f"eax_{axis}") for axis in "abcdef")
-    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in external))
+    return joint_target_of(page.one("ms-jointtarget"), "rax_", EXTERNAL_AXES)
+
+
+def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointTarget:
+    """A jointtarget whose fields of the robot's axes begin with ``robot``."""
+    a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
+    found = [state.number(name) for name in external]
+    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in found))
 
 
 def events(page: Page) -> tuple[Event, ...]:

@@ -1,17 +1,28 @@
-"""The virtual robot in virtual time: a clock of its own, Robot Web Services and EGM in memory."""
+"""The virtual robot in virtual time: a clock of its own, Robot Web Services and EGM in memory.
+
+No socket is between: a client's requests go straight to the virtual controller, and its messages straight back.
+"""
 
 from __future__ import annotations
 
 import logging
+from threading import RLock
 
-from yumi.clock import ManualClock
+import httpx
+
+from yumi.clock import Clock, ManualClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.udp import memory_links
+from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side
-from yumi.rws.client import RwsClient
+from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
+from yumi.rws.transport import ConnectionLost, Listener
+from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.fault_injection import FaultInjection
-from yumi.virtual.memory import MemoryRws
+from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.world import World, WorldSettings
 
 log = logging.getLogger(__name__)
@@ -66,3 +77,94 @@ class VirtualYumi(ManualClock):
             bringup = Bringup(client, motion or EgmMotionSettings(), self, log.info)
             bringup.make_ready()
             bringup.start_egm()
+
+
+class MemoryChannel:
+    """The controller's end of a WebSocket."""
+
+    def __init__(self, listener: Listener) -> None:
+        self.is_open = True
+        self.has_left = False
+        self._listener = listener
+
+    def send(self, text: str) -> None:
+        if self.is_open:
+            self._listener.on_text(text)
+
+    def abort(self) -> None:
+        if self.is_open:
+            self.is_open = False
+            self._listener.on_lost("The WebSocket of memory broke.")
+
+    def close(self) -> None:
+        """The controller's end goes in order."""
+        self.abort()
+
+
+class MemorySocket:
+    """The client's end."""
+
+    def __init__(self, channel: MemoryChannel) -> None:
+        self._channel = channel
+
+    def close(self) -> None:
+        self._channel.has_left = self._channel.is_open
+        self._channel.is_open = False
+
+
+class MemoryRws:
+    """A transport to ``controller``; call ``advance`` whenever time has passed.
+
+    Args:
+        controller: the virtual one.
+        clock: of both ends.
+
+    Attributes:
+        adapter: the controller's end of it.
+    """
+
+    address = "memory"
+
+    def __init__(self, controller: Irc5, clock: Clock) -> None:
+        self.adapter = RwsService(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)
+        self._clock = clock
+        self._channels: list[MemoryChannel] = []
+        self._lock = RLock()  # the driver's threads ask side by side, a controller answers one after another
+
+    def advance(self) -> None:
+        """Send what has changed to the subscribers."""
+        with self._lock:
+            self.adapter.advance(self._clock.now())
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        """The response, at once; raises ConnectionLost when there is none."""
+        target = request.url.raw_path.decode("ascii")
+        reply = self.handle(HttpRequest(request.method, target, tuple(request.headers.items()), request.read()))
+        if not isinstance(reply, HttpReply):
+            raise ConnectionLost("memory closed the connection without an HTTP answer.")
+        headers = httpx.Headers(list(reply.headers), encoding="utf-8")
+        return httpx.Response(reply.status, headers=headers, content=reply.body)
+
+    def open_socket(self, target: str, cookies: str, listener: Listener, timeout: float) -> MemorySocket:
+        """A WebSocket; raises ControllerRefused when the controller opens none."""
+        headers = (("Cookie", cookies), ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
+        reply = self.handle(HttpRequest("GET", target, headers, peer="socket"))
+        if not isinstance(reply, Upgrade):
+            raise ControllerRefused("memory does not open a WebSocket.", status=reply.status if reply else 0)
+        channel = MemoryChannel(listener)
+        self._channels.append(channel)
+        reply.attach(channel)
+        return MemorySocket(channel)
+
+    def handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
+        """What the controller makes of a request; None closes the connection."""
+        with self._lock:
+            return self.adapter.handle(request, self._clock.now())
+
+    def hang_up(self) -> None:
+        """The controller breaks all WebSockets."""
+        for channel in self._channels:
+            channel.abort()
+
+    def close(self) -> None:
+        """Nothing to close."""

@@ -11,8 +11,7 @@ from yumi.errors import RapidError, SettingsError
 from yumi.rapid.errors import NotProvided, RapidReferenceError, RapidSyntaxError, Unresolved
 from yumi.rapid.parser import parse_module
 from yumi.virtual.controller.files import decoded
-from yumi.virtual.controller.robots import ROBOTS, YUMI
-from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
+from yumi.virtual.controller.system import ROBOTS, YUMI, delivered_system, factory_system, with_programs
 from yumi.virtual.world import World, WorldSettings
 
 _MOST_SYNTAX_ERRORS = 20  # of one file

@@ -32,9 +32,8 @@ from yumi.virtual.controller.system import System
 from yumi.virtual.fault_injection import PATH, FaultInjection
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.path import PREFETCH
-from yumi.virtual.rws.certificate import self_signed_context
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.rws.http_server import HttpServer, self_signed_context
 from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade

@@ -13,9 +13,8 @@ from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
-from yumi.virtual.controller.robots import Robot
 from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.system import System, delivered_system
+from yumi.virtual.controller.system import Robot, System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.contact import ContactDetector
@@ -150,18 +149,14 @@ class World:
             unit.gripper.advance(self.cycle_time)
             unit.arm.advance(self.cycle_time)
         if self._contacts is not None:
-            self._supervise_contacts(self._contacts)
+            # An arm that meets something stands where it met it.
+            fingers = {side: gripper.position for side, gripper in self.grippers.items()}
+            supervised = [side for side in self.arms if self.controller.supervises_motion(side)]
+            for side, met in self._contacts.touched(self._positions, fingers, supervised).items():
+                self.controller.collide(side, met)
+                self.arms[side].strike(self._contacts.free[side])
         self.controller.supervise()
         return datagrams
-
-    def _supervise_contacts(self, contacts: ContactDetector) -> None:
-        """An arm that meets something stands where it met it."""
-        fingers = {side: gripper.position for side, gripper in self.grippers.items()}
-        supervised = [side for side in self.arms if self.controller.supervises_motion(side)]
-        touched = contacts.touched(self._positions, fingers, supervised)
-        for side, met in touched.items():
-            self.controller.collide(side, met)
-            self.arms[side].strike(contacts.free[side])
 
     @property
     def _positions(self) -> dict[Side, Joints]:

@@ -21,7 +21,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 RIGHT, LEFT, TABLE = "right gripper", "left gripper", "table"
 

@@ -47,7 +47,7 @@ from yumi.robot.joints import (
 from yumi.robot.kinematics import tool0_to_body
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.motion import EgmSettings
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 READY = {side: named_pose(side, "ready") for side in Side}
 ROUNDING = 1e-3

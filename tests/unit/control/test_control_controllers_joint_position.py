@@ -7,7 +7,7 @@ from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_state_broadcaster import JointStateBroadcaster
 from yumi.robot.joints import CYCLE, ZERO, Joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from yumi.control.controller import Controller
 from yumi.control.limiter import FeedForwardLimiter, Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
-from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmRig
+from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""

@@ -28,7 +28,7 @@ from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_thro
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, Side, home, joints
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 UPWARDS = (0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0)  # [m/s]; from home, the wrist meets the body
 UP = joints([-0.27, 0.33, -0.14, 0.32, 0.08, 0.09, -0.03])  # [rad/s] about the same

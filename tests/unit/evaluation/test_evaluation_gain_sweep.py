@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from yumi_evaluation.figures import StepFigures
+from yumi_evaluation.experiments import StepFigures
 from yumi_evaluation.gain_sweep import GainPoint, Recommendation, Task, onset_of, recommend
 
 

@@ -14,7 +14,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values
 from yumi.virtual.mechanics.arm import ArmModel
-from yumi_evaluation.virtual_rig import VirtualArmRig
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 
 def recorded(model: ArmModel | None = None, values: Values | None = None) -> tuple[Frame, ...]:

@@ -38,7 +38,7 @@ from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
 from yumi.virtual.mechanics.arm import ArmModel
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
-from yumi_evaluation.virtual_rig import FULL_SPEED, VirtualArmEnd
+from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)
 

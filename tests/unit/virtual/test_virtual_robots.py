@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from yumi.egm.codec import SensorCodec
 from yumi.egm.messages import SensorMessage
 from yumi.robot.joints import Joints, Side
-from yumi.virtual.controller.robots import ROBOTS
-from yumi.virtual.controller.system import delivered_system, factory_system, with_programs
+from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.instructions.data import robtarget
 from yumi.virtual.world import World, WorldSettings
 

@@ -33,7 +33,7 @@ from yumi.robot.joints import Side
 from yumi.rws.cfg_files import FLAG, CfgFile, read_cfg, stated, write_cfg
 from yumi.rws.client import RwsClient
 from yumi.rws.replies import SystemInfo
-from yumi.rws.services.requests import OnProgress
+from yumi.rws.session import OnProgress
 from yumi.rws.types import Code, ExecutionState, Grant, OperatingMode
 
 FOLDER = "HOME:/yumi/"
@@ -649,7 +649,8 @@ class Installation:
         self._record.check_writable()  # before the controller works for minutes, or is changed
         if makes_backup and plan.changes:
             self._back_up()
-            self._refuse_if_busy()  # a backup takes minutes
+            for refusal in self._busy():  # a backup takes minutes
+                raise RobotNotReady(f"Nothing was changed: {refusal}.")
         self._keep(plan.wanted)
         self._apply(plan.wanted)
 
@@ -697,10 +698,6 @@ class Installation:
             present = Contents(modules=others).completed_from(recorded.completed_from(present))
         self._record.before = present
         self._record.save()
-
-    def _refuse_if_busy(self) -> None:
-        for refusal in self._busy():
-            raise RobotNotReady(f"Nothing was changed: {refusal}.")
 
     def undo(self, plan: Plan) -> None:
         """Carry out a plan of ``plan_roll_back`` or ``plan_removal``, from wherever an earlier one was interrupted.

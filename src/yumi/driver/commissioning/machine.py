@@ -111,7 +111,11 @@ def examine_route(
             found = f"{card.name} ({card.address}) is in {network}, the robot {robot} is not: a router is between them"
             remedy = "connect this machine to the robot's network by a cable, with an address of its own there"
             yield Finding("route", Verdict.NOTE, found, remedy)
-        others = [each for each in cards if each.name != card.name and _is_in(each, robot)]
+        others = [
+            each
+            for each in cards
+            if each.name != card.name and ip_address(robot) in IPv4Interface(f"{each.address}/{each.mask}").network
+        ]
         if others:
             names = ", ".join(f"{each.name} ({each.address})" for each in others)
             yield Finding(
@@ -131,10 +135,6 @@ def examine_route(
             yield Finding("network card", Verdict.PROBLEM, f"{card.name} is {what}", remedy)
         if not seen and not others:
             yield Finding("network card", Verdict.OK, f"{card.name}, MTU {card.mtu}")
-
-
-def _is_in(card: NetworkCard, robot: str) -> bool:
-    return ip_address(robot) in IPv4Interface(f"{card.address}/{card.mask}").network
 
 
 def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:

@@ -16,7 +16,7 @@ from yumi.egm.session import SensorSession
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side
 from yumi.rws.client import RwsClient
-from yumi.rws.services.requests import OnProgress
+from yumi.rws.session import OnProgress
 
 START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
 

@@ -9,8 +9,7 @@ from yumi.errors import ControllerRefused
 from yumi.rws import replies
 from yumi.rws.documents import Pairs
 from yumi.rws.replies import CfgInstance
-from yumi.rws.services.requests import Requests, file_path, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, file_path, get, given, post
 
 _REFUSED = 400
 

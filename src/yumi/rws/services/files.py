@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from yumi.errors import CommandRefused
 from yumi.rws.replies import FileInfo
-from yumi.rws.services.requests import OnProgress, Requests, file_path, get
-from yumi.rws.session import Request
+from yumi.rws.session import OnProgress, Request, Requests, file_path, get
 
 _NOT_FOUND = (400, 404)  # which of the two differs by version
 

@@ -10,8 +10,7 @@ from yumi.errors import CommandRefused
 from yumi.rws import replies
 from yumi.rws.documents import Pairs, State
 from yumi.rws.replies import Signal
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import SignalType
 
 _SIGNALS = "/rw/iosystem/signals"

@@ -11,14 +11,13 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws import replies
 from yumi.rws.documents import Pairs, State
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.services.targets import RobTarget, joint_target, pose, rob_target
+from yumi.rws.replies import EXTERNAL_AXES, RobTarget, joint_target_of, pose, rob_target
+from yumi.rws.session import Requests, get, given, post
 
 _MOTION = "/rw/motionsystem"
 _UNITS = "/rw/motionsystem/mechunits"
 _MM = 1000.0
 _TURNS = ("j1", "j4", "j6", "jx")
-_EXTERNAL = tuple(f"eax_{axis}" for axis in "abcdef")
 _NO_TOOL = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
 
 
@@ -121,12 +120,8 @@ class Motion(Requests):
 
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
-        target = self._read(
-            get(f"/rw/motionsystem/mechunits/{unit}/jointtarget"),
-            replies.joint_target,
-            f"reading the joints of {unit}",
-        )
-        return target.chain()
+        request = get(f"{_UNITS}/{unit}/jointtarget")
+        return self._read(request, replies.joint_target, f"reading the joints of {unit}").chain()
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""
@@ -208,7 +203,7 @@ class Motion(Requests):
     def physical_joints(self, unit: str) -> Joints:
         """Where the motors of an arm stand, chain order [rad]."""
         state = self._state(f"reading the joints of {unit}", f"{_UNITS}/{unit}/pjoints", "ms-pjoints")
-        return joint_target(state, "rax_", _EXTERNAL).chain()
+        return joint_target_of(state, "rax_", EXTERNAL_AXES).chain()
 
     def rob_target(
         self, unit: str, *, tool: str = "", work_object: str = "", coordinates: Coordinates | None = None

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, get, given, post
 
 _DIPC = "/rw/dipc"
 _MS = 1000.0

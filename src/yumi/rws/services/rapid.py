@@ -9,10 +9,8 @@ from yumi.errors import ControllerRefused
 from yumi.robot.joints import Joints
 from yumi.rws import replies
 from yumi.rws.documents import State, member
-from yumi.rws.replies import ModuleInfo, TaskInfo
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.services.targets import RobTarget, joint_target, rob_target
-from yumi.rws.session import Request
+from yumi.rws.replies import ModuleInfo, RobTarget, TaskInfo, joint_target_of, rob_target
+from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import Code, ExecutionState, TaskExecution
 
 _EXECUTION = "/rw/rapid/execution"
@@ -341,7 +339,7 @@ class Rapid(Requests):
         """Where the arm of a task stands, chain order [rad]."""
         query = ("resource", "jointtarget")
         state = self._state(f"reading the joints of {task}", f"{_TASKS}/{task}/motion", "rapid-jointtarget", query)
-        return joint_target(state, "j", ("ej1", "ej2", "ej3", "ej4", "ej5", "ej6")).chain()
+        return joint_target_of(state, "j", ("ej1", "ej2", "ej3", "ej4", "ej5", "ej6")).chain()
 
     def task_units(self, task: str) -> tuple[str, ...]:
         """The mechanical units that a task moves."""
@@ -412,7 +410,13 @@ class Rapid(Requests):
     def breakpoints(self, task: str) -> tuple[tuple[str, Range], ...]:
         """Module and place of each breakpoint."""
         states = self._states(f"reading the breakpoints of {task}", f"{_TASKS}/{task}/program/breakpoint")
-        return tuple((state.text("module-name"), _range(state, "start-row", "start-col")) for state in states)
+        return tuple(
+            (
+                state.text("module-name"),
+                Range(*(state.whole(name) for name in ("start-row", "start-col", "end-row", "end-col"))),
+            )
+            for state in states
+        )
 
     def set_breakpoint(self, task: str, module: str, row: int, column: int = 1) -> None:
         """Let execution stop at a place of the text, if it is started with ``stop_at_breakpoints``."""
@@ -566,10 +570,6 @@ class Rapid(Requests):
         """Answer a dialog: the literal of a number or a string, whatever it asks for."""
         path = f"/rw/rapid/uiinstr/active/param/{stack}/{name}"
         self._do(post(path, "set", ("value", literal)), "answering the dialog")
-
-
-def _range(state: State, row: str, column: str) -> Range:
-    return Range(*(state.whole(name) for name in (row, column, "end-row", "end-col")))
 
 
 def _pointer(state: State) -> Pointer:

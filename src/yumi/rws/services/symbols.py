@@ -8,8 +8,7 @@ from enum import Enum
 from yumi.errors import ControllerRefused
 from yumi.rws import replies
 from yumi.rws.documents import State
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import RapidValue, decode, encode
 
 _SYMBOLS = "/rw/rapid/symbol"

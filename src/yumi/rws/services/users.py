@@ -10,8 +10,7 @@ from enum import Enum
 from yumi.errors import ControllerRefused, NoConnection
 from yumi.rws import replies
 from yumi.rws.documents import State
-from yumi.rws.services.requests import Requests, get, given, post
-from yumi.rws.session import Request
+from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import Code
 
 _RMMP = "/users/rmmp"

@@ -1,27 +1,122 @@
-"""What is installed on the virtual controller: system parameters, files, and the modules its tasks begin with.
+"""What is installed on the virtual controller: its robot, system parameters, files, the modules its tasks begin with.
 
-It is ours (the state machine of `yumi.controller_files`), a user's own RAPID files, or a backup as a controller or
-RobotStudio writes it: ``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``.
+The robots are data, each with system parameters of its own (``stock``). The modules are ours (the state machine of
+`yumi.controller_files`), a user's own RAPID files, or those of a backup as a controller or RobotStudio writes it:
+``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``. The virtual controller writes
+and restores such backups, too.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timezone
 from enum import Enum
 from operator import itemgetter
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import yumi.controller_files
+import yumi.virtual.controller
 from yumi.errors import SettingsError
 from yumi.rapid.program import SystemEvent
-from yumi.virtual.controller.files import DEVICES, decoded
-from yumi.virtual.controller.robots import YUMI, Robot
+from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
+from yumi.robot.joints import Side
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.files import DEVICES, ENCODING, decoded
 from yumi.virtual.controller.signals import Configuration, Instance
+from yumi.virtual.controller.units import NO_UNIT, YUMI_OPTIONS, YUMI_UNITS, MechanicalUnit
+
+if TYPE_CHECKING:
+    from yumi.virtual.controller.controller import Irc5
+
+_STOCK = Path(next(iter(yumi.virtual.controller.__path__)))
+_OPTIONS = (
+    "RobotWare Base",
+    "English",
+    "623-1 Multitasking",
+    "709-1 DeviceNet Master/Slave",
+    "617-1 FlexPendant Interface",
+    "616-1 PC Interface",
+    "608-1 World Zones",
+    "611-1 Path Recovery",
+    "612-1 Path Offset",
+    "689-1 Externally Guided Motion (EGM)",
+    "UDPUC Driver",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Robot:
+    """A robot and what its controller is delivered with.
+
+    Attributes:
+        name: as `yumi controller --robot` has it.
+        title: ABB's name.
+        arms: kinematics of each arm; a robot with one arm has the right one's place.
+        units: its mechanical units, the first of each arm being the robot itself.
+        options: of the controller.
+        stock: directory of its system parameters.
+        is_yumi: whether it has grippers, and runs the state machine of this package.
+    """
+
+    name: str
+    title: str
+    arms: Mapping[Side, Callable[[], Arm]]
+    units: tuple[MechanicalUnit, ...]
+    options: tuple[str, ...]
+    stock: Path
+    is_yumi: bool = False
+
+    def unit_of(self, side: Side) -> str:
+        """Name of the mechanical unit of an arm."""
+        return next(unit.name for unit in self.units if unit.side is side)
+
+
+YUMI = Robot(
+    "yumi",
+    "IRB 14000-0.5/0.5",
+    {side: lambda side=side: yumi_arm(side) for side in Side},  # type: ignore[misc]
+    YUMI_UNITS,
+    YUMI_OPTIONS,
+    _STOCK / "stock",
+    is_yumi=True,
+)
+ROBOTS: Mapping[str, Robot] = {
+    robot.name: robot
+    for robot in (
+        YUMI,
+        Robot(
+            "irb14050",
+            "IRB 14050-0.5/0.5",
+            {Side.RIGHT: irb14050},
+            (
+                MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
+                MechanicalUnit("ROB_1_7", Side.RIGHT, "Single", 1, 1, "ROB_1", NO_UNIT, motion_task="T_ROB1"),
+            ),
+            (*_OPTIONS, "Drive System IRB 14050", "IRB 14050-0.5/0.5"),
+            _STOCK / "stock_irb14050",
+        ),
+        Robot(
+            "irb120",
+            "IRB 120-3/0.6",
+            {Side.RIGHT: irb120},
+            (MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 6, NO_UNIT, NO_UNIT, motion_task="T_ROB1"),),
+            (*_OPTIONS, "Drive System IRB 120", "IRB 120-3/0.6"),
+            _STOCK / "stock_irb120",
+        ),
+    )
+}
+"""By name."""
+
+
+DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
+"""Of system parameters; each has a cfg file in a backup."""
 
 _HOME = "HOME:/"
+_INFO = "BACKINFO/backinfo.txt"
 _SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
 _TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
 _REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
@@ -317,3 +412,83 @@ def modules_of(task: TaskSettings, system: System, configuration: Configuration)
             if path.partition(":")[0].upper() in DEVICES:
                 paths.append(path)
     return tuple(paths)
+
+
+def write_backup(controller: Irc5, path: str) -> None:
+    """Make a backup in a directory, over what is there.
+
+    Raises:
+        Refused: NO_SPACE.
+    """
+    files, identity = controller.files, controller.identity
+    when = datetime.fromtimestamp(controller.time, timezone.utc).strftime("%Y-%m-%d %H:%M:%S")
+    lines = [
+        f">>SYSTEM: {identity.system_name}",
+        f">>SYSTEM_ID: {identity.system_id}",
+        f">>ROBOTWARE: {identity.robotware}",
+        f">>DATE: {when}",
+        *(f">>OPTION: {option}" for option in identity.options),
+        *(f">>TASK{number}: ({name},,)" for number, name in enumerate(controller.tasks, 1)),
+    ]
+    content = {_INFO: "\n".join(lines) + "\n"}
+    for domain in DOMAINS:
+        content[f"SYSPAR/{domain}.cfg"] = controller.configuration.text(domain)
+    for number, task in enumerate(controller.tasks.values(), 1):
+        for module in task.modules:
+            folder, suffix = ("SYSMOD", "sys") if module.is_system else ("PROGMOD", "mod")
+            content[f"RAPID/TASK{number}/{folder}/{module.name}.{suffix}"] = module.text
+    home = [files.get_file(each) for each in tuple(files) if each.upper().startswith(_HOME)]
+    for name, text in content.items():
+        files.write(f"{path}/{name}", text.encode(ENCODING, "replace"))
+    for file in home:
+        files.write(f"{path}/HOME{file.path[len('HOME:') :]}", file.content or b"")
+
+
+def check_backup(controller: Irc5, path: str) -> str:
+    """Refuse what cannot be restored; the name of the system it is of.
+
+    Raises:
+        Refused: NO_FILE where there is no backup.
+    """
+    text = controller.files.get(f"{path}/{_INFO}")
+    if text is None:
+        raise Refused(Refusal.NO_FILE, f"{path} is not a backup: it has no {_INFO}.")
+    return next((line.partition(":")[2].strip() for line in text.splitlines() if line.startswith(">>SYSTEM:")), "")
+
+
+def restore_backup(controller: Irc5, path: str, *, cfg: bool = True, modules: bool = True) -> None:
+    """Become as in a backup: system parameters, HOME and programs; a restart brings it into effect.
+
+    Raises:
+        Refused: NO_FILE where there is no backup, BAD_PROGRAM where it has something that is not RAPID.
+        SettingsError: its system parameters cannot be read.
+    """
+    check_backup(controller, path)
+    files = controller.files
+    folder = f"{path.lower()}/"
+    inside = {each[len(folder) :]: files.get_file(each) for each in tuple(files) if each.lower().startswith(folder)}
+    if cfg:
+        texts = [
+            (file.content or b"").decode(ENCODING)
+            for name, file in inside.items()
+            if name.upper().startswith("SYSPAR/")
+        ]
+        restored = Configuration(texts)
+        controller.configuration.become(restored)
+    if modules:
+        for each in [each for each in tuple(files) if each.upper().startswith(_HOME)]:
+            files.remove(each)
+        for name, file in inside.items():
+            if name.upper().startswith("HOME/"):
+                files.write(f"HOME:/{name[len('HOME/') :]}", file.content or b"")
+        for number, task in enumerate(controller.tasks.values(), 1):
+            texts = [
+                (file.content or b"").decode(ENCODING)
+                for name, file in inside.items()
+                if name.upper().startswith(f"RAPID/TASK{number}/")
+            ]
+            task.lose_pp()
+            for module in task.modules:
+                task.unload(module.name)
+            for text in texts:
+                task.load(text, f"TASK{number}")

@@ -128,10 +128,8 @@ class InstalledTask:
     @property
     def has_program(self) -> bool:
         """Whether there is more in it than system modules: it has, or should have, an entry routine."""
-        return any(not module.is_system for module in self.task.modules) or self._has_entry()
-
-    def _has_entry(self) -> bool:
-        return self.task.program.find(self.task.entry, None) is not None
+        has_entry = self.task.program.find(self.task.entry, None) is not None
+        return has_entry or any(not module.is_system for module in self.task.modules)
 
 
 @dataclass(slots=True)

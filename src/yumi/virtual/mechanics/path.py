@@ -163,8 +163,8 @@ class Run:
     def prepare(self, override: float, limit: SpeedLimit = NO_LIMIT) -> None:
         """The speeds that are possible, from the geometry."""
         distance, joints = self.distance, self.joints
-        slopes = np.gradient(joints, distance, axis=0) if len(distance) > 2 else _chords(joints, distance)
-        bends = np.gradient(slopes, distance, axis=0) if len(distance) > 2 else np.zeros_like(slopes)
+        slopes = np.gradient(joints, distance, axis=0)
+        bends = np.gradient(slopes, distance, axis=0)
         factor = _SHARE * self.acceleration.factor
         speed, most = np.array(self.limits.velocity), np.array(self.limits.acceleration) * factor
         if limit.axes:
@@ -193,10 +193,6 @@ class Run:
         self.possible = speeds
         self.rows, self.slopes = list(map(tuple, joints.tolist())), list(map(tuple, slopes.tolist()))
         self.places = distance.tolist()
-
-
-def _chords(joints: Array, distance: Array) -> Array:
-    return np.repeat(np.diff(joints, axis=0) / np.diff(distance)[:, None], 2, 0)
 
 
 @dataclass(frozen=True, slots=True)

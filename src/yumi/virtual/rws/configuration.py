@@ -11,12 +11,12 @@ from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
+from yumi.virtual.controller.system import DOMAINS
 from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
 
 _BASE = "/rw/cfg/"
-_DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 _PAGE = 70
 _OWN = {
     *(("MOC", name) for name in ("MECHANICAL_UNIT", "ROBOT", "SINGLE", "JOINT", "ARM", "TRANSMISSION")),
@@ -38,7 +38,7 @@ _NUMBERED_OPTION = re.compile(r"(\d[\d/-]*-\d+) (.+)")
 
 
 def get_domains(controller: Irc5, call: Call) -> Page:
-    return resource("cfg", _BASE, "", *(entry("cfg-domain-li", domain) for domain in _DOMAINS))
+    return resource("cfg", _BASE, "", *(entry("cfg-domain-li", domain) for domain in DOMAINS))
 
 
 def get_types(controller: Irc5, call: Call) -> Page:
@@ -160,7 +160,7 @@ def refuse_keyless(controller: Irc5, call: Call) -> None:
 
 def _domain(call: Call) -> str:
     domain = call.names["domain"].upper()
-    if domain not in _DOMAINS:
+    if domain not in DOMAINS:
         raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain[:50]}")
     return domain
 
@@ -245,7 +245,7 @@ def _place(call: Call) -> str:
 
 def _found(controller: Irc5, call: Call) -> tuple[Instance, ...]:
     domain, type_name = call.names["domain"].upper(), call.names["type"].upper()
-    if domain not in _DOMAINS:
+    if domain not in DOMAINS:
         raise Failure(400, Code.CFG_DOMAIN_INVALID, f"there is no configuration domain {domain}")
     if (domain, type_name) == ("SYS", "PRESENT_OPTIONS"):
         # The options once more as system parameters: number and description apart, in this order.

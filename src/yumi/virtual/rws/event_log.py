@@ -104,15 +104,12 @@ def save_raw(controller: Irc5, call: Call) -> HttpReply:
     path = path_of_file(call.required("path"))
 
     def work() -> None:
-        lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in _all(controller))
+        events = reversed(controller.events.entries())
+        lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in events)
         controller.files[path] = "\n".join(lines) + "\n"
 
     job = controller.jobs.begin(work, 1.0)
     return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
-
-
-def _all(controller: Irc5) -> tuple[Event, ...]:
-    return tuple(reversed(controller.events.entries()))
 
 
 _LANG: Values = {"lang": ()}

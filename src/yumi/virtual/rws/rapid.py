@@ -346,7 +346,12 @@ def move_pp(controller: Irc5, call: Call) -> None:
     task = _task(controller, call)
     module, routine = call.parameter("module", ""), call.required("routine").rpartition("/")[2]
     if call.option("action") == "set-pp-cursor":
-        found = _routine(task, call.required("module"), routine)
+        name = call.required("module")
+        loaded = task.program.modules.get(name.lower())
+        found = loaded.symbols.get(routine.lower()) if loaded is not None else None
+        if not isinstance(found, UserRoutine):
+            sentence = f"the task {task.name} has no routine {name[:50]}/{routine[:50]}"
+            raise Failure(400, Code.NO_SUCH_SYMBOL, sentence)
         line = int(call.number("line"))
         call.number("column")
         first = found.syntax.body[0].line if found.syntax.body else found.syntax.line
@@ -355,14 +360,6 @@ def move_pp(controller: Irc5, call: Call) -> None:
                 400, Code.ILLEGAL_PCP_MOVE, f"the pointer moves to the first statement of {routine}, line {first}"
             )
     controller.execution.move_pp_to_routine(task.name, routine, module)
-
-
-def _routine(task: Task, module: str, name: str) -> UserRoutine:
-    loaded = task.program.modules.get(module.lower())
-    found = loaded.symbols.get(name.lower()) if loaded is not None else None
-    if not isinstance(found, UserRoutine):
-        raise Failure(400, Code.NO_SUCH_SYMBOL, f"the task {task.name} has no routine {module[:50]}/{name[:50]}")
-    return found
 
 
 def refuse_pp_step(controller: Irc5, call: Call) -> None:

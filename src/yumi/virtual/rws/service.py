@@ -348,15 +348,11 @@ def _long_form(body: bytes) -> Pairs:
     return decode_form(body.decode("utf-8", "replace"))
 
 
-def _parts(target: str) -> tuple[tuple[str, ...], Pairs]:
+def _split(target: str) -> tuple[tuple[str, ...], Pairs]:
     """The segments of a path, without a sub-property behind ``;``, and the parameters of its query.
 
     A sub-property shows in the page of its resource anyway.
     """
-    return _kept_parts(target) if len(target) <= LONGEST_KEPT else _split(target)
-
-
-def _split(target: str) -> tuple[tuple[str, ...], Pairs]:
     path, _, query = target.partition("?")
     return tuple(unquote(part).partition(";")[0] for part in path.split("/") if part), decode_form(query)
 
@@ -366,7 +362,8 @@ _kept_parts = lru_cache(1024)(_split)
 
 def _call(request: HttpRequest) -> Call:
     """The head of a request."""
-    return Call(request.method, *_parts(request.target))
+    target = request.target
+    return Call(request.method, *(_kept_parts(target) if len(target) <= LONGEST_KEPT else _split(target)))
 
 
 @lru_cache(64)

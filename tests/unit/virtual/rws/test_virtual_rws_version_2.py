@@ -15,7 +15,7 @@ from rws_examples import Example, content_type, operation_of
 from rws_examples_2 import BASIC, EXAMPLES_2, SIGNALS, SYMBOL, TASK, Session2
 from yumi.rws.documents import read_page, read_status
 from yumi.rws.types import GRANTS, Grant, OperatingMode
-from yumi.virtual.memory import MemoryChannel
+from yumi.testing.virtual_yumi import MemoryChannel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade
 from yumi.virtual.rws.version_2 import FORM, HAL, XHTML
