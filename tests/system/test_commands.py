@@ -186,9 +186,7 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "There is no field 'percents'" in apart(
         "call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}", is_refused=True
     )
-    assert json.loads(apart("param", "r/joint_position_controller", "p", "1.3", "--json")) == {"p": 1.3}
-    assert "was not set" in apart("param", "r/joint_position_controller", "p", "7.5", is_refused=True)
-    assert json.loads(apart("param", "get", "r/joint_position_controller", "p", "--json")) == {"p": 1.3}
-    assert "was not set" in apart("param", "set", "r/joint_position_controller", "p", "-1.0", is_refused=True)
-    assert json.loads(apart("param", "list", "r/joint_position_controller", "--json"))["p"] == 1.3
+    node = "r/joint_position_controller"
+    assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
+    assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
     assert len([apart(*words) for words in examples_of(graph_commands.COMMANDS)]) > 5
