@@ -211,7 +211,7 @@ def main() -> None:
     right.add_patch(plt.Rectangle((1e3 * (crate.centre.position[1] - y), 0.0), 2e3 * y, 2e3 * z, color="#d99e52"))
     right.plot(1e3 * straight[:, 1], 1e3 * straight[:, 2], ":", color="gray", label="straight in the joints")
     right.plot(1e3 * way[:, 1], 1e3 * way[:, 2], label="planned")
-    right.set(xlabel="y [mm]", ylabel="height of the fingertips [mm]", ylim=(0, 340), title=f"{plan.duration:.1f} s")
+    right.set(xlabel="y [mm]", ylabel="height of the fingertips [mm]", ylim=(0, 420), title=f"{plan.duration:.1f} s")
     right.legend(loc="upper right")
     figure.savefig(HERE / "tool_around.png")
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from math import pi, radians
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from rich.console import Console
@@ -23,7 +24,7 @@ from yumi.driver.settings import CollisionSettings, RobotSettings, override, rea
 from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, ArmState, Side, change_rate, home, joints
-from yumi.ros.move_and_grab import GOALS, MEETING, MoveAndGrab
+from yumi.ros.move_and_grab import CLOSE_ENOUGH, GOALS, MEETING, MoveAndGrab
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.motion import EgmSettings
 
@@ -90,6 +91,26 @@ def test_prompt_ends_when_the_demonstration_is_interrupted(terminal: Callable[[s
 
     with pytest.raises(KeyboardInterrupt):
         screen_on(io.StringIO()).confirm("It stands.", interrupt)
+
+
+def test_bar_is_full_when_the_arm_has_arrived() -> None:
+    def wait_for_motion(has_arrived: Callable[[], bool], _: str) -> None:
+        while not has_arrived():
+            continue
+
+    errors, shares = iter([1.0, 0.5, 0.9 * CLOSE_ENOUGH]), list[float]()
+    arm = SimpleNamespace(
+        error=lambda: next(errors), goals=SimpleNamespace(publish=lambda _: None, topic=""), is_commanded=True
+    )
+    application: Any = MoveAndGrab.__new__(MoveAndGrab)
+    application._arms, application.reports = {Side.LEFT: arm}, {Side.LEFT: SimpleNamespace()}
+    application._progress = SimpleNamespace(
+        step=lambda sentence: None, error=lambda side, error_deg, share: shares.append(share)
+    )
+    application._activate = application._wait = lambda *_: None
+    application._wait_for_motion = wait_for_motion
+    application._move(Side.LEFT)
+    assert shares == [0.5, 1.0]
 
 
 class Done:

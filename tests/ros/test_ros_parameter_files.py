@@ -224,6 +224,35 @@ def test_mistake_in_a_file_is_refused_with_a_sentence(
     assert manager.state("mine") == "not loaded"
 
 
+@pytest.mark.parametrize(
+    "sections",
+    [
+        "r: {mine: {ros__parameters: {PARAMETERS}}}",
+        "/**: {mine: {ros__parameters: {PARAMETERS}}}",
+        "/*/mine: {ros__parameters: {PARAMETERS}}",
+        "/**: {ros__parameters: {robot_ip: 10.0.0.1, use_sim_time: false}}\n/r/*: {ros__parameters: {PARAMETERS}}",
+        "/r/controller_manager: {ros__parameters: {mine.type: KIND}}\n/r/mine: {ros__parameters: {PARAMETERS}}",
+        "r: {controller_manager: {ros__parameters: {mine: {type: KIND}}}, mine: {ros__parameters: {PARAMETERS}}}",
+    ],
+)
+def test_file_is_loaded_however_it_names_the_node(manager: Manager, tmp_path: Path, sections: str) -> None:
+    kind = "joint_trajectory_controller/JointTrajectoryController"
+    file = tmp_path / "mine.yaml"
+    parameters = f"joints: [{', '.join(NAMES)}], constraints.goal_time: 0.5, state_publish_rate: 30.0"
+    file.write_text(sections.replace("PARAMETERS", parameters).replace("KIND", kind))
+    assert manager.spawn("mine", None if "type" in sections else kind, [str(file)], inactive=True)
+    assert value(manager, "mine", "state_publish_rate") == 30.0
+    assert value(manager, "mine", "constraints.goal_time") == 0.5
+
+
+def test_qos_overrides_of_a_dumped_file_are_logged_as_not_used(manager: Manager, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    overrides = "qos_overrides: {/parameter_events: {publisher: {depth: 1000, reliability: reliable}}}"
+    file.write_text(f"/r/mine: {{ros__parameters: {{{overrides}}}}}")
+    assert manager.spawn("mine", "joint_trajectory_controller/JointTrajectoryController", [str(file)], inactive=True)
+    hears(manager, "Parameter 'qos_overrides' of 'mine' is not used: topics have fixed QoS.")
+
+
 def test_fixed_parameter_cannot_be_set_on_the_node(manager: Manager) -> None:
     assert spawned(manager, "fr3_arm_controller", "franka.yaml")
     refused = set_parameter(manager.client, "/r/fr3_arm_controller", "speed_scaling.state_interface", text("any"))

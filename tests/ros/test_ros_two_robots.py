@@ -180,20 +180,23 @@ import rclpy
 from std_srvs.srv import Trigger
 rclpy.init()
 begin, node = time.monotonic(), rclpy.create_node("asker")
+made = time.monotonic()
 service = node.create_client(Trigger, sys.argv[1])
 while not service.service_is_ready() and time.monotonic() - begin < 20.0:
     rclpy.spin_once(node, timeout_sec=0.01)
 answer = service.call_async(Trigger.Request())
 rclpy.spin_until_future_complete(node, answer, timeout_sec=20.0)
-print(time.monotonic() - begin if answer.result().message else "no answer")
+print(*((time.monotonic() - since for since in (begin, made)) if answer.result().message else ["no answer"]))
 """
 
 
 @pytest.mark.real_time
 def test_new_process_has_an_answer_within_a_second(cells: Cells) -> None:
     ask = [sys.executable, "-c", ASK, "/cell1/yumi_robot_manager/get_state"]
-    took = [float(subprocess.run(ask, capture_output=True, check=True, timeout=30.0).stdout) for _ in range(5)]
-    assert median(took) < FOUND  # with Fast DDS's own announcements it is 1.5 s, and up to 3 s
+    printed = [subprocess.run(ask, capture_output=True, check=True, timeout=30.0).stdout.split() for _ in range(5)]
+    took, waited = zip(*(map(float, each) for each in printed), strict=True)
+    assert max(waited) < FOUND  # with Fast DDS's own announcements up to 3 s
+    assert median(took) < FOUND  # and what the client needs for its own node, more than half of it
 
 
 def test_all_nodes_are_in_their_robots_namespaces(cells: Cells) -> None:

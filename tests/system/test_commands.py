@@ -179,13 +179,14 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
     assert "/r/joint_states" in apart("topics")
-    message = json.loads(apart("echo", "r/joint_states", "--json"))
+    message = json.loads(apart("echo", "r/joint_states", "--once", "--json"))
     assert message["name"][0] == "yumi_joint_1_r"
     assert json.loads(apart("call", "yumi_robot_manager/robot_is_ready", "--json"))["success"] is True
     assert "no service /r/nothing" in apart("call", "r/nothing", is_refused=True)
     assert "There is no field 'percents'" in apart(
         "call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}", is_refused=True
     )
-    assert json.loads(apart("param", "r/joint_position_controller", "p", "1.3", "--json")) == {"p": 1.3}
-    assert "was not set" in apart("param", "r/joint_position_controller", "p", "7.5", is_refused=True)
+    node = "r/joint_position_controller"
+    assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
+    assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
     assert len([apart(*words) for words in examples_of(graph_commands.COMMANDS)]) > 5

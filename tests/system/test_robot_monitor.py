@@ -519,3 +519,36 @@ def test_joints_are_read_from_a_stop_on_and_not_while_egm_reports_them(monitored
     for _ in range(20):
         assert all(measured(monitored, side)[0] <= AGE for side in Side)
         monitored.wait(0.1)
+
+
+def test_joints_of_an_arm_that_the_other_one_keeps_clear_of_are_read_once_and_while_that_has_egm(
+    monitored: Monitored,
+) -> None:
+    manager, monitor = monitored.system.manager, monitored.monitor
+    manager.stop_egm()
+    monitor.keeps_apart = True
+    monitored.wait(1.0)
+    for side in Side:
+        assert measured(monitored, side)[0] > 0.5
+    before = {side: monitor.joints(side) for side in Side}
+    monitored.wait(2.0)
+    assert {side: monitor.joints(side) for side in Side} == before
+    manager.start_egm([Side.RIGHT])
+    monitored.wait(AGE)
+    for _ in range(20):
+        assert measured(monitored, Side.LEFT)[0] <= AGE
+        monitored.wait(0.1)
+
+
+def test_what_a_request_of_ours_has_read_is_not_read_again_at_once(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client = monitored.system.client
+    monitored.wait(0.6 * WHOLE_POLL)
+    monitored.monitor.read()
+    asked: list[float] = []
+    mode = client.operating_mode
+    monkeypatch.setattr(client, "operating_mode", lambda: asked.append(monitored.system.now()) or mode())
+    begin = monitored.system.now()
+    monitored.wait(2.5 * WHOLE_POLL)
+    assert [round((when - begin) / WHOLE_POLL, 1) for when in asked] == [1.0, 2.0]

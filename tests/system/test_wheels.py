@@ -91,6 +91,15 @@ def test_driver_installs_without_a_compiler_and_runs_the_demonstration(wheels: P
 ARRIVED = 0.002
 """As near to its goal is an arm that has arrived [rad]."""
 
+IMPORTS = 5.0
+"""What says that an extra is missing has computed nothing else [s]."""
+
+
+def computed() -> float:
+    """Processor time of all processes that have ended [s]: it is no longer on a machine that does other things."""
+    return os.times().children_user + os.times().children_system
+
+
 SCRIPT = """
 import yumi
 from pathlib import Path
@@ -116,7 +125,7 @@ def test_without_ros_scripts_and_the_virtual_controller_run_and_what_is_missing_
         (["tune"], "evaluation"),
         (["bench"], "evaluation"),
     ):
-        begin = time.monotonic()
+        begin = computed()
         assert f"yumi-ros2[{extra}]" in image.run(["yumi", *command], check=False)
-        assert time.monotonic() - begin < 10.0  # nothing was computed
+        assert computed() - begin < IMPORTS
     tell(f"without ROS: {image.installed_in:.0f} s, {image.size:.0f} MB")

@@ -153,6 +153,7 @@ def topics(is_json: bool) -> None:
 @click.command()
 @click.argument("topic")
 @click.option("--count", type=click.IntRange(1), default=1, help="Print so many messages.")
+@click.option("--once", is_flag=True, expose_value=False, help="One message, as without --count.")
 @click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=10.0, help="Longest wait for each [s].")
 @click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
 def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
@@ -160,7 +161,7 @@ def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
 
     \b
     Examples:
-      yumi echo r/joint_states              one message, as with ros2's --once
+      yumi echo r/joint_states              one message, as with --once
       yumi echo yumi_robot_manager/state --json
     """
     with graph() as node:
@@ -220,13 +221,13 @@ def _ask(node: Any, kind: Any, name: str, request: Any, timeout: float = DISCOVE
     return future.result()
 
 
-@click.command()
-@click.argument("node_name", metavar="NODE")
-@click.argument("name", required=False)
-@click.argument("value", required=False)
+@click.command(context_settings={"ignore_unknown_options": True})  # negative numbers are none
+@click.argument("words", nargs=-1, required=True, metavar="[list|get|set] NODE [NAME [VALUE]]")
 @click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-def param(node_name: str, name: str | None, value: str | None, is_json: bool) -> None:
+def param(words: tuple[str, ...], is_json: bool) -> None:
     """List the parameters of NODE, show one, or set it to VALUE.
+
+    The verbs of `ros2 param` may be left out.
 
     \b
     Examples:
@@ -234,6 +235,12 @@ def param(node_name: str, name: str | None, value: str | None, is_json: bool) ->
       yumi param r/joint_position_controller p
       yumi param r/joint_position_controller p 1.3
     """
+    if words[0] in {"list", "get", "set"} and len(words) > 1:
+        words = words[1:]
+    if len(words) > 3:
+        raise click.UsageError(f"Give NODE, NAME and VALUE, not {' '.join(words)}.")
+    node_name = words[0]
+    name, value = (words[at] if at < len(words) else None for at in (1, 2))
     with graph() as node:
         from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters  # noqa: PLC0415
         from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: PLC0415

@@ -249,6 +249,8 @@ class RobotMonitor:
         on_joints: called with an arm and its joints when they were read, on the monitor's thread.
         log: logs the changes.
         reads_joints: whether the joints of an arm are read from the controller, too, while EGM does not report them.
+        keeps_apart: whether that is so at least while EGM reports the joints of the other arm, which keeps clear of
+            it, and once before that.
         allowed_collisions: pairs of parts that may touch now, a part of the state.
     """
 
@@ -257,7 +259,7 @@ class RobotMonitor:
         self.on_stop: Callable[[], None] = lambda: None
         self.on_joints: Callable[[Side, JointStates], None] = lambda side, states: None
         self.log = StateLog(stops, clock)
-        self.reads_joints = False
+        self.reads_joints = self.keeps_apart = False
         self.allowed_collisions: tuple[str, ...] = ()
         self._joints: dict[Side, JointStates] = {}
         self._joints_refused: set[Side] = set()
@@ -419,7 +421,7 @@ class RobotMonitor:
         return self._read_joints(self._next_poll())
 
     def _follow(self, now: float) -> float:
-        is_whole = now - self._polled_at >= WHOLE_POLL
+        is_whole = now >= self._whole_due
         if self._is_lost or (is_whole and self._subscription is None):
             self._unsubscribe()
             return self._connect(now)
@@ -445,7 +447,13 @@ class RobotMonitor:
     def _next_poll(self) -> float:
         if self._subscription is None:
             return POLL
-        return BUSY_POLL if self._is_busy else WHOLE_POLL  # a request of ours may end before its next poll is due
+        due = max(0.01, self._whole_due - self._clock.now())
+        return min(BUSY_POLL, due) if self._is_busy else due  # a request of ours may end before its next poll is due
+
+    @property
+    def _whole_due(self) -> float:
+        """When everything is to be read again; a request of ours may have read it since the last poll [s]."""
+        return max(self._polled_at, self._read_at) + WHOLE_POLL
 
     @property
     def _busy_poll(self) -> float:
@@ -506,7 +514,10 @@ class RobotMonitor:
 
     def _read_joints(self, delay: float) -> float:
         """Read the joints of arms that EGM does not report, if that is due; ``delay`` [s], or less until then."""
-        silent = [side for side in Side if self.reads_joints and not self._loop.snapshot(side).is_streaming]
+        streaming = [side for side in Side if self._loop.snapshot(side).is_streaming]
+        silent = [side for side in Side if side not in streaming]
+        if not self.reads_joints:
+            silent = [side for side in silent if self.keeps_apart and (streaming or side not in self._joints)]
         if silent and self._clock.now() - self._joints_polled_at >= JOINTS_POLL:
             self._joints_polled_at = self._clock.now()
             for side in silent:
@@ -526,7 +537,7 @@ class RobotMonitor:
                     velocity = joints([(b - a) / dt for a, b in zip(last.position, position, strict=True)])
                 self._joints[side] = JointStates(time, position, velocity)
                 self.on_joints(side, self._joints[side])
-        # While EGM reports the joints of both, its end is an event that asks for a poll.
+        # While nothing is to be read, the beginning and the end of EGM are events that ask for a poll.
         return min(delay, max(0.01, self._joints_polled_at + JOINTS_POLL - self._clock.now())) if silent else delay
 
     def _read_whole(self) -> None:

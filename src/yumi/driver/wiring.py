@@ -392,7 +392,7 @@ def make_parts(
     bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
     manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
     if settings.collision.enabled:  # an arm without EGM is kept clear of, too
-        manager.monitor.reads_joints = True
+        manager.monitor.keeps_apart = True
         manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
     signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
     grippers = build_grippers(client, clock, settings, signals)

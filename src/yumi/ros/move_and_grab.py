@@ -308,7 +308,7 @@ class MoveAndGrab:
 
         def has_arrived() -> bool:
             error = arm.error()
-            self._progress.error(side, degrees(error), 1.0 - error / whole)
+            self._progress.error(side, degrees(error), 1.0 if error < CLOSE_ENOUGH else 1.0 - error / whole)
             if error >= CLOSE_ENOUGH and not arm.is_commanded:
                 raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
             return error < CLOSE_ENOUGH

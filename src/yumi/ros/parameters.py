@@ -124,7 +124,11 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
     remarks: dict[str, str] = {}
     for name, value in given.items():
         found = find_parameter(held, name)
-        if found is None and not node.has_parameter(name):
+        if name.startswith("qos_overrides."):  # `ros2 param dump` of C++ nodes has them
+            remarks["qos_overrides"] = (
+                f"Parameter 'qos_overrides' of {controller!r} is not used: topics have fixed QoS."
+            )
+        elif found is None and not node.has_parameter(name):
             words = [each.name for each in held if not each.fixed]
             similar = get_close_matches(name, words, 1)
             known = f"did you mean {similar[0]!r}?" if similar else f"it has: {', '.join(words) or 'none'}."
