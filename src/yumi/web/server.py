@@ -21,7 +21,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import msgspec
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.driver.endpoint import StopEgm, failure_of
@@ -247,10 +247,13 @@ class ViewServer:
     async def _serve_page(self, request: web.Request) -> web.StreamResponse:
         if "Origin" not in request.headers:  # every browser sends one; other programs have the driver's endpoint
             raise web.HTTPForbidden(text="Only the page may open this connection.")
-        if len(self._pages) >= MAX_PAGES:
-            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are open already; close one.")
         socket = web.WebSocketResponse(heartbeat=_PING, max_msg_size=_MAX_MESSAGE, compress=False)
         await socket.prepare(request)
+        if len(self._pages) >= MAX_PAGES:  # a page can read why a connection was closed, not why there is none
+            await socket.close(
+                code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
+            )
+            return socket
         page = _Page(socket, is_local=is_loopback(request.remote or ""))
         self._pages.add(page)
         self._live.watch(True)
@@ -411,7 +414,7 @@ def _fault(fault: Fault) -> dict[str, Any]:
     kind = fault.value
     return {
         "name": kind.name,
-        "meaning": kind.meaning,
+        "meaning": kind.meaning.partition("; with --")[0],  # an option of the command
         "has_side": kind.has_side,
         "has_duration": kind.has_duration,
         "default_duration": kind.default_duration,

@@ -12,6 +12,7 @@ const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms a
 const PULL = 4; // [1/s] a tool follows its handle so fast
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
+const LOST = "The connection to yumi view is lost; is it still running? Where it was started anew, open the address that it has printed.";
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
 
 const at = (id) => document.getElementById(id);
@@ -44,12 +45,12 @@ const rows = [];
 function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
   socket.onmessage = ({ data }) => take(JSON.parse(data));
-  socket.onclose = () => {
+  socket.onclose = ({ reason }) => {
     endJog();
     forgetPlan();
     for (const { reject } of pending.values()) reject({ message: "The connection to yumi view is lost." });
     pending.clear();
-    view = { ...view, control: "none", why_no_robot: "The connection to yumi view is lost; is it still running?" };
+    view = { ...view, control: "none", why_no_robot: reason || LOST };
     show();
     setTimeout(connect, 1000);
   };
@@ -138,7 +139,7 @@ function describe(result) {
 let toastTimer = 0;
 function toast(sentence, level = "error") {
   const box = at("toast");
-  box.textContent = sentence;
+  box.textContent = withButtons(sentence);
   box.dataset.level = level;
   box.hidden = false;
   clearTimeout(toastTimer);
@@ -146,6 +147,11 @@ function toast(sentence, level = "error") {
 }
 
 // ---- showing
+
+/** A sentence of the driver, with the page's buttons in place of the methods to call. */
+function withButtons(text) {
+  return model.buttons.reduce((told, [method, button]) => told.replace(new RegExp(method, "g"), button), text);
+}
 
 /** What to do about a reason, with the button that does it where there is one. */
 function remedies(reason) {
@@ -160,7 +166,7 @@ function remedyButton() {
   if (view.control !== "here" || !state || view.why_no_robot) return "";
   const todo = remedies(state.reason);
   if (state.reason) return todo.every(({ button }) => button) ? (todo[0]?.button ?? "") : "";
-  return ARMS.some((name) => state.egm[name] === "running") ? "" : "start";
+  return ARMS.every((name) => state.egm[name] === "running") ? "" : "start";
 }
 
 /** In a sentence whether the robot moves, else why not, and what to do. */
@@ -174,7 +180,11 @@ function verdict() {
   else silentSince = Math.min(silentSince, stateTime);
   if (stateTime - silentSince > BEGINNING && !state.stop && !state.cause) {
     const head = `Cannot move: the robot runs EGM on the ${silent.join(" and the ")} arm, but its datagrams do not arrive`;
-    return ["error", head, sentence(`Check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device; then ${view.control === "none" && !view.why_not_operated ? "take control and " : ""}press “Recover…”`)];
+    const check = view.is_virtual
+      ? "end the faults of EGM with egm-repair"
+      : "check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device";
+    const first = view.control === "none" && !view.why_not_operated ? "take control, then: " : "";
+    return ["error", head, sentence(`${first}${check}; then press “Recover…”`)];
   }
   if (state.stop || state.cause) {
     // What the event log says to do is of use where nothing else is in the way now but a person who has to confirm.
@@ -195,13 +205,19 @@ function verdict() {
   const moving = ARMS.filter((name) => state.arms[name].mode === "moving");
   if (moving.length) return ["good", `The ${moving.join(" and the ")} arm ${moving.length > 1 ? "move" : "moves"}`, ""];
   const running = ARMS.filter((name) => state.egm[name] === "running");
-  if (running.length) return ["good", `Ready: EGM holds ${running.length > 1 ? "both arms" : `the ${running[0]} arm`}`, ""];
+  if (running.length > 1) return ["good", "Ready: EGM holds both arms", ""];
+  if (running.length) {
+    const other = ARMS.find((name) => name !== running[0]);
+    const start = view.is_recording || view.why_not_operated ? "" : `; ${view.control === "here" ? "" : "take control, then: "}press “Start EGM”`;
+    return ["good", `Ready: EGM holds the ${running[0]} arm`, `The ${other} arm follows no commands${start}.`];
+  }
   return ["warn", "Ready: EGM is off, the arms follow no commands", view.is_recording || view.why_not_operated ? "" : `${view.control === "here" ? "" : "Take control, then: "}press “Start EGM”.`.replace(/^p/, "P")];
 }
 
 function sentence(text, isWhole = true) {
   const bare = text.trim().replace(/\.$/, "");
-  return isWhole ? `${bare.charAt(0).toUpperCase()}${bare.slice(1)}.` : bare;
+  const begin = /^\w*_/.test(bare) ? bare.charAt(0) : bare.charAt(0).toUpperCase(); // cartesian_controller is a name
+  return isWhole ? `${begin}${bare.slice(1)}.` : bare;
 }
 
 function text(element, value) {
@@ -210,7 +226,8 @@ function text(element, value) {
 
 function show() {
   if (!model) return;
-  const [level, head, remedy] = verdict();
+  const [level, ...told] = verdict();
+  const [head, remedy] = view.is_recording ? told : told.map(withButtons); // a recording is shown as it was
   at("banner").dataset.level = level;
   text(at("verdict"), head);
   text(at("remedy"), remedy);
@@ -403,17 +420,20 @@ function showArm() {
   two.style.left = `${50 + 42 * apart}%`;
   at("gripper-bar").classList.toggle("holding", Boolean(gripper?.is_holding));
 
-  const names = state.controllers[word].map((each) => each.name).filter((name) => !name.includes("broadcaster"));
+  const controllers = state.controllers[word].filter(({ name }) => !name.includes("broadcaster"));
   const choice = at("controller");
-  if ([...choice.options].map((each) => each.value).join() !== names.join()) {
-    choice.replaceChildren(...names.map((name) => new Option(name.replace(/_controller$/, "").replaceAll("_", " "), name)));
+  if ([...choice.options].map((each) => each.value).join() !== controllers.map(({ name }) => name).join()) {
+    choice.replaceChildren(...controllers.map(({ name }) => new Option("", name)));
   }
+  controllers.forEach(({ name, commands }, index) => {
+    text(choice.options[index], `${name.replace(/_controller$/, "").replaceAll("_", " ")}${commands ? " (active)" : ""}`);
+  });
 }
 
 function addEvents(events) {
   for (const event of events) {
     const clock = new Date(event.time * 1000).toLocaleTimeString([], { hour12: false });
-    const item = make("li", {}, make("time", { textContent: clock }), ` ${event.sentence}`);
+    const item = make("li", {}, make("time", { textContent: clock }), ` ${withButtons(event.sentence)}`);
     item.dataset.level = event.level;
     at("events").prepend(item);
   }
@@ -770,7 +790,10 @@ function bind() {
   const press = (id, action) => at(id).addEventListener("click", () => action(at(id)));
   press("take", () => send({ type: view.control === "here" ? "give_back" : "take_control" }));
   press("remedy-button", (button) => at(button.dataset.presses).click());
-  press("stop", (button) => request("stop_egm", {}, button));
+  press("stop", (button) => {
+    endJog();
+    request("stop_egm", {}, button);
+  });
   press("start", (button) => request("start_egm", {}, button));
   press("recover", async (button) => {
     const { stop } = state;
@@ -850,20 +873,21 @@ function bind() {
     const activate = at("controller").value;
     request("switch_controllers", { arm: word, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
   });
-  const grip = (id, unit, asked) => (button) => {
+  const withNumber = (id, what, action) => (button) => {
     const value = numberOf(at(id));
-    if (value !== null) request("grip", { arm: word, ...asked(value) }, button);
-    else toast(`Nothing was sent: the gripper needs a number from ${at(id).min} to ${at(id).max} ${unit}.`);
+    if (value !== null) action(value, button);
+    else toast(`Nothing was sent: ${what} is a number from ${at(id).min} to ${at(id).max}.`);
   };
-  press("open", grip("open-width", "mm", (value) => ({ action: "open", width: value / 1000 })));
-  press("close", grip("grip-force", "N", (value) => ({ action: "close", force: value })));
+  const grip = (asked, button) => request("grip", { arm: word, ...asked }, button);
+  press("open", withNumber("open-width", "the width [mm]", (width, button) => grip({ action: "open", width: width / 1000 }, button)));
+  press("close", withNumber("grip-force", "the force [N]", (force, button) => grip({ action: "close", force }, button)));
   press("press-stop", (button) => inject("emergency-stop", {}, button));
   press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
   press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
-  press("put-part", (button) => inject("object-placed", { side: word, by: at("part-width").value }, button));
+  press("put-part", withNumber("part-width", "the width [mm]", (by, button) => inject("object-placed", { side: word, by: `${by}` }, button)));
   press("put-cup", (button) => inject("object-under-cups", { side: word }, button));
   press("take-part", (button) => inject("object-lost", { side: word }, button));
-  press("push", (button) => inject("arm-pushed", { side: word, by: at("push-by").value }, button));
+  press("push", withNumber("push-by", "the angle [°]", (by, button) => inject("arm-pushed", { side: word, by: `${by}` }, button)));
   at("fault").addEventListener("change", explainFault);
   press("inject", (button) => {
     const fault = view.faults.find((each) => each.name === at("fault").value);
