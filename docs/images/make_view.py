@@ -140,11 +140,8 @@ def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., An
     film.wait("#verdict", "EGM is off")
     page.click("#start")
     film.wait("#verdict", "EGM holds both arms")
-    page.select_option("#pose", "home")
-    page.click("#move")
-    film.wait("#verdict", "Ready")
     page.select_option("#pose", "ready")
-    page.click("#plan")
+    page.click("#plan")  # from where the limiter has stopped it
     film.wait("#plan-text", "A motion of")
     save(page, "plan")
     page.click("#discard")
