@@ -426,7 +426,7 @@ function showArm() {
     choice.replaceChildren(...controllers.map(({ name }) => new Option("", name)));
   }
   controllers.forEach(({ name, commands }, index) => {
-    text(choice.options[index], `${name.replace(/_controller$/, "").replaceAll("_", " ")}${commands ? " (active)" : ""}`);
+    text(choice.options[index], `${name.replace(/_controller$/, "").replaceAll("_", " ")}${commands ? " ✓" : ""}`);
   });
 }
 
@@ -686,7 +686,7 @@ async function makePlan(button) {
   at("plan-box").hidden = false;
   const slider = at("plan-time");
   slider.max = made.duration;
-  const apart = made.clearance ? `at least ${(made.clearance * 1000).toFixed(0)} mm from everything` : "touching nothing";
+  const apart = made.clearance > 0 ? `at least ${(made.clearance * 1000).toFixed(0)} mm from everything` : "touching nothing";
   text(at("plan-text"), `A motion of ${made.duration.toFixed(1)} s, ${apart}, found in ${made.planning_time.toFixed(1)} s. Nothing moves before Execute.`);
   scene?.showPath(made.arms);
   const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
