@@ -1,10 +1,9 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
-Who may do what: a page of this machine sees the robot; through another interface,
-and where a real robot is operated, only with the token. A page of a
-foreign origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot,
-after it has taken control: a virtual one always, a real one where the server was started to operate it and the page is
-opened on the same machine.
+Who may do what: a page of this machine sees the robot; through another interface, and where a real robot is operated,
+only with the token. A page of a foreign origin, or under a host name that is not this machine's, is refused. One page
+at a time operates the robot, after it has taken control: a virtual one always, a real one where the server was started
+to operate it and the page is opened on the same machine.
 """
 
 from __future__ import annotations
@@ -291,8 +290,8 @@ class ViewServer:
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
-        is_stop = isinstance(message, Ask) and isinstance(message.request, StopEgm)
-        if isinstance(message, Ask) and is_stop and (operator is not None or not why_not):
+        may_stop = operator is not None or not why_not
+        if may_stop and isinstance(message, Ask) and isinstance(message.request, StopEgm):
             self._cancel_giving_back()
             self._begin(self._stop_egm(page, message))  # who may operate may stop at any time
         elif operator is None or why_not:

@@ -33,8 +33,8 @@ let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {
 let state = null; // the newest, as the driver's DriverState
 let view = { control: "none", why_no_robot: "The page is connecting.", why_not_operated: "", faults: [], events: [] };
 let socket = null;
-let word = "right"; // the arm that is shown in the panel
-let number = 0; // of requests
+let shownArm = "right"; // the arm that is shown in the panel
+let lastId = 0; // of requests
 const pending = new Map();
 let jog = null;
 let holds = Date.now() % 1e9; // a hold has a number of its own, in each page
@@ -70,6 +70,7 @@ function take(message) {
     stateTime = message.time;
     limited = message.limited;
     nearest = message.nearest;
+    silentSince = silentArms().length ? Math.min(silentSince, stateTime) : Infinity;
     addEvents(message.events);
     sample();
     show();
@@ -107,8 +108,8 @@ function take(message) {
 
 /** Ask for something, and show how it ends. */
 async function ask(message, button) {
-  number += 1;
-  const id = number;
+  lastId += 1;
+  const id = lastId;
   const end = new Promise((resolve, reject) => pending.set(id, { resolve, reject }));
   if (!send({ ...message, id })) {
     pending.delete(id);
@@ -137,9 +138,9 @@ function describe(result) {
 }
 
 let toastTimer = 0;
-function toast(sentence, level = "error") {
+function toast(message, level = "error") {
   const box = at("toast");
-  box.textContent = withButtons(sentence);
+  box.textContent = withButtons(message);
   box.dataset.level = level;
   box.hidden = false;
   clearTimeout(toastTimer);
@@ -169,15 +170,18 @@ function remedyButton() {
   return ARMS.every((name) => state.egm[name] === "running") ? "" : "start";
 }
 
+/** The arms that the robot runs EGM on while its datagrams do not arrive. */
+function silentArms() {
+  return ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
+}
+
 /** In a sentence whether the robot moves, else why not, and what to do. */
 function verdict() {
   if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
   if (!state) return ["wait", "Waiting for the robot", ""];
   let todo = remedies(state.reason).map(({ remedy }) => remedy).join("; ");
   if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
-  const silent = ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
-  if (!silent.length) silentSince = Infinity;
-  else silentSince = Math.min(silentSince, stateTime);
+  const silent = silentArms();
   if (stateTime - silentSince > BEGINNING && !state.stop && !state.cause) {
     const head = `Cannot move: the robot runs EGM on the ${silent.join(" and the ")} arm, but its datagrams do not arrive`;
     const check = view.is_virtual
@@ -243,7 +247,7 @@ function show() {
         scene.showGhost(name, ghostOf(name, arm));
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
-      if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(word);
+      if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(shownArm);
       at("scene").dataset.handle = scene.handlePlace() ?? "";
     }
     showNearest();
@@ -291,7 +295,7 @@ function showNearest() {
 /** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
 function ghostOf(name, arm) {
   if (plan) return plan.arms[name] ? pointOf(plan.arms[name], plan.time) : null;
-  if (at("preview").getAttribute("aria-pressed") === "true" && (name === word || at("both").checked)) return goalOf(name).joints;
+  if (at("preview").getAttribute("aria-pressed") === "true" && (name === shownArm || at("both").checked)) return goalOf(name).joints;
   if (!arm.goal || !arm.position) return null;
   const away = Math.max(...arm.goal.map((value, index) => Math.abs(value - arm.position[index])));
   return away > 0.03 ? arm.goal : null;
@@ -367,7 +371,7 @@ function buildJoints() {
     less.dataset.jog = `joint ${index} -1`;
     more.dataset.jog = `joint ${index} 1`;
     const speeds = (sign) => () => ({
-      type: "jog_joints", arm: word,
+      type: "jog_joints", arm: shownArm,
       speeds: Array.from({ length: 7 }, (_, each) => (each === index ? sign * MAX_JOINT_SPEED * jogSpeed() : 0)),
     });
     holdable(less, speeds(-1));
@@ -383,7 +387,7 @@ function buildJoints() {
 }
 
 function showArm() {
-  const arm = state.arms[word];
+  const arm = state.arms[shownArm];
   const { lower, upper } = model.limits;
   const share = (value, index) => `${Math.min(100, Math.max(0, (100 * (value - lower[index])) / (upper[index] - lower[index])))}%`;
   rows.forEach(({ marker, goal, value, error }, index) => {
@@ -397,10 +401,10 @@ function showArm() {
       marker.classList.toggle("near", away < 0.09);
     }
     if (arm.goal) goal.style.left = share(arm.goal[index], index);
-    const off = arm.position && arm.sent && state.egm[word] === "running" ? (arm.sent[index] - position) * DEGREES : null;
+    const off = arm.position && arm.sent && state.egm[shownArm] === "running" ? (arm.sent[index] - position) * DEGREES : null;
     text(error, off === null ? "–" : `${fixed(off, 2)}°`);
   });
-  const tip = scene && (arm.position ?? arm.resting) ? scene.tip(word).toArray() : null;
+  const tip = scene && (arm.position ?? arm.resting) ? scene.tip(shownArm).toArray() : null;
   const frame = frameOf(at("jog-frame").value);
   const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${fixed(value * 1000, 1)}`).join(", ");
@@ -408,7 +412,7 @@ function showArm() {
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
   text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
-  const gripper = state.grippers[word];
+  const gripper = state.grippers[shownArm];
   const parts = gripper
     ? [...(gripper.is_holding ? [] : [gripper.state]), `${(gripper.width * 1000).toFixed(1)} mm`, ...(gripper.is_holding ? [`holding with ${gripper.force.toFixed(0)} N`] : []),
       ...(gripper.is_calibrated ? [] : ["not calibrated"]), ...(gripper.error ? [`error ${gripper.error}`] : [])]
@@ -420,7 +424,7 @@ function showArm() {
   two.style.left = `${50 + 42 * apart}%`;
   at("gripper-bar").classList.toggle("holding", Boolean(gripper?.is_holding));
 
-  const controllers = state.controllers[word].filter(({ name }) => !name.includes("broadcaster"));
+  const controllers = state.controllers[shownArm].filter(({ name }) => !name.includes("broadcaster"));
   const choice = at("controller");
   if ([...choice.options].map((each) => each.value).join() !== controllers.map(({ name }) => name).join()) {
     choice.replaceChildren(...controllers.map(({ name }) => new Option("", name)));
@@ -582,7 +586,7 @@ function toolJog({ linear, angular, elbow }) {
     return null;
   }
   const turned = (speeds) => speeds.map((each) => each * jogSpeed());
-  const message = { type: "jog_tool", arm: word, frame: name === "tool" ? "tool" : "base" };
+  const message = { type: "jog_tool", arm: shownArm, frame: name === "tool" ? "tool" : "base" };
   if (linear) message.linear = frame ? rotate(frame.quaternion, turned(linear)) : turned(linear);
   if (angular) message.angular = frame ? rotate(frame.quaternion, turned(angular)) : turned(angular);
   if (elbow) message.elbow = elbow * jogSpeed();
@@ -613,11 +617,11 @@ function showHandle() {
   if (!scene) return;
   const [mode, kind] = at("handle").value.split(" ");
   const isShown = view.control === "here" && mode !== "none";
-  scene.showHandle(isShown ? word : null, kind, at("jog-frame").value === "tool" ? "tool" : "base");
+  scene.showHandle(isShown ? shownArm : null, kind, at("jog-frame").value === "tool" ? "tool" : "base");
 }
 
 function followHandle() {
-  const { way, turn } = scene.pull(word);
+  const { way, turn } = scene.pull(shownArm);
   const toward = (vector, most) => {
     const size = Math.hypot(...vector) || 1;
     return vector.map((value) => (value / size) * Math.min(PULL * size, most * jogSpeed()));
@@ -625,7 +629,7 @@ function followHandle() {
   const isTurned = at("handle").value.endsWith("rotate");
   const still = [0, 0, 0];
   return {
-    type: "jog_tool", arm: word, frame: "base",
+    type: "jog_tool", arm: shownArm, frame: "base",
     linear: isTurned ? still : toward(way, MAX_LINEAR), angular: isTurned ? toward(turn, MAX_ANGULAR) : still,
   };
 }
@@ -668,7 +672,7 @@ function goalOf(name) {
 
 /** The goals of the arms that are meant; null, with a reason for a person, where one is incomplete. */
 function chosenGoals() {
-  const names = at("both").checked && !at("both").disabled ? ARMS : [word];
+  const names = at("both").checked && !at("both").disabled ? ARMS : [shownArm];
   const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
   if (!Object.values(goals).includes(null)) return goals;
   const wrong = [...at("joint-goal").querySelectorAll("input")].find((input) => numberOf(input) === null);
@@ -680,7 +684,7 @@ async function makePlan(button) {
   forgetPlan();
   const goals = chosenGoals();
   if (!goals) return;
-  const made = await ask({ type: "plan", is_pose: goalOf(word).isPose, ...goals }, button);
+  const made = await ask({ type: "plan", is_pose: goalOf(shownArm).isPose, ...goals }, button);
   if (!made) return;
   plan = { ...made, time: 0 };
   at("plan-box").hidden = false;
@@ -728,7 +732,7 @@ function fillGoals() {
   at("preview").disabled = isHandle;
   if (isHandle) at("preview").setAttribute("aria-pressed", "false");
   at("move").disabled = isHandle;
-  const arm = state?.arms[word];
+  const arm = state?.arms[shownArm];
   const now = arm?.position ?? arm?.resting;
   if (!at("joint-goal").hidden) {
     at("joint-goal").querySelectorAll("input").forEach((each, index) => (each.value = now ? (now[index] * DEGREES).toFixed(1) : ""));
@@ -744,7 +748,7 @@ function fillGoals() {
 
 function choose(name) {
   endJog();
-  word = name;
+  shownArm = name;
   showHandle();
   for (const each of ARMS) at(`tab-${each}`).setAttribute("aria-selected", String(each === name));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${name}`);
@@ -761,7 +765,7 @@ function fillFaults() {
 
 function explainFault() {
   const fault = view.faults.find((each) => each.name === at("fault").value);
-  text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${word} arm` : ""}`) : "");
+  text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${shownArm} arm` : ""}`) : "");
   at("fault-by").parentElement.hidden = !fault?.unit;
   at("fault-by").value = fault?.default ?? "";
   text(at("fault-unit"), fault?.unit ?? "");
@@ -851,7 +855,7 @@ function bind() {
   });
   press("work-object", () => {
     if (!scene) return;
-    const { position, quaternion } = scene.tipPose(word);
+    const { position, quaternion } = scene.tipPose(shownArm);
     workObject = { position: position.toArray(), quaternion: quaternion.toArray() };
     localStorage.setItem("work object", JSON.stringify(workObject));
     scene.showWorkObject(workObject);
@@ -869,31 +873,31 @@ function bind() {
     at("scene").addEventListener(event, () => jog?.button === at("scene") && endJog());
   }
   press("activate", (button) => {
-    const leading = state.controllers[word].filter((each) => each.commands).map((each) => each.name);
+    const leading = state.controllers[shownArm].filter((each) => each.commands).map((each) => each.name);
     const activate = at("controller").value;
-    request("switch_controllers", { arm: word, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
+    request("switch_controllers", { arm: shownArm, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
   });
   const withNumber = (id, what, action) => (button) => {
     const value = numberOf(at(id));
     if (value !== null) action(value, button);
     else toast(`Nothing was sent: ${what} is a number from ${at(id).min} to ${at(id).max}.`);
   };
-  const grip = (asked, button) => request("grip", { arm: word, ...asked }, button);
+  const grip = (asked, button) => request("grip", { arm: shownArm, ...asked }, button);
   press("open", withNumber("open-width", "the width [mm]", (width, button) => grip({ action: "open", width: width / 1000 }, button)));
   press("close", withNumber("grip-force", "the force [N]", (force, button) => grip({ action: "close", force }, button)));
   press("press-stop", (button) => inject("emergency-stop", {}, button));
   press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
   press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
-  press("put-part", withNumber("part-width", "the width [mm]", (by, button) => inject("object-placed", { side: word, by: `${by}` }, button)));
-  press("put-cup", (button) => inject("object-under-cups", { side: word }, button));
-  press("take-part", (button) => inject("object-lost", { side: word }, button));
-  press("push", withNumber("push-by", "the angle [°]", (by, button) => inject("arm-pushed", { side: word, by: `${by}` }, button)));
+  press("put-part", withNumber("part-width", "the width [mm]", (by, button) => inject("object-placed", { side: shownArm, by: `${by}` }, button)));
+  press("put-cup", (button) => inject("object-under-cups", { side: shownArm }, button));
+  press("take-part", (button) => inject("object-lost", { side: shownArm }, button));
+  press("push", withNumber("push-by", "the angle [°]", (by, button) => inject("arm-pushed", { side: shownArm, by: `${by}` }, button)));
   at("fault").addEventListener("change", explainFault);
   press("inject", (button) => {
     const fault = view.faults.find((each) => each.name === at("fault").value);
     const by = fault.unit && at("fault-by").value !== "" ? { by: at("fault-by").value } : {};
     const duration = fault.has_duration && at("fault-duration").value !== "" ? { duration: at("fault-duration").value } : {};
-    inject(fault.name, { ...(fault.has_side ? { side: word } : {}), ...by, ...duration }, button);
+    inject(fault.name, { ...(fault.has_side ? { side: shownArm } : {}), ...by, ...duration }, button);
   });
   at("show-trace").addEventListener("change", ({ target }) => scene?.setShown("trace", target.checked));
   at("show-frame").addEventListener("change", ({ target }) => scene?.setShown("frame", target.checked));
