@@ -140,9 +140,9 @@ def test_browser_shows_soon_what_a_key_does(url: str) -> None:
         driver.start_egm()
         page = chromium.new_page(viewport={"width": 1280, "height": 900})
         page.goto(url)
-        page.wait_for_function("document.querySelector('#verdict').innerText.includes('Ready')", polling=50)
+        page.wait_for_function("() => document.querySelector('#verdict').innerText.includes('Ready')", polling=50)
         page.click("#take")
-        page.wait_for_function("document.querySelector('#take').innerText.includes('back')", polling=50)
+        page.wait_for_function("() => document.querySelector('#take').innerText.includes('back')", polling=50)
         delays = [each / 1e3 for each in page.evaluate(PRESSES, HOLDS)]
         p95 = quantiles(delays[1:], n=20)[-1]
         tell(
@@ -155,7 +155,9 @@ def test_browser_shows_soon_what_a_key_does(url: str) -> None:
 PRESSES = """async (count) => {
     const delays = [];
     const until = (condition) => new Promise((resolve) => {
-        const timer = setInterval(() => condition() && (clearInterval(timer), resolve()), 1);
+        const end = performance.now() + 5000;
+        const isOver = () => condition() || performance.now() > end;
+        const timer = setInterval(() => isOver() && (clearInterval(timer), resolve()), 1);
     });
     const angle = () => parseFloat(document.querySelector("#joints td").innerText);
     for (let press = 0; press < count; press += 1) {
@@ -163,7 +165,7 @@ PRESSES = """async (count) => {
         const button = document.querySelector(`[data-jog="joint 0 ${press % 2 ? 1 : -1}"]`);
         const [before, begin] = [angle(), performance.now()];
         button.dispatchEvent(new KeyboardEvent("keydown", { key: " " }));
-        await until(() => Math.abs(angle() - before) > 0.05 || performance.now() - begin > 2000);
+        await until(() => Math.abs(angle() - before) > 0.05);
         delays.push(performance.now() - begin);
         button.dispatchEvent(new KeyboardEvent("keyup", { key: " " }));
         await new Promise((resolve) => setTimeout(resolve, 300 + press * 7));
