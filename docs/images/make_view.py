@@ -140,16 +140,11 @@ def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., An
     film.wait("#verdict", "EGM is off")
     page.click("#start")
     film.wait("#verdict", "EGM holds both arms")
-    page.select_option("#pose", "home")
-    page.click("#move")
-    film.wait("#verdict", "Ready")
     page.select_option("#pose", "ready")
-    page.click("#plan")
+    page.click("#plan")  # from where the limiter has stopped it
     film.wait("#plan-text", "A motion of")
     save(page, "plan")
-    page.click("#discard")
-    page.click("#take")
-    film.wait("#take", "Take control")
+    page.close()  # which gives control back
     for name, other in (("control-390", opened((390, 844))), ("control-390-dark", opened((390, 844), "dark"))):
         other.click("#take")
         Film(other).wait("#take", "Give control back")
@@ -202,7 +197,6 @@ def main() -> None:
                     shown.wait_for_timeout(2500)
                     picture(shown, "recording")
                     shown.close()
-            page.close()
             first, *others = film.frames
             first.save(
                 folder / "view.webp", save_all=True, append_images=others, duration=FRAME, loop=0, quality=60, method=2

@@ -24,6 +24,7 @@ from yumi.api.attach import RunningDriver
 from yumi.egm.udp import free_port
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_messages
+from yumi.web.live import RATE
 from yumi.web.messages import MAX_JOINT_SPEED, MAX_LINEAR
 
 pytestmark = [pytest.mark.real_time, pytest.mark.soak, pytest.mark.timeout(600)]
@@ -64,6 +65,7 @@ def test_page_that_is_open_makes_the_control_loop_miss_no_more_cycles(url: str) 
         driver.start_egm()
         closed, cycles = move_for(driver, PHASE)
         tell(f"Page closed: {closed} of {cycles} cycles missed while both arms moved.")
+        reference = f"page closed: {closed} of {cycles}"
         for name, is_drawn in (("receives states", False), ("draws in software", True)):
             is_over, rates = Event(), []
             watching = Thread(target=_draw if is_drawn else _receive, args=(url, is_over, rates))
@@ -71,7 +73,10 @@ def test_page_that_is_open_makes_the_control_loop_miss_no_more_cycles(url: str) 
             opened, cycles = move_for(driver, PHASE)
             is_over.set()
             watching.join()
-            tell(f"A page that {name}, {rates[0]:.1f} states a second: {opened} of {cycles} cycles missed.")
+            tell(
+                f"A page that {name}, {rates[0]:.1f} states a second (asked: 30): {opened} of {cycles} cycles missed "
+                f"({reference})."
+            )
             if not is_drawn:
                 assert rates[0] > 28.0
                 assert opened <= closed + cycles * 1e-3  # a second core is what this machine may not have
@@ -122,8 +127,52 @@ def test_what_a_person_presses_is_seen_within_a_tenth_of_a_second(url: str) -> N
         driver.start_egm()
     delays = asyncio.run(_delays(url))
     p95 = quantiles(delays, n=20)[-1]
-    tell(f"From a key to the first state with motion: median {1e3 * median(delays):.0f} ms, p95 {1e3 * p95:.0f} ms.")
+    tell(
+        f"From a key to the first state with motion: median {1e3 * median(delays):.0f} ms, p95 {1e3 * p95:.0f} ms "
+        "(asked: under 100 ms)."
+    )
     assert p95 < 0.100
+
+
+def test_browser_shows_soon_what_a_key_does(url: str) -> None:
+    """Stated apart: the browser draws the picture in software, on the processors that the robot is controlled by."""
+    with yumi.attach() as driver, browser() as chromium:
+        driver.start_egm()
+        page = chromium.new_page(viewport={"width": 1280, "height": 900})
+        page.goto(url)
+        page.wait_for_function("() => document.querySelector('#verdict').innerText.includes('Ready')", polling=50)
+        page.click("#take")
+        page.wait_for_function("() => document.querySelector('#take').innerText.includes('back')", polling=50)
+        delays = [each / 1e3 for each in page.evaluate(PRESSES, HOLDS)]
+        p95 = quantiles(delays[1:], n=20)[-1]
+        tell(
+            f"In a browser that draws in software, from a key to the angle that the page shows: median "
+            f"{1e3 * median(delays[1:]):.0f} ms, p95 {1e3 * p95:.0f} ms."
+        )
+        assert median(delays[1:]) < 0.5
+
+
+PRESSES = """async (count) => {
+    const delays = [];
+    const until = (condition) => new Promise((resolve) => {
+        const end = performance.now() + 5000;
+        const isOver = () => condition() || performance.now() > end;
+        const timer = setInterval(() => isOver() && (clearInterval(timer), resolve()), 1);
+    });
+    const angle = () => parseFloat(document.querySelector("#joints td").innerText);
+    for (let press = 0; press < count; press += 1) {
+        await until(() => document.querySelector("#verdict").innerText.includes("Ready"));
+        const button = document.querySelector(`[data-jog="joint 0 ${press % 2 ? 1 : -1}"]`);
+        const [before, begin] = [angle(), performance.now()];
+        button.dispatchEvent(new KeyboardEvent("keydown", { key: " " }));
+        await until(() => Math.abs(angle() - before) > 0.05);
+        delays.push(performance.now() - begin);
+        button.dispatchEvent(new KeyboardEvent("keyup", { key: " " }));
+        await new Promise((resolve) => setTimeout(resolve, 300 + press * 7));
+    }
+    return delays;
+}"""
+"""Presses a key on a button again and again: the times until the page shows another angle [ms]."""
 
 
 async def _delays(url: str) -> list[float]:
@@ -133,6 +182,7 @@ async def _delays(url: str) -> list[float]:
         page = await _Page.open(session, url)
         await page.take_control()
         for hold in range(HOLDS):
+            await asyncio.sleep(hold / HOLDS / RATE)  # at any moment between two states, not always after one
             begin, moved_at, is_moving = time.monotonic(), 0.0, False
             while not moved_at or is_moving:
                 now = time.monotonic()
@@ -177,7 +227,8 @@ def test_arm_stands_within_a_fifth_of_a_second_after_its_page_is_lost(
     stops = [_standstill(cycles, time) for time in losses]
     p95 = quantiles(stops, n=20)[-1]
     tell(
-        f"{loss}, {jog} jog at full speed, to standstill: median {1e3 * median(stops):.0f} ms, p95 {1e3 * p95:.0f} ms."
+        f"{loss}, {jog} jog at full speed, to standstill: median {1e3 * median(stops):.0f} ms, p95 {1e3 * p95:.0f} ms "
+        "(asked: 200 ms)."
     )
     assert p95 < 0.2
 

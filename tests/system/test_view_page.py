@@ -175,12 +175,33 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     page.press("#move")
     page.wait("#toast", "The right arm stands at the goal")
     assert page.angle(0) == pytest.approx(0.0, abs=0.2)
+    assert page.errors == []
 
-    # Cause a fault, and read cause and remedy.
+
+def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: str) -> None:
+    page = Page(chromium, url)
+    page.take_control()
+    page.press("#start")
+    page.wait("#toast", "EGM runs on both arms")
+    page.tab.select_option("#fault", "comm-timeout")
+    page.press("#inject")
+    page.wait("#verdict", "EGM holds the left arm")
+    page.wait("#remedy", "The right arm follows no commands; press “Start EGM”")
+    page.wait("#events", "joint_position_controller deactivated. Press “Start EGM” to go on")
+    page.mend("Start EGM")
+    page.wait("#verdict", "EGM holds both arms")
+
     page.tab.select_option("#fault", "program-stop")
     page.press("#inject")
     page.wait("#verdict", "Stopped: .*program")
     page.wait("#remedy", "the RAPID program is stopped. “Recover…” starts it")
+
+    # A field without a number sends nothing, and what the page says covers no button.
+    page.tab.fill("#part-width", "")
+    page.press("#put-part")
+    page.wait("#toast", "Nothing was sent: the width .* is a number from 1 to 50")
+    message, panels = (page.tab.locator(each).bounding_box() for each in ("#toast", ".panels"))
+    assert message["x"] + message["width"] < panels["x"]  # it covers no button
     assert page.errors == []
 
 
@@ -269,6 +290,16 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     assert held, seen
     assert all(label.startswith(pair) for pair, label in held), seen  # the line with the distance is of the same pair
     page.tab.keyboard.up("ArrowLeft")
+
+    # Out of there by a plan, which begins nearer to the body than plans pass it.
+    page.wait("#verdict", "Ready")
+    page.tab.select_option("#pose", "home")
+    page.press("#plan")
+    page.wait("#plan-text", "A motion of")
+    page.press("#execute")
+    page.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)
+    page.wait("#toast", "The right arm stands at the goal")
+    assert page.angle(0) == pytest.approx(0.0, abs=0.3)
     assert page.errors == []
 
 
@@ -358,6 +389,7 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
         assert "feedback lost" in page.wait("#events li.current", "silent for 52 ms")
         assert page.angle(1) != start
         page.wait("#verdict", "Stopped: .*feedback lost")
+        page.wait("#remedy", "^joint_position_controller deactivated")  # a name
         page.tab.focus("#time")
         page.tab.keyboard.press("Home")
         page.wait("#clock", "^0.00 s")

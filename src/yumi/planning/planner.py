@@ -25,6 +25,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.control.collisions import BODY_MARGIN
 from yumi.control.path_timing import MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import TrajectoryPoint, smooth_spline_through, spline_through
 from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
@@ -36,9 +37,11 @@ from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Join
 
 Array = NDArray[np.float64]
 
-CLEARANCES = (0.02, 0.01, 0.005, 0.0)
+CLEARANCES = (0.02, 0.01, 0.005, 0.0, BODY_MARGIN - 0.001)
 """Between any two shapes along a plan [m]: the first of them that start and goal leave. Twice the limiter's margin is
-passed unslowed; at home, the arms are nearer than that to the body."""
+passed unslowed; at home, the arms are nearer than that to the body, and within their padding where the limiter has
+stopped them there. The last one is for a way out from there: measured, they may be a little nearer than they were sent.
+"""
 
 _STEP = 0.01  # between two postures that are checked [rad]: 3 mm at half the reach of an arm either way
 _CORNER = 0.15  # how far a rounded corner of a path may lie from the sharp one [rad]
@@ -58,7 +61,8 @@ class Plan:
         points: of each arm that moves, for its trajectory controller; both begin together.
         duration: of the motion [s].
         planning_time: how long planning took [s].
-        clearance: between any two shapes along the way, at least [m]; besides what the shapes have already.
+        clearance: between any two shapes along the way, at least [m]; besides what the shapes have already, of which a
+            negative one takes.
     """
 
     start: Mapping[Side, Joints]
@@ -209,12 +213,14 @@ class Planner:
 
     def _refuse(self, start: Mapping[Side, Joints], goal: Mapping[Side, Joints]) -> NoReturn:
         """Say which of them is not free, and why."""
-        what, positions = ("The goal", goal) if self.is_free(start) else ("The start", start)
+        what, positions, advice = "The goal", goal, "take another one"
+        if not self.is_free(start):
+            what, positions, advice = "The start", start, "move the arm away from there first"
         nearest = self._collisions.nearest(positions)[0]
         where = f"nearest are {nearest.part} and {nearest.other}, {nearest.distance * 1e3:.0f} mm apart"
         if nearest.distance > CLEARANCES[0]:
             where = "an arm touches itself"
-        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; take another one.")
+        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; {advice}.")
 
     def _check_range(self, side: Side, position: Joints) -> None:
         for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):

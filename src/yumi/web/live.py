@@ -58,15 +58,6 @@ OLDEST_SEEN = 0.8
 
 log = logging.getLogger(__name__)
 
-_BUTTONS = (
-    ("call robot.recover()", "press “Start EGM”, or “Recover…” after a stop"),
-    ("robot.recover()", "“Recover…”"),
-    ("call recover", "press “Recover…”"),
-    ("Call start_egm", "Press “Start EGM”"),
-    ("call start_egm", "press “Start EGM”"),
-)
-"""What a refusal says to call, and the button of the page that does it."""
-
 _LOOKED_FOR = "The driver is being looked for."
 _DISTANCES = 3  # states for one calculation of distances
 _READ = 0.5  # [s] what limits an arm is shown until it has not done so for so long: several parts may do so in turn
@@ -486,10 +477,6 @@ def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
 def _failure(error: Exception) -> Failure:
     """What a page gets of an exception; what is no refusal is a fault of ours, which the log shows whole."""
     if isinstance(error, YumiError):
-        failure = failure_of(error)
-        sentence = failure.message
-        for method, button in _BUTTONS:
-            sentence = sentence.replace(method, button)
-        return msgspec.structs.replace(failure, message=sentence)
+        return failure_of(error)
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
     return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))

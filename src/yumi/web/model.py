@@ -33,6 +33,20 @@ _ON_VIRTUAL = {
 }
 """Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
 
+_BUTTONS = (
+    (r"call robot\.recover\(\)", "press “Start EGM”, or “Recover…” after a stop"),
+    (r"robot\.recover\(\)", "“Recover…”"),
+    (r"call recover( with the id [\w-]+)?", "press “Recover…”"),
+    (r"Call recover", "Press “Recover…”"),
+    (r"\(recover\)", "(“Recover…”)"),
+    (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
+    (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
+    (r"end EGM, or wait", "press “Stop EGM”, or wait"),
+    (r"Call start_egm", "Press “Start EGM”"),
+    (r"call start_egm", "press “Start EGM”"),
+)
+"""What the driver's sentences say to call, as regular expressions, and the button of the page that does it."""
+
 
 def robot_model() -> dict[str, Any]:
     """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
@@ -69,6 +83,7 @@ def robot_model() -> dict[str, Any]:
             }
             for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
         ],
+        "buttons": _BUTTONS,
         "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
     }
 

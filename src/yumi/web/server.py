@@ -1,10 +1,9 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
-Who may do what: a page of this machine sees the robot; through another interface,
-and where a real robot is operated, only with the token. A page of a
-foreign origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot,
-after it has taken control: a virtual one always, a real one where the server was started to operate it and the page is
-opened on the same machine.
+Who may do what: a page of this machine sees the robot; through another interface, and where a real robot is operated,
+only with the token. A page of a foreign origin, or under a host name that is not this machine's, is refused. One page
+at a time operates the robot, after it has taken control: a virtual one always, a real one where the server was started
+to operate it and the page is opened on the same machine.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import msgspec
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.driver.endpoint import StopEgm, failure_of
@@ -247,10 +246,13 @@ class ViewServer:
     async def _serve_page(self, request: web.Request) -> web.StreamResponse:
         if "Origin" not in request.headers:  # every browser sends one; other programs have the driver's endpoint
             raise web.HTTPForbidden(text="Only the page may open this connection.")
-        if len(self._pages) >= MAX_PAGES:
-            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are open already; close one.")
         socket = web.WebSocketResponse(heartbeat=_PING, max_msg_size=_MAX_MESSAGE, compress=False)
         await socket.prepare(request)
+        if len(self._pages) >= MAX_PAGES:  # a page can read why a connection was closed, not why there is none
+            await socket.close(
+                code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
+            )
+            return socket
         page = _Page(socket, is_local=is_loopback(request.remote or ""))
         self._pages.add(page)
         self._live.watch(True)
@@ -288,8 +290,8 @@ class ViewServer:
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
-        is_stop = isinstance(message, Ask) and isinstance(message.request, StopEgm)
-        if isinstance(message, Ask) and is_stop and (operator is not None or not why_not):
+        may_stop = operator is not None or not why_not
+        if may_stop and isinstance(message, Ask) and isinstance(message.request, StopEgm):
             self._cancel_giving_back()
             self._begin(self._stop_egm(page, message))  # who may operate may stop at any time
         elif operator is None or why_not:
@@ -411,7 +413,7 @@ def _fault(fault: Fault) -> dict[str, Any]:
     kind = fault.value
     return {
         "name": kind.name,
-        "meaning": kind.meaning,
+        "meaning": kind.meaning.partition("; with --")[0],  # an option of the command
         "has_side": kind.has_side,
         "has_duration": kind.has_duration,
         "default_duration": kind.default_duration,

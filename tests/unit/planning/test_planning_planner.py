@@ -12,6 +12,7 @@ import pytest
 
 from mesh_judge import MeshJudge
 from soak import long, short, tell
+from yumi.control.collisions import BODY_MARGIN
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
 from yumi.errors import CommandRefused, PlanNotFound
 from yumi.planning.planner import Goal, Plan, Planner
@@ -30,6 +31,8 @@ PROBLEMS = 200
 RANDOM = (0.7, 0.6, 0.9, 0.8, 1.5, 0.8, 2.0)
 """How far random postures are from one in front of the robot [rad]."""
 FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
+TO_BODY = (-0.3, *[0.0] * 6)
+"""From home the elbow comes so near to the body that the limiter stops the right arm [rad]."""
 
 
 @pytest.fixture(scope="module")
@@ -134,6 +137,21 @@ def test_plan_keeps_speed_acceleration_and_jerk(planner: Planner, problem) -> No
         ):
             rates = np.abs(np.diff(rows, order, axis=0)) / 0.004**order
             assert np.all(rates <= np.array(most) * share * 1.001), (side, order)
+
+
+def test_arm_that_the_limiter_has_stopped_at_the_body_is_led_out_from_there(planner: Planner) -> None:
+    start = {**HOME, Side.RIGHT: joints(np.array(HOME[Side.RIGHT]) + TO_BODY)}
+    assert SHAPES.nearest(start)[0].distance == pytest.approx(BODY_MARGIN, abs=5e-4)
+    plan = planner.plan(start, {Side.RIGHT: HOME[Side.RIGHT]})
+    way = [SHAPES.nearest({**start, Side.RIGHT: joints(each.position)})[0] for each in plan.points[Side.RIGHT]]
+    assert min(each.distance for each in way) > BODY_MARGIN - 1e-3
+    assert way[-1].distance > 0.0
+
+
+def test_arm_that_is_in_the_body_must_be_moved_away_first(planner: Planner) -> None:
+    start = {**HOME, Side.RIGHT: joints(np.array(HOME[Side.RIGHT]) + 2.0 * np.array(TO_BODY))}
+    with pytest.raises(CommandRefused, match=r"The start is not free.*; move the arm away from there first"):
+        planner.plan(start, {Side.RIGHT: HOME[Side.RIGHT]})
 
 
 def test_pose_is_reached_in_a_posture_that_is_free(planner: Planner) -> None:

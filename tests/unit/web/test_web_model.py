@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 
 import yumi.robot
+from yumi.control.events import RobotStoppedFollowing
+from yumi.driver.gripper import how_to_calibrate
 from yumi.driver.readiness import CONNECTED, NO_EMERGENCY_STOP
+from yumi.driver.stops import demand_confirmation
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
 from yumi.web import server
@@ -67,3 +70,24 @@ def test_poses_limits_and_remedies_are_known_to_the_page() -> None:
     for button in {each[which] for each in model["remedies"] for which in ("button", "button_on_virtual")} - {""}:
         assert f'id="{button}"' in page
     assert any(re.search(each["pattern"], "the controller is in MANR") for each in model["remedies"])
+
+
+def test_sentences_of_the_driver_name_the_buttons_of_the_page() -> None:
+    buttons = robot_model()["buttons"]
+
+    def on_page(sentence: str) -> str:
+        for method, button in buttons:
+            sentence = re.sub(method, button, sentence)
+        return sentence
+
+    assert on_page(str(RobotStoppedFollowing(Side.RIGHT, ("cartesian_controller",)))).endswith(
+        "cartesian_controller deactivated. Press “Start EGM” to go on."
+    )
+    assert on_page(demand_confirmation("10013-4-8175c9")).endswith("the stop 10013-4-8175c9 (“Recover…”).")
+    asked = "confirmed this stop: call recover with the id 10013-4-8175c9."
+    assert on_page(asked) == "confirmed this stop: press “Recover…”."
+    assert on_page("EGM is not running; call robot.recover().") == (
+        "EGM is not running; press “Start EGM”, or “Recover…” after a stop."
+    )
+    assert on_page("The positions are plausible again. Call recover to go on.").endswith("Press “Recover…” to go on.")
+    assert on_page(f"calibrate it first: {how_to_calibrate(Side.LEFT)}.").endswith("press “Calibrate grippers”.")

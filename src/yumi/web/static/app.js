@@ -12,6 +12,7 @@ const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms a
 const PULL = 4; // [1/s] a tool follows its handle so fast
 const STRIP = 300; // samples of a strip
 const ARMS = ["right", "left"];
+const LOST = "The connection to yumi view is lost; is it still running? Where it was started anew, open the address that it has printed.";
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
 
 const at = (id) => document.getElementById(id);
@@ -32,8 +33,8 @@ let workObject = JSON.parse(localStorage.getItem("work object") ?? "null"); // {
 let state = null; // the newest, as the driver's DriverState
 let view = { control: "none", why_no_robot: "The page is connecting.", why_not_operated: "", faults: [], events: [] };
 let socket = null;
-let word = "right"; // the arm that is shown in the panel
-let number = 0; // of requests
+let shownArm = "right"; // the arm that is shown in the panel
+let lastId = 0; // of requests
 const pending = new Map();
 let jog = null;
 let holds = Date.now() % 1e9; // a hold has a number of its own, in each page
@@ -44,12 +45,12 @@ const rows = [];
 function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
   socket.onmessage = ({ data }) => take(JSON.parse(data));
-  socket.onclose = () => {
+  socket.onclose = ({ reason }) => {
     endJog();
     forgetPlan();
     for (const { reject } of pending.values()) reject({ message: "The connection to yumi view is lost." });
     pending.clear();
-    view = { ...view, control: "none", why_no_robot: "The connection to yumi view is lost; is it still running?" };
+    view = { ...view, control: "none", why_no_robot: reason || LOST };
     show();
     setTimeout(connect, 1000);
   };
@@ -69,6 +70,7 @@ function take(message) {
     stateTime = message.time;
     limited = message.limited;
     nearest = message.nearest;
+    silentSince = silentArms().length ? Math.min(silentSince, stateTime) : Infinity;
     addEvents(message.events);
     sample();
     show();
@@ -106,8 +108,8 @@ function take(message) {
 
 /** Ask for something, and show how it ends. */
 async function ask(message, button) {
-  number += 1;
-  const id = number;
+  lastId += 1;
+  const id = lastId;
   const end = new Promise((resolve, reject) => pending.set(id, { resolve, reject }));
   if (!send({ ...message, id })) {
     pending.delete(id);
@@ -136,9 +138,9 @@ function describe(result) {
 }
 
 let toastTimer = 0;
-function toast(sentence, level = "error") {
+function toast(message, level = "error") {
   const box = at("toast");
-  box.textContent = sentence;
+  box.textContent = withButtons(message);
   box.dataset.level = level;
   box.hidden = false;
   clearTimeout(toastTimer);
@@ -146,6 +148,11 @@ function toast(sentence, level = "error") {
 }
 
 // ---- showing
+
+/** A sentence of the driver, with the page's buttons in place of the methods to call. */
+function withButtons(text) {
+  return model.buttons.reduce((told, [method, button]) => told.replace(new RegExp(method, "g"), button), text);
+}
 
 /** What to do about a reason, with the button that does it where there is one. */
 function remedies(reason) {
@@ -160,7 +167,12 @@ function remedyButton() {
   if (view.control !== "here" || !state || view.why_no_robot) return "";
   const todo = remedies(state.reason);
   if (state.reason) return todo.every(({ button }) => button) ? (todo[0]?.button ?? "") : "";
-  return ARMS.some((name) => state.egm[name] === "running") ? "" : "start";
+  return ARMS.every((name) => state.egm[name] === "running") ? "" : "start";
+}
+
+/** The arms that the robot runs EGM on while its datagrams do not arrive. */
+function silentArms() {
+  return ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
 }
 
 /** In a sentence whether the robot moves, else why not, and what to do. */
@@ -169,12 +181,14 @@ function verdict() {
   if (!state) return ["wait", "Waiting for the robot", ""];
   let todo = remedies(state.reason).map(({ remedy }) => remedy).join("; ");
   if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
-  const silent = ARMS.filter((name) => state.egm[name] !== "running" && state.reason.includes(`${name} arm: RUN_EGM_ROUTINE`));
-  if (!silent.length) silentSince = Infinity;
-  else silentSince = Math.min(silentSince, stateTime);
+  const silent = silentArms();
   if (stateTime - silentSince > BEGINNING && !state.stop && !state.cause) {
     const head = `Cannot move: the robot runs EGM on the ${silent.join(" and the ")} arm, but its datagrams do not arrive`;
-    return ["error", head, sentence(`Check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device; then ${view.control === "none" && !view.why_not_operated ? "take control and " : ""}press “Recover…”`)];
+    const check = view.is_virtual
+      ? "end the faults of EGM with egm-repair"
+      : "check the network cable, the UDP ports in this machine's firewall and the address in the controller's UDPUC device";
+    const first = view.control === "none" && !view.why_not_operated ? "take control, then: " : "";
+    return ["error", head, sentence(`${first}${check}; then press “Recover…”`)];
   }
   if (state.stop || state.cause) {
     // What the event log says to do is of use where nothing else is in the way now but a person who has to confirm.
@@ -195,13 +209,19 @@ function verdict() {
   const moving = ARMS.filter((name) => state.arms[name].mode === "moving");
   if (moving.length) return ["good", `The ${moving.join(" and the ")} arm ${moving.length > 1 ? "move" : "moves"}`, ""];
   const running = ARMS.filter((name) => state.egm[name] === "running");
-  if (running.length) return ["good", `Ready: EGM holds ${running.length > 1 ? "both arms" : `the ${running[0]} arm`}`, ""];
+  if (running.length > 1) return ["good", "Ready: EGM holds both arms", ""];
+  if (running.length) {
+    const other = ARMS.find((name) => name !== running[0]);
+    const start = view.is_recording || view.why_not_operated ? "" : `; ${view.control === "here" ? "" : "take control, then: "}press “Start EGM”`;
+    return ["good", `Ready: EGM holds the ${running[0]} arm`, `The ${other} arm follows no commands${start}.`];
+  }
   return ["warn", "Ready: EGM is off, the arms follow no commands", view.is_recording || view.why_not_operated ? "" : `${view.control === "here" ? "" : "Take control, then: "}press “Start EGM”.`.replace(/^p/, "P")];
 }
 
 function sentence(text, isWhole = true) {
   const bare = text.trim().replace(/\.$/, "");
-  return isWhole ? `${bare.charAt(0).toUpperCase()}${bare.slice(1)}.` : bare;
+  const begin = /^\w*_/.test(bare) ? bare.charAt(0) : bare.charAt(0).toUpperCase(); // cartesian_controller is a name
+  return isWhole ? `${begin}${bare.slice(1)}.` : bare;
 }
 
 function text(element, value) {
@@ -210,7 +230,8 @@ function text(element, value) {
 
 function show() {
   if (!model) return;
-  const [level, head, remedy] = verdict();
+  const [level, ...told] = verdict();
+  const [head, remedy] = view.is_recording ? told : told.map(withButtons); // a recording is shown as it was
   at("banner").dataset.level = level;
   text(at("verdict"), head);
   text(at("remedy"), remedy);
@@ -226,7 +247,7 @@ function show() {
         scene.showGhost(name, ghostOf(name, arm));
         if (arm.position && !view.is_recording) scene.addTrace(name);
       }
-      if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(word);
+      if (handleMode() === "jog" && !scene.isDragged) scene.placeHandle(shownArm);
       at("scene").dataset.handle = scene.handlePlace() ?? "";
     }
     showNearest();
@@ -274,7 +295,7 @@ function showNearest() {
 /** The plan or pose that is previewed, or the goal of the active controller where it is not where the arm is. */
 function ghostOf(name, arm) {
   if (plan) return plan.arms[name] ? pointOf(plan.arms[name], plan.time) : null;
-  if (at("preview").getAttribute("aria-pressed") === "true" && (name === word || at("both").checked)) return goalOf(name).joints;
+  if (at("preview").getAttribute("aria-pressed") === "true" && (name === shownArm || at("both").checked)) return goalOf(name).joints;
   if (!arm.goal || !arm.position) return null;
   const away = Math.max(...arm.goal.map((value, index) => Math.abs(value - arm.position[index])));
   return away > 0.03 ? arm.goal : null;
@@ -350,7 +371,7 @@ function buildJoints() {
     less.dataset.jog = `joint ${index} -1`;
     more.dataset.jog = `joint ${index} 1`;
     const speeds = (sign) => () => ({
-      type: "jog_joints", arm: word,
+      type: "jog_joints", arm: shownArm,
       speeds: Array.from({ length: 7 }, (_, each) => (each === index ? sign * MAX_JOINT_SPEED * jogSpeed() : 0)),
     });
     holdable(less, speeds(-1));
@@ -366,7 +387,7 @@ function buildJoints() {
 }
 
 function showArm() {
-  const arm = state.arms[word];
+  const arm = state.arms[shownArm];
   const { lower, upper } = model.limits;
   const share = (value, index) => `${Math.min(100, Math.max(0, (100 * (value - lower[index])) / (upper[index] - lower[index])))}%`;
   rows.forEach(({ marker, goal, value, error }, index) => {
@@ -380,10 +401,10 @@ function showArm() {
       marker.classList.toggle("near", away < 0.09);
     }
     if (arm.goal) goal.style.left = share(arm.goal[index], index);
-    const off = arm.position && arm.sent && state.egm[word] === "running" ? (arm.sent[index] - position) * DEGREES : null;
+    const off = arm.position && arm.sent && state.egm[shownArm] === "running" ? (arm.sent[index] - position) * DEGREES : null;
     text(error, off === null ? "–" : `${fixed(off, 2)}°`);
   });
-  const tip = scene && (arm.position ?? arm.resting) ? scene.tip(word).toArray() : null;
+  const tip = scene && (arm.position ?? arm.resting) ? scene.tip(shownArm).toArray() : null;
   const frame = frameOf(at("jog-frame").value);
   const seen = tip && frame ? rotate(frame.quaternion, tip.map((value, axis) => value - frame.position[axis]), true) : tip;
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${fixed(value * 1000, 1)}`).join(", ");
@@ -391,7 +412,7 @@ function showArm() {
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
   text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
-  const gripper = state.grippers[word];
+  const gripper = state.grippers[shownArm];
   const parts = gripper
     ? [...(gripper.is_holding ? [] : [gripper.state]), `${(gripper.width * 1000).toFixed(1)} mm`, ...(gripper.is_holding ? [`holding with ${gripper.force.toFixed(0)} N`] : []),
       ...(gripper.is_calibrated ? [] : ["not calibrated"]), ...(gripper.error ? [`error ${gripper.error}`] : [])]
@@ -403,17 +424,20 @@ function showArm() {
   two.style.left = `${50 + 42 * apart}%`;
   at("gripper-bar").classList.toggle("holding", Boolean(gripper?.is_holding));
 
-  const names = state.controllers[word].map((each) => each.name).filter((name) => !name.includes("broadcaster"));
+  const controllers = state.controllers[shownArm].filter(({ name }) => !name.includes("broadcaster"));
   const choice = at("controller");
-  if ([...choice.options].map((each) => each.value).join() !== names.join()) {
-    choice.replaceChildren(...names.map((name) => new Option(name.replace(/_controller$/, "").replaceAll("_", " "), name)));
+  if ([...choice.options].map((each) => each.value).join() !== controllers.map(({ name }) => name).join()) {
+    choice.replaceChildren(...controllers.map(({ name }) => new Option("", name)));
   }
+  controllers.forEach(({ name, commands }, index) => {
+    text(choice.options[index], `${name.replace(/_controller$/, "").replaceAll("_", " ")}${commands ? " ✓" : ""}`);
+  });
 }
 
 function addEvents(events) {
   for (const event of events) {
     const clock = new Date(event.time * 1000).toLocaleTimeString([], { hour12: false });
-    const item = make("li", {}, make("time", { textContent: clock }), ` ${event.sentence}`);
+    const item = make("li", {}, make("time", { textContent: clock }), ` ${withButtons(event.sentence)}`);
     item.dataset.level = event.level;
     at("events").prepend(item);
   }
@@ -562,7 +586,7 @@ function toolJog({ linear, angular, elbow }) {
     return null;
   }
   const turned = (speeds) => speeds.map((each) => each * jogSpeed());
-  const message = { type: "jog_tool", arm: word, frame: name === "tool" ? "tool" : "base" };
+  const message = { type: "jog_tool", arm: shownArm, frame: name === "tool" ? "tool" : "base" };
   if (linear) message.linear = frame ? rotate(frame.quaternion, turned(linear)) : turned(linear);
   if (angular) message.angular = frame ? rotate(frame.quaternion, turned(angular)) : turned(angular);
   if (elbow) message.elbow = elbow * jogSpeed();
@@ -593,11 +617,11 @@ function showHandle() {
   if (!scene) return;
   const [mode, kind] = at("handle").value.split(" ");
   const isShown = view.control === "here" && mode !== "none";
-  scene.showHandle(isShown ? word : null, kind, at("jog-frame").value === "tool" ? "tool" : "base");
+  scene.showHandle(isShown ? shownArm : null, kind, at("jog-frame").value === "tool" ? "tool" : "base");
 }
 
 function followHandle() {
-  const { way, turn } = scene.pull(word);
+  const { way, turn } = scene.pull(shownArm);
   const toward = (vector, most) => {
     const size = Math.hypot(...vector) || 1;
     return vector.map((value) => (value / size) * Math.min(PULL * size, most * jogSpeed()));
@@ -605,7 +629,7 @@ function followHandle() {
   const isTurned = at("handle").value.endsWith("rotate");
   const still = [0, 0, 0];
   return {
-    type: "jog_tool", arm: word, frame: "base",
+    type: "jog_tool", arm: shownArm, frame: "base",
     linear: isTurned ? still : toward(way, MAX_LINEAR), angular: isTurned ? toward(turn, MAX_ANGULAR) : still,
   };
 }
@@ -648,7 +672,7 @@ function goalOf(name) {
 
 /** The goals of the arms that are meant; null, with a reason for a person, where one is incomplete. */
 function chosenGoals() {
-  const names = at("both").checked && !at("both").disabled ? ARMS : [word];
+  const names = at("both").checked && !at("both").disabled ? ARMS : [shownArm];
   const goals = Object.fromEntries(names.map((name) => [name, goalOf(name).goal]));
   if (!Object.values(goals).includes(null)) return goals;
   const wrong = [...at("joint-goal").querySelectorAll("input")].find((input) => numberOf(input) === null);
@@ -660,13 +684,13 @@ async function makePlan(button) {
   forgetPlan();
   const goals = chosenGoals();
   if (!goals) return;
-  const made = await ask({ type: "plan", is_pose: goalOf(word).isPose, ...goals }, button);
+  const made = await ask({ type: "plan", is_pose: goalOf(shownArm).isPose, ...goals }, button);
   if (!made) return;
   plan = { ...made, time: 0 };
   at("plan-box").hidden = false;
   const slider = at("plan-time");
   slider.max = made.duration;
-  const apart = made.clearance ? `at least ${(made.clearance * 1000).toFixed(0)} mm from everything` : "touching nothing";
+  const apart = made.clearance > 0 ? `at least ${(made.clearance * 1000).toFixed(0)} mm from everything` : "touching nothing";
   text(at("plan-text"), `A motion of ${made.duration.toFixed(1)} s, ${apart}, found in ${made.planning_time.toFixed(1)} s. Nothing moves before Execute.`);
   scene?.showPath(made.arms);
   const isStill = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -708,7 +732,7 @@ function fillGoals() {
   at("preview").disabled = isHandle;
   if (isHandle) at("preview").setAttribute("aria-pressed", "false");
   at("move").disabled = isHandle;
-  const arm = state?.arms[word];
+  const arm = state?.arms[shownArm];
   const now = arm?.position ?? arm?.resting;
   if (!at("joint-goal").hidden) {
     at("joint-goal").querySelectorAll("input").forEach((each, index) => (each.value = now ? (now[index] * DEGREES).toFixed(1) : ""));
@@ -724,7 +748,7 @@ function fillGoals() {
 
 function choose(name) {
   endJog();
-  word = name;
+  shownArm = name;
   showHandle();
   for (const each of ARMS) at(`tab-${each}`).setAttribute("aria-selected", String(each === name));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${name}`);
@@ -741,7 +765,7 @@ function fillFaults() {
 
 function explainFault() {
   const fault = view.faults.find((each) => each.name === at("fault").value);
-  text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${word} arm` : ""}`) : "");
+  text(at("fault-meaning"), fault ? sentence(`${fault.meaning}${fault.has_side ? `, of the ${shownArm} arm` : ""}`) : "");
   at("fault-by").parentElement.hidden = !fault?.unit;
   at("fault-by").value = fault?.default ?? "";
   text(at("fault-unit"), fault?.unit ?? "");
@@ -770,7 +794,10 @@ function bind() {
   const press = (id, action) => at(id).addEventListener("click", () => action(at(id)));
   press("take", () => send({ type: view.control === "here" ? "give_back" : "take_control" }));
   press("remedy-button", (button) => at(button.dataset.presses).click());
-  press("stop", (button) => request("stop_egm", {}, button));
+  press("stop", (button) => {
+    endJog();
+    request("stop_egm", {}, button);
+  });
   press("start", (button) => request("start_egm", {}, button));
   press("recover", async (button) => {
     const { stop } = state;
@@ -828,7 +855,7 @@ function bind() {
   });
   press("work-object", () => {
     if (!scene) return;
-    const { position, quaternion } = scene.tipPose(word);
+    const { position, quaternion } = scene.tipPose(shownArm);
     workObject = { position: position.toArray(), quaternion: quaternion.toArray() };
     localStorage.setItem("work object", JSON.stringify(workObject));
     scene.showWorkObject(workObject);
@@ -846,30 +873,31 @@ function bind() {
     at("scene").addEventListener(event, () => jog?.button === at("scene") && endJog());
   }
   press("activate", (button) => {
-    const leading = state.controllers[word].filter((each) => each.commands).map((each) => each.name);
+    const leading = state.controllers[shownArm].filter((each) => each.commands).map((each) => each.name);
     const activate = at("controller").value;
-    request("switch_controllers", { arm: word, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
+    request("switch_controllers", { arm: shownArm, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
   });
-  const grip = (id, unit, asked) => (button) => {
+  const withNumber = (id, what, action) => (button) => {
     const value = numberOf(at(id));
-    if (value !== null) request("grip", { arm: word, ...asked(value) }, button);
-    else toast(`Nothing was sent: the gripper needs a number from ${at(id).min} to ${at(id).max} ${unit}.`);
+    if (value !== null) action(value, button);
+    else toast(`Nothing was sent: ${what} is a number from ${at(id).min} to ${at(id).max}.`);
   };
-  press("open", grip("open-width", "mm", (value) => ({ action: "open", width: value / 1000 })));
-  press("close", grip("grip-force", "N", (value) => ({ action: "close", force: value })));
+  const grip = (asked, button) => request("grip", { arm: shownArm, ...asked }, button);
+  press("open", withNumber("open-width", "the width [mm]", (width, button) => grip({ action: "open", width: width / 1000 }, button)));
+  press("close", withNumber("grip-force", "the force [N]", (force, button) => grip({ action: "close", force }, button)));
   press("press-stop", (button) => inject("emergency-stop", {}, button));
   press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
   press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
-  press("put-part", (button) => inject("object-placed", { side: word, by: at("part-width").value }, button));
-  press("put-cup", (button) => inject("object-under-cups", { side: word }, button));
-  press("take-part", (button) => inject("object-lost", { side: word }, button));
-  press("push", (button) => inject("arm-pushed", { side: word, by: at("push-by").value }, button));
+  press("put-part", withNumber("part-width", "the width [mm]", (by, button) => inject("object-placed", { side: shownArm, by: `${by}` }, button)));
+  press("put-cup", (button) => inject("object-under-cups", { side: shownArm }, button));
+  press("take-part", (button) => inject("object-lost", { side: shownArm }, button));
+  press("push", withNumber("push-by", "the angle [°]", (by, button) => inject("arm-pushed", { side: shownArm, by: `${by}` }, button)));
   at("fault").addEventListener("change", explainFault);
   press("inject", (button) => {
     const fault = view.faults.find((each) => each.name === at("fault").value);
     const by = fault.unit && at("fault-by").value !== "" ? { by: at("fault-by").value } : {};
     const duration = fault.has_duration && at("fault-duration").value !== "" ? { duration: at("fault-duration").value } : {};
-    inject(fault.name, { ...(fault.has_side ? { side: word } : {}), ...by, ...duration }, button);
+    inject(fault.name, { ...(fault.has_side ? { side: shownArm } : {}), ...by, ...duration }, button);
   });
   at("show-trace").addEventListener("change", ({ target }) => scene?.setShown("trace", target.checked));
   at("show-frame").addEventListener("change", ({ target }) => scene?.setShown("frame", target.checked));

@@ -197,6 +197,7 @@ export class Scene {
     this.scene.add(this.robot.root);
     const glass = new THREE.MeshStandardMaterial({
       color: 0x2f7ff0, transparent: true, opacity: 0.32, depthWrite: false, roughness: 1,
+      polygonOffset: true, polygonOffsetFactor: 2, polygonOffsetUnits: 8, // behind the arm where it is as the arm is
     });
     this.ghost = new Robot(this.model, geometries, () => glass);
     this.scene.add(this.ghost.root);
