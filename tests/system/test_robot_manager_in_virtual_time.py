@@ -6,16 +6,17 @@ from dataclasses import replace
 from itertools import pairwise
 from math import radians
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 import pytest
 
-from system.virtual_time_bench import System
+from system.virtual_time_bench import DriverArm, System
 from yumi.control.events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
-from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
 from yumi.robot.joints import CYCLE, Pose, Side, joints
@@ -354,6 +355,58 @@ def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> No
         system.manager.go_to(Mode.EGM_BOTH, told)
     stops[0].join()
     assert system.client.execution() is ExecutionState.STOPPED
+
+
+def moving_arm(system: System) -> DriverArm:
+    """The right arm, on its way to a goal that is far."""
+    system.manager.start_egm()
+    arm = system.arms[Side.RIGHT]
+    arm.go(joints([0.8 + value if index == 0 else value for index, value in enumerate(arm.snapshot.position)]))
+    system.wait(0.2)
+    assert arm.snapshot.velocity[0] > 0.5
+    return arm
+
+
+@pytest.mark.parametrize("stop", ["stop_egm", "stop_rapid", "motors_off", "set_mode"])
+def test_stop_has_the_arms_hold_while_it_waits_for_its_turn(system: System, stop: str) -> None:
+    arm, stops = moving_arm(system), list[Thread]()
+
+    def request() -> None:
+        if stop == "set_mode":
+            system.manager.go_to(Mode.MOTORS_OFF, lambda _: None)
+        else:
+            getattr(system.manager, stop)()
+
+    def within_another_turn() -> None:
+        stops.append(Thread(target=request))
+        stops[0].start()
+        end = monotonic() + 5.0
+        while arm.snapshot.is_commanded and monotonic() < end:
+            pass
+        assert not arm.snapshot.is_commanded
+
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
+        system.manager.start_egm(check=within_another_turn)
+    stops[0].join()
+    assert system.manager.egm_arms == ()
+
+
+@pytest.mark.parametrize("stop", ["stop_egm", "stop_rapid", "motors_off", "end_motion"])
+def test_stop_has_the_arms_hold_although_the_controller_does_not_answer(
+    system: System, stop: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = moving_arm(system)
+
+    def not_heard(*_: object) -> str:
+        raise NoConnection("The controller does not answer.")
+
+    for request in ("symbol", "execution", "controller_state"):
+        monkeypatch.setattr(system.client, request, not_heard)
+    with pytest.raises(NoConnection):
+        getattr(system.manager, stop)()
+    assert not arm.snapshot.is_commanded
+    system.wait(1.0)
+    assert max(map(abs, arm.snapshot.velocity)) < 1e-3
 
 
 def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: System) -> None:
