@@ -327,7 +327,7 @@ class ArmLoop:
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activity=self.manager.activity,
-                activation=self.manager.activations if self.manager.is_commanding else 0,
+                activation=self.manager.activation if self.manager.is_commanding else 0,
                 goal_kind=self.manager.goal_kind,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,

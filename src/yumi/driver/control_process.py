@@ -427,7 +427,8 @@ class ControlProcess:
             return False
         self._join()
         for buffers in self.buffers.values():
-            buffers.snapshots.write(Snapshot())  # what its predecessor knew is history
+            # What its predecessor knew is history; its numbers are not given again, as goals of before bear them.
+            buffers.snapshots.write(Snapshot(activity=read_snapshot(buffers.snapshots).activity))
         self._child, self._reader = self._new_child()
         self._begin()
         return True
