@@ -32,6 +32,8 @@ INACTIVE = ControllerInfo("lone", "tests/One", State.INACTIVE, ("a/position",), 
 ACTIVE = ControllerInfo("other", "tests/One", State.ACTIVE, ("a/position",), ("a/position",))
 
 
+ACTIVATION = 7
+
 UPSAMPLING = SimpleNamespace(parameter=SimpleNamespace(name="positions_upsampling.enable"), value=False)
 
 
@@ -56,6 +58,7 @@ class Lone:
             Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
             Commands.list_controllers: (INACTIVE, ACTIVE),
             Commands.list_parameters: (UPSAMPLING,),
+            Commands.check_commands: {Side.RIGHT: ACTIVATION},
         }
         if self.refusal and command is Commands.check_commands:
             raise CommandRefused(self.refusal)
@@ -105,6 +108,17 @@ def test_joints_that_a_goal_leaves_out_get_where_they_are_commanded_to_be(lone: 
     ]
     assert follow.plan.first.position == (*here[:6], here[6] + 0.1)
     assert follow.plan.left_out == names[:6]
+    goals.destroy()
+
+
+def test_goal_is_for_the_controllers_that_were_active_before_it_was_planned(lone: Lone, caller: Client) -> None:
+    """A stop while it is planned drops it, see Commands.check_commands."""
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    handle = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result()
+    sent = [each for each in lone.commands if isinstance(each, ControllerCommand)]
+    assert [each.activation for each in sent if isinstance(each.message, FollowTrajectory)] == [ACTIVATION]
+    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    caller.until(handle.get_result_async().done)
     goals.destroy()
 
 

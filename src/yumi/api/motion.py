@@ -636,7 +636,12 @@ class MotionExecutor:
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
         commands = [
-            ControllerCommand(side, name, FollowTrajectory(replace(each, start=start), motions[side].identity, ARRIVAL))
+            ControllerCommand(
+                side,
+                name,
+                FollowTrajectory(replace(each, start=start), motions[side].identity, ARRIVAL),
+                before[side][1],
+            )
             for side, each in plans.items()
         ]
         for side, each in plans.items():

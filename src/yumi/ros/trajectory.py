@@ -290,7 +290,7 @@ class TrajectoryAction:
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
         """
-        self._control.call(
+        activations = self._control.call(
             Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
         )  # refuses while inactive
         names = {name for side in self._sides for name in joint_names(side)}
@@ -311,7 +311,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._command(commands)
+            self._command(commands, activations)  # to plan may take seconds: a stop meanwhile has dropped the goal
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
@@ -337,11 +337,16 @@ class TrajectoryAction:
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
         return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
-    def _command(self, messages: Mapping[Side, object]) -> None:
-        self._control.call(Commands.send_commands, *self._commands(messages))
+    def _command(self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None) -> None:
+        self._control.call(Commands.send_commands, *self._commands(messages, activations))
 
-    def _commands(self, messages: Mapping[Side, object]) -> tuple[ControllerCommand, ...]:
-        return tuple(ControllerCommand(side, self._name, message) for side, message in messages.items())
+    def _commands(
+        self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None
+    ) -> tuple[ControllerCommand, ...]:
+        known = activations or {}
+        return tuple(
+            ControllerCommand(side, self._name, message, known.get(side, 0)) for side, message in messages.items()
+        )
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)
