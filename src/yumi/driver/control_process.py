@@ -32,6 +32,7 @@ from yumi.control.shared_state import (
     SharedBuffer,
     SharedBytes,
     SharedHistory,
+    SharedNumbers,
     Snapshot,
     TrajectoryFeedback,
     new_event,
@@ -58,6 +59,10 @@ _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 _ANSWER_TIMEOUT = 5.0
+_STOOD_STILL = (
+    f"this process stood still for {_ANSWER_TIMEOUT:g} s, and what it was asked for meanwhile, be it a motion or a "
+    "stop, is dropped; the arm holds"
+)
 _ENDED = "The control process has ended; call recover, which starts another one."
 
 _P = ParamSpec("_P")
@@ -164,7 +169,11 @@ class Refusal:
 
 
 def run_control_process(
-    pipe: PipeEnd, build: Build, buffers: Mapping[Side, ArmBuffers], wake: WakeMode = WakeMode.BLOCKING
+    pipe: PipeEnd,
+    build: Build,
+    buffers: Mapping[Side, ArmBuffers],
+    wake: WakeMode = WakeMode.BLOCKING,
+    given_up: SharedNumbers | None = None,
 ) -> None:
     """Main function of the process."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
@@ -178,7 +187,7 @@ def run_control_process(
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
     pipe.send(f"Control process: {prepare_process()}, {how}.")
     events = {side: each.cycle_done for side, each in buffers.items()}
-    ControlServer(pipe, arms, events, SystemClock(), processors).run()
+    ControlServer(pipe, arms, events, SystemClock(), processors, given_up).run()
 
 
 class ControlServer:
@@ -190,6 +199,7 @@ class ControlServer:
         cycle_done: released after each cycle of an arm.
         clock: the machine's clock.
         processors: kept awake while a robot streams; None lets them halt.
+        given_up: the number of the newest command whose answer the parent waits for no more.
     """
 
     def __init__(
@@ -199,7 +209,9 @@ class ControlServer:
         cycle_done: Mapping[Side, CycleEvent],
         clock: Clock,
         processors: AwakeProcessors | None = None,
+        given_up: SharedNumbers | None = None,
     ) -> None:
+        self._given_up = given_up or shared_numbers(1)
         self._pipe = pipe
         self._arms = {side: arm.loop for side, arm in arms.items()}
         self._cycle_done = cycle_done
@@ -307,7 +319,12 @@ class ControlServer:
         self._poller.watch(self._pipe, self._note_command)
 
     def _serve(self, call: Call) -> object:
-        """The answer to a command."""
+        """The answer to a command; one that has failed already for who gave it would be a surprise."""
+        if call.number <= self._given_up[0]:
+            for side, arm in self._arms.items():
+                arm.manager.deactivate_commanding()
+                self._send(CycleFailed(side, _STOOD_STILL))
+            return Refusal(f"The command {call.name} came too late and is dropped; the arms hold.")
         command = COMMANDS.get(call.name)
         if command is None:
             return Refusal(f"There is no command {call.name!r}.")
@@ -361,6 +378,7 @@ class ControlProcess:
         self._on_event = on_event
         self._lock = Lock()
         self._number = 0
+        self._given_up = shared_numbers(1)
         self._answers: list[object] = []
         self._answered = Flag()
         self._is_expected_to_run = True
@@ -368,7 +386,7 @@ class ControlProcess:
         self._child, self._reader = self._new_child()
 
     def _new_child(self) -> tuple[ChildProcess, SupervisedThread]:
-        child = ChildProcess("yumi-control", run_control_process, self._build, self.buffers, self._wake)
+        child = ChildProcess("yumi-control", run_control_process, self._build, self.buffers, self._wake, self._given_up)
         reader = SupervisedThread("control-events", partial(self._read, child), Flag())  # the end of the pipe ends it
         return child, reader
 
@@ -458,6 +476,7 @@ class ControlProcess:
             except PipeClosed as error:
                 raise RobotNotReady(_ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
+                self._given_up[0] = self._number
                 raise RobotNotReady(
                     f"The control process did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver."
                 )

@@ -12,6 +12,7 @@ import pytest
 from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import AllowedCollisions
 from yumi.control.events import ControllerFailed, CycleFailed, ReportsDropped
+from yumi.control.shared_state import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     Answer,
@@ -133,7 +134,9 @@ def arms(clock: ManualClock, parent: Parent) -> dict[Side, Arm]:
     return {side: Arm(clock, parent, is_broken=side is Side.LEFT) for side in Side}
 
 
-def run(arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: Any = None) -> dict[Side, int]:
+def run(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: Any = None, given_up: Any = None
+) -> dict[Side, int]:
     """Until the parent stops it, with a datagram for each arm; returns how many cycles were reported as done."""
     sockets = {side: Source() for side in arms}
     done = dict.fromkeys(arms, 0)
@@ -145,7 +148,7 @@ def run(arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: A
         socket.make_readable()
     connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
-    ControlServer(parent, connected, events, clock, processors).run()  # type: ignore[arg-type]
+    ControlServer(parent, connected, events, clock, processors, given_up).run()  # type: ignore[arg-type]
     for socket in sockets.values():
         socket.close()
     return done
@@ -215,6 +218,29 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     assert isinstance(answers[4], Refusal)
     assert answers[4].sentence.startswith("The command list_controllers failed with TypeError: ")
     assert answers[5] == Refusal("There is no command 'nothing'.")
+
+
+def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
+    parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served: list[Side] = []
+    monkeypatch.setitem(control_process.COMMANDS, "list_controllers", lambda _, side: served.append(side))  # type: ignore[arg-type]
+    parent.messages = [Call(number, "list_controllers", (side,), {}) for number, side in enumerate(Side, 4)]
+    parent.messages.append(Stop())
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    given_up = shared_numbers(1)
+    given_up[0] = 4
+    run(arms, parent, clock, given_up=given_up)
+    answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
+    assert answers == {
+        4: Refusal("The command list_controllers came too late and is dropped; the arms hold."),
+        5: None,
+    }
+    assert served == [tuple(Side)[1]]
+    failures = [each for each in parent.received if isinstance(each, CycleFailed)]
+    assert [each.side for each in failures] == list(arms)
+    assert "stood still for 5 s" in str(failures[0])
+    assert min(arm.deactivated for arm in arms.values()) >= 2  # at the end, too
 
 
 def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
