@@ -44,7 +44,7 @@ from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import TimerThread
+from yumi.ros.executors import TimerThread, is_cancelled
 from yumi.ros.messages import (
     LATCHED,
     SERVICES,
@@ -122,7 +122,6 @@ class TrajectoryQuery:
 
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-_CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
 
 
 class Causes(Protocol):
@@ -384,18 +383,11 @@ class TrajectoryAction:
             result.error_string += str(self._causes.wait_for_cause() if self._causes else "")
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
-        elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):
+        elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):
             handle.canceled()
         else:
             handle.abort()
         return result
-
-    def _is_cancelled(self, handle: Any) -> bool:
-        """The action server sets the flag only after the cancel callback; an arm at rest has ended by then."""
-        begin = self._clock.now()
-        while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
-            self._clock.wait(0.001)
-        return bool(handle.is_cancel_requested)
 
     def _take(self, message: Any) -> None:
         """A trajectory without a result; the goal whose motion it replaces ends as preempted."""
