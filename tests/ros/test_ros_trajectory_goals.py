@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
@@ -145,13 +145,19 @@ def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
     goals.destroy()
 
 
-def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Client) -> None:
+ENDED = ControlProcessEnded(Side.RIGHT, 1), "The control process has ended; call recover, which starts another one."
+DROPPED = ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))
+
+
+@pytest.mark.parametrize(("event", "sentence"), [ENDED, DROPPED])
+def test_goal_is_aborted_when_its_end_cannot_be_reported(
+    lone: Lone, caller: Client, event: object, sentence: str
+) -> None:
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
     sent = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT)))
-    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    lone.action.on_event(event)
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED
-    sentence = "The control process has ended; call recover, which starts another one."
     assert ended.result().result.error_string == sentence
     goals.destroy()

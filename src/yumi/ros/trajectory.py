@@ -35,7 +35,7 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
@@ -122,6 +122,7 @@ class TrajectoryQuery:
 
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
+_ENDED = "The control process has ended; call recover, which starts another one."
 
 
 class Causes(Protocol):
@@ -142,6 +143,7 @@ class _OpenGoal:
         handle: the action's; None until it has one.
         ends: each arm's report of its end.
         is_over: set when it has ended.
+        reason: why, where no arm has reported it.
         feedback_due: when the next feedback is given [s].
     """
 
@@ -150,6 +152,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
+        self.reason = _ENDED
         self.feedback_due = 0.0
 
     @property
@@ -235,6 +238,8 @@ class TrajectoryAction:
         """An event of one arm's controller; from any thread."""
         if isinstance(event, ControlProcessEnded):
             self._end_open_goals()
+        elif isinstance(event, ReportsDropped):
+            self._end_open_goals(str(event))
         if not isinstance(event, TrajectoryEnded):
             return
         with self._lock:
@@ -253,10 +258,11 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self) -> None:
+    def _end_open_goals(self, reason: str = _ENDED) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
+                goal.reason = reason
                 goal.is_over.set()
 
     def _consider(self, request: Any) -> Any:
@@ -374,7 +380,7 @@ class TrajectoryAction:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
             result.error_code = int(ResultCode.INVALID_GOAL)
-            result.error_string = "The control process has ended; call recover, which starts another one."
+            result.error_string = goal.reason
             handle.abort()
             return result
         end = goal.end

@@ -282,7 +282,8 @@ def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_
     assert 256 <= len(events) < 29 * 100
     dropped = [each for each in talkative.heard if isinstance(each, ReportsDropped)]
     assert dropped == [ReportsDropped(side, 29 * 100 - len(events)) for side in (Side.RIGHT, Side.LEFT)]
-    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile" in str(dropped[0])
+    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile, and hold" in str(dropped[0])
+    assert [talkative.deactivated, silent.deactivated] == [2, 2]  # then, and at the end
 
 
 def test_processors_are_kept_awake_only_while_a_robot_streams(
