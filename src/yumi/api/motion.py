@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol, SupportsFloat
 from yumi.api.cartesian import Path, planned, pose_from, posture_for
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
-from yumi.control.controllers.cartesian import ToolGoal, twist_goal
+from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
@@ -707,8 +707,9 @@ class MotionExecutor:
             owner: who jogs.
             is_in_tool: whether it is seen from the tool, else from the body.
         """
-        if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
-            raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
+        if len(twist) != JOINT_COUNT:
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} velocities of the tool, got {list(twist)[:8]}.")
+        check_twist(twist)
         buffer = self._tool_goals[side]
 
         def write(session: int, values: Joints) -> None:

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
-from math import isfinite, nan
+from math import nan
 from types import TracebackType
 from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
@@ -29,7 +29,7 @@ from yumi.api.cartesian import (
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
-from yumi.control.controllers.cartesian import pose_goal, twist_goal
+from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE
 from yumi.driver import gripper as driver
@@ -473,8 +473,7 @@ class Arm:
             twist = joints([*linear, *angular, elbow])
         except (TypeError, ValueError) as error:
             raise CommandRefused("Velocity refused: give three numbers each for linear and angular.") from error
-        if not all(map(isfinite, twist)):
-            raise CommandRefused(f"Velocity refused: {twist} has a value that is not finite.")
+        check_twist(twist)
         of = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
 

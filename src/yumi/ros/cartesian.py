@@ -33,7 +33,7 @@ from yumi_interfaces.action import MoveLinear
 
 from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
-from yumi.control.controllers.cartesian import CartesianController, pose_goal, twist_goal
+from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
@@ -295,8 +295,7 @@ class ServoTwistTopic(_StreamTopic):
         side, frame = self._side, message.header.frame_id
         linear, angular = message.twist.linear, message.twist.angular
         vectors: list[Vector] = [(linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)]
-        if not all(isfinite(value) for vector in vectors for value in vector):
-            raise CommandRefused("Velocity refused: a value is not finite.")
+        check_twist([value for vector in vectors for value in vector])
         try:
             of_tool = self._frames.tool_frame(side, frame)
             seen_from = self._frames.to_base(frame) if of_tool is None else of_tool
