@@ -963,9 +963,12 @@ def checked_scale(name: str, value: object) -> float | None:
     if value is None:
         return None
     try:
-        return float(value)  # type: ignore[arg-type]
+        scale = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error
+    if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
+        raise CommandRefused(f"Goal refused: {name} is {scale:g}; allowed is above 0 up to 1.")
+    return scale
 
 
 def wait_for(motions: Sequence[Motion], timeout: float | None, executor: MotionExecutor) -> None:

@@ -19,6 +19,7 @@ from yumi.api.cartesian import (
     Path,
     PoseLike,
     boxes_from,
+    checked_angle,
     planned,
     pose_from,
     poses_from,
@@ -439,7 +440,7 @@ class Arm:
             RobotNotReady: as for :meth:`move_to`.
         """
         target = compose(self._frames.work_object(work_object), pose_from(pose))
-        angle = nan if arm_angle is None else float(arm_angle)
+        angle = nan if arm_angle is None else checked_angle(arm_angle)
         frame = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: pose_goal(session, target, frame, angle))
 
