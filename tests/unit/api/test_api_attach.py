@@ -334,6 +334,18 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -
         assert {each.result(WAIT) for each in starts} == {"EGM runs"}
 
 
+@pytest.mark.parametrize("limit", ["MAX_WORK", "MAX_PENDING"])
+def test_stop_is_not_refused_however_much_is_asked_for(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, limit: str
+) -> None:
+    with attach() as attached:
+        monkeypatch.setattr(endpoint_server, limit, 0)
+        with pytest.raises(CommandRefused, match="too many requests"):
+            attached.start_egm()
+        assert attached.stop_egm() == "EGM has ended"
+        assert attached.set_mode("motors_off") == "The motors are off"
+
+
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
