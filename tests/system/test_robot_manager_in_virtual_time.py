@@ -15,7 +15,7 @@ from system.virtual_time_bench import DriverArm, System
 from yumi.control.events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import Mode
-from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
+from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
@@ -61,6 +61,27 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     manager.start_egm()
     assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([180.0, 180.0])
     assert manager.state().speed_scale == 1.0
+
+
+def test_arm_that_starts_alone_of_both_keeps_its_speed_limit_until_the_next_start(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manager, write = system.manager, StateMachines._write_settings
+
+    def write_but_left(machines: StateMachines, side: Side, scale: float, *, is_allowed: bool) -> None:
+        write(machines, side, scale, is_allowed=is_allowed and side is Side.RIGHT)
+
+    manager.speed.set(0.1)
+    with monkeypatch.context() as patch:
+        patch.setattr(StateMachines, "_write_settings", write_but_left)
+        with pytest.raises(RobotNotReady, match="left arm IDLE"):
+            manager.start_egm()
+    assert manager.state().egm == {Side.RIGHT: "running", Side.LEFT: "off"}
+    assert not system.arms[Side.RIGHT].snapshot.is_commanded
+    assert "is started again" in manager.speed.set(1.0)
+    assert manager.state().speed_scale == 0.1
+    manager.stop_egm()
+    assert manager.state().egm == dict.fromkeys(Side, "off")
 
 
 def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -352,7 +352,7 @@ class ControlServer:
             return  # as above
         if self._dropped and is_empty:
             dropped, self._dropped = self._dropped, 0
-            for side, arm in self._arms.items():  # who waited for a motion is told that it failed
+            for side, arm in self._arms.items():  # who waited for a motion hears that it failed
                 arm.manager.deactivate_commanding()
                 self._send(ReportsDropped(side, dropped))
 
