@@ -233,10 +233,11 @@ class ControlServer:
         arms = tuple(self._arms.values())
         while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             if self._processors is not None:
-                if any(arm.state is not None for arm in arms):
-                    self._processors.hold()
-                else:
-                    self._processors.release()
+                with suppress(OSError):  # what was permitted at the start may be no more: replies are late at worst
+                    if any(arm.state is not None for arm in arms):
+                        self._processors.hold()
+                    else:
+                        self._processors.release()
             self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
             self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
@@ -256,7 +257,8 @@ class ControlServer:
                     except Exception as error:  # a controller's report that cannot be pickled
                         self._note_failure(event.side, error)
         if self._processors is not None:
-            self._processors.release()
+            with suppress(OSError):
+                self._processors.release()
         self._poller.close()
 
     def _reply(self, side: Side) -> None:

@@ -300,6 +300,22 @@ def test_processors_are_kept_awake_only_while_a_robot_streams(
     assert set(processors.calls) == {"release"}
 
 
+class ForbiddenProcessors(Processors):
+    """What was permitted when the process started is so no more."""
+
+    def hold(self) -> None:
+        raise PermissionError("Operation not permitted")
+
+    release = hold
+
+
+def test_arms_are_served_although_processors_may_not_be_kept_awake_any_more(parent: Parent, clock: ManualClock) -> None:
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    arms[Side.RIGHT].state = object()  # type: ignore[assignment]
+    done = run(arms, parent, clock, ForbiddenProcessors())
+    assert min(done.values()) >= 1
+
+
 @pytest.mark.parametrize(
     ("mode", "is_permitted", "words"),
     [
