@@ -306,15 +306,22 @@ class ControlServer:
     def _read_command(self) -> None:
         self._has_command = False
         try:
-            if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
+            is_whole = self._pipe.read()  # else it is a long trajectory, whose rest comes between the next cycles
+        except PipeClosed:
+            self._begin_to_end()
+            return
+        except Exception as error:  # no memory for it: where the next one begins is not known any more
+            for side in self._arms:
+                self._note_failure(side, error)
+            self._begin_to_end()
+            return
+        try:
+            if is_whole:
                 message: Call | Stop = self._pipe.receive()
                 if isinstance(message, Stop):
                     self._begin_to_end()
                 else:
                     self._send(Answer(message.number, self._serve(message)))
-        except PipeClosed:
-            self._begin_to_end()
-            return
         except Exception as error:  # it was read whole: the next one is sound
             refusal = Refusal(f"The command cannot be read: {type(error).__name__}: {error}.")
             self._send(Answer(UNREADABLE, refusal))

@@ -220,6 +220,22 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     assert answers[5] == Refusal("There is no command 'nothing'.")
 
 
+@pytest.mark.timeout(10)
+def test_process_ends_when_its_arms_stand_where_commands_cannot_be_read_any_more(
+    parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of a command was read: it would have been carried out whenever there is memory for the rest."""
+
+    def fail() -> bool:
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr(parent, "read", fail)
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    run(arms, parent, clock)
+    assert [arm.deactivated for arm in arms.values()] == [1, 1]
+    assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == set(Side)
+
+
 def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
     parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
