@@ -55,6 +55,9 @@ LAST_HOLD = 2.0
 STALE = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one is of a process that hangs [s]."""
 
+HUNG = 2.0
+"""A process that stands still for so long is not waited for, less than the robot's watchdog waits by default [s]."""
+
 _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
@@ -437,9 +440,16 @@ class ControlProcess:
         self._reader.start()
 
     def check(self) -> None:
-        """See that the process runs; raises RobotNotReady when it has ended."""
+        """See that the process runs; raises RobotNotReady when it has ended, or stands still while a robot streams.
+
+        The robot's watchdog gets no heartbeat then: nothing controls the arms.
+        """
         if not self._is_alive:
             raise RobotNotReady(_ENDED)
+        newest = [read_snapshot(each.snapshots) for each in self.buffers.values()]
+        age = time.monotonic() - min((each.time for each in newest if each.is_streaming), default=inf)
+        if age > HUNG:
+            raise RobotNotReady(f"The control process has stood still for {age:.0f} s; restart the driver.")
 
     def revive(self) -> bool:
         """Start the process again if it has ended by itself, with its controllers as at first.
