@@ -78,11 +78,19 @@ class Handle:
 
     def __init__(self) -> None:
         self.request, self.goal_id = MoveLinear.Goal(), SimpleNamespace(uuid=b"1")
+        self.looks = 0
+
+    @property
+    def is_cancel_requested(self) -> bool:
+        """Not yet while the cancel callback runs, as rclpy has it."""
+        self.looks += 1
+        return self.looks > 3
 
     def abort(self) -> None:
         self.end = "aborted"
 
     def canceled(self) -> None:
+        assert self.looks > 3, "rclpy: goal_handle attempted invalid transition from state EXECUTING"
         self.end = "cancelled"
 
 
@@ -133,6 +141,15 @@ def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: 
     result = bench.action._execute(handle)
     assert (handle.end, result.message) == ("cancelled", "Cancelled before the arm moved.")
     assert all(isinstance(each, CancelTrajectory) and each.goal is not None for each in bench.target.commands)
+
+
+def test_line_that_is_cancelled_before_it_is_executed_does_not_move_the_arm(bench: Bench) -> None:
+    handle = Handle()
+    bench.action._cancel(handle)
+    result = bench.action._execute(handle)
+    assert (handle.end, result.message) == ("cancelled", "Cancelled before the arm moved.")
+    assert [type(each) for each in bench.target.commands] == [CancelTrajectory]
+    assert not bench.action._open
 
 
 def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() -> None:

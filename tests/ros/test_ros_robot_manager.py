@@ -250,6 +250,17 @@ def test_second_action_is_refused_while_the_first_is_carried_out(rig: RobotManag
     assert first.end()[1].success
 
 
+def test_motors_go_off_while_another_action_is_carried_out(rig: RobotManagerRig) -> None:
+    rig.manager.may_go_on.clear()
+    first = Goal(rig, SetMode, "set_mode", mode="ready")
+    rig.client.until(lambda: bool(first.steps))
+    stop = Goal(rig, SetMode, "set_mode", mode="motors_off")
+    rig.client.until(lambda: bool(stop.steps))
+    rig.manager.may_go_on.set()
+    assert stop.end()[1].success
+    assert first.end()[1].success
+
+
 def test_cancelled_action_ends_before_its_next_step(rig: RobotManagerRig) -> None:
     rig.manager.may_go_on.clear()
     goal = Goal(rig, SetMode, "set_mode", mode="ready")

@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
@@ -31,6 +31,8 @@ pytestmark = pytest.mark.ros
 INACTIVE = ControllerInfo("lone", "tests/One", State.INACTIVE, ("a/position",), ())
 ACTIVE = ControllerInfo("other", "tests/One", State.ACTIVE, ("a/position",), ("a/position",))
 
+
+ACTIVATION = 7
 
 UPSAMPLING = SimpleNamespace(parameter=SimpleNamespace(name="positions_upsampling.enable"), value=False)
 
@@ -56,6 +58,7 @@ class Lone:
             Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
             Commands.list_controllers: (INACTIVE, ACTIVE),
             Commands.list_parameters: (UPSAMPLING,),
+            Commands.check_commands: {Side.RIGHT: ACTIVATION},
         }
         if self.refusal and command is Commands.check_commands:
             raise CommandRefused(self.refusal)
@@ -108,6 +111,17 @@ def test_joints_that_a_goal_leaves_out_get_where_they_are_commanded_to_be(lone: 
     goals.destroy()
 
 
+def test_goal_is_for_the_controllers_that_were_active_before_it_was_planned(lone: Lone, caller: Client) -> None:
+    """A stop while it is planned drops it, see Commands.check_commands."""
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    handle = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result()
+    sent = [each for each in lone.commands if isinstance(each, ControllerCommand)]
+    assert [each.activation for each in sent if isinstance(each.message, FollowTrajectory)] == [ACTIVATION]
+    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    caller.until(handle.get_result_async().done)
+    goals.destroy()
+
+
 def test_refusal_of_an_inactive_controller_names_the_commands_that_activate_it(lone: Lone, caller: Client) -> None:
     lone.refusal = "Controller 'lone' is inactive and takes no commands; activate it first."
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
@@ -131,13 +145,19 @@ def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
     goals.destroy()
 
 
-def test_goal_is_aborted_when_the_control_process_ends(lone: Lone, caller: Client) -> None:
+ENDED = ControlProcessEnded(Side.RIGHT, 1), "The control process has ended; call recover, which starts another one."
+DROPPED = ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))
+
+
+@pytest.mark.parametrize(("event", "sentence"), [ENDED, DROPPED])
+def test_goal_is_aborted_when_its_end_cannot_be_reported(
+    lone: Lone, caller: Client, event: object, sentence: str
+) -> None:
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
     sent = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT)))
-    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    lone.action.on_event(event)
     ended = sent.result().get_result_async()
     caller.until(ended.done)
     assert ended.result().status == GoalStatus.STATUS_ABORTED
-    sentence = "The control process has ended; call recover, which starts another one."
     assert ended.result().result.error_string == sentence
     goals.destroy()

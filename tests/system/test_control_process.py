@@ -244,6 +244,8 @@ def test_control_process_that_was_killed_is_started_again(
     control: ControlProcess, robot: Robot, events: Queue[Event]
 ) -> None:
     robot.exchange(MESSAGE)
+    control.call(Commands.switch_controllers, RIGHT, (POSITION,))
+    before = control.snapshot(RIGHT).command_epoch
     next(child for child in active_children() if child.name == "yumi-control").kill()
     while not isinstance(events.get(timeout=5.0), ControlProcessEnded):
         continue
@@ -255,6 +257,8 @@ def test_control_process_that_was_killed_is_started_again(
     answer = robot.exchange(replace(MESSAGE, seqno=900))
     assert answer.position == pytest.approx(HOME)
     assert control.call(Commands.switch_controllers, RIGHT, (POSITION,))
+    after = control.snapshot(RIGHT).command_epoch
+    assert after > before, "what was given before would count as given now"
 
 
 def stream_both_arms(pipe: PipeEnd, ports: Mapping[Side, int]) -> None:

@@ -6,16 +6,17 @@ from dataclasses import replace
 from itertools import pairwise
 from math import radians
 from threading import Thread
+from time import monotonic
 from typing import Any
 
 import pytest
 
-from system.virtual_time_bench import System
+from system.virtual_time_bench import DriverArm, System
 from yumi.control.events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
 from yumi.driver.readiness import Mode
-from yumi.driver.state_machine import EgmMotionSettings, MachineState, tooldata
-from yumi.errors import CommandRefused, ControllerRefused, RobotNotReady
+from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
 from yumi.robot.description import Mass
 from yumi.robot.dynamics import HAND
 from yumi.robot.joints import CYCLE, Pose, Side, joints
@@ -60,6 +61,27 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     manager.start_egm()
     assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([180.0, 180.0])
     assert manager.state().speed_scale == 1.0
+
+
+def test_arm_that_starts_alone_of_both_keeps_its_speed_limit_until_the_next_start(
+    system: System, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manager, write = system.manager, StateMachines._write_settings
+
+    def write_but_left(machines: StateMachines, side: Side, scale: float, *, is_allowed: bool) -> None:
+        write(machines, side, scale, is_allowed=is_allowed and side is Side.RIGHT)
+
+    manager.speed.set(0.1)
+    with monkeypatch.context() as patch:
+        patch.setattr(StateMachines, "_write_settings", write_but_left)
+        with pytest.raises(RobotNotReady, match="left arm IDLE"):
+            manager.start_egm()
+    assert manager.state().egm == {Side.RIGHT: "running", Side.LEFT: "off"}
+    assert not system.arms[Side.RIGHT].snapshot.is_commanded
+    assert "is started again" in manager.speed.set(1.0)
+    assert manager.state().speed_scale == 0.1
+    manager.stop_egm()
+    assert manager.state().egm == dict.fromkeys(Side, "off")
 
 
 def test_state_says_what_may_touch_and_what_limits_an_arm(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -354,6 +376,58 @@ def test_stop_ends_what_is_being_done_before_its_next_step(system: System) -> No
         system.manager.go_to(Mode.EGM_BOTH, told)
     stops[0].join()
     assert system.client.execution() is ExecutionState.STOPPED
+
+
+def moving_arm(system: System) -> DriverArm:
+    """The right arm, on its way to a goal that is far."""
+    system.manager.start_egm()
+    arm = system.arms[Side.RIGHT]
+    arm.go(joints([0.8 + value if index == 0 else value for index, value in enumerate(arm.snapshot.position)]))
+    system.wait(0.2)
+    assert arm.snapshot.velocity[0] > 0.5
+    return arm
+
+
+@pytest.mark.parametrize("stop", ["stop_egm", "stop_rapid", "motors_off", "set_mode"])
+def test_stop_has_the_arms_hold_while_it_waits_for_its_turn(system: System, stop: str) -> None:
+    arm, stops = moving_arm(system), list[Thread]()
+
+    def request() -> None:
+        if stop == "set_mode":
+            system.manager.go_to(Mode.MOTORS_OFF, lambda _: None)
+        else:
+            getattr(system.manager, stop)()
+
+    def within_another_turn() -> None:
+        stops.append(Thread(target=request))
+        stops[0].start()
+        end = monotonic() + 5.0
+        while arm.snapshot.is_commanded and monotonic() < end:
+            pass
+        assert not arm.snapshot.is_commanded
+
+    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
+        system.manager.start_egm(check=within_another_turn)
+    stops[0].join()
+    assert system.manager.egm_arms == ()
+
+
+@pytest.mark.parametrize("stop", ["stop_egm", "stop_rapid", "motors_off", "end_motion"])
+def test_stop_has_the_arms_hold_although_the_controller_does_not_answer(
+    system: System, stop: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = moving_arm(system)
+
+    def not_heard(*_: object) -> str:
+        raise NoConnection("The controller does not answer.")
+
+    for request in ("symbol", "execution", "controller_state"):
+        monkeypatch.setattr(system.client, request, not_heard)
+    with pytest.raises(NoConnection):
+        getattr(system.manager, stop)()
+    assert not arm.snapshot.is_commanded
+    system.wait(1.0)
+    assert max(map(abs, arm.snapshot.velocity)) < 1e-3
 
 
 def test_recover_starts_egm_again_on_an_arm_that_ignores_its_references(system: System) -> None:

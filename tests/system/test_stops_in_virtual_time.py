@@ -9,6 +9,7 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
+from yumi.driver.commissioning.stream import streaming
 from yumi.driver.readiness import Mode
 from yumi.driver.stops import HISTORY
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
@@ -83,6 +84,23 @@ def test_nothing_starts_after_a_persons_stop_without_confirmation(
         request_(system)
     system.wait(0.5)
     assert seen(system) == before
+
+
+def test_nothing_is_started_for_a_test_of_the_streams_after_a_persons_stop(
+    stopped: tuple[MovingSystem, Fault],
+) -> None:
+    """As `yumi doctor --stream` does, which has no driver; one that comes later still has to see the stop."""
+    system, fault = stopped
+    before = seen(system)
+    with (
+        pytest.raises(RobotNotReady, match=f"The robot was stopped by {CAUSES[fault]}.*then yumi recover"),
+        streaming(system.client, system),
+    ):
+        pass
+    assert seen(system) == before
+    system.start_driver()
+    with pytest.raises(StopNotConfirmed):
+        system.manager.make_ready()
 
 
 @pytest.mark.parametrize("fault", CAUSES)

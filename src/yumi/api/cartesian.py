@@ -147,7 +147,7 @@ def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> P
 
 def postures_of(side: Side, tool0: Pose, angle: float | None, now: Joints, limits: JointLimits) -> tuple[Joints, ...]:
     """All postures of a pose of tool0 with an arm angle, None for the present one; the nearest to ``now`` first."""
-    found = postures(side, tool0, arm_angle(side, now) if angle is None else _checked_angle(angle), limits)
+    found = postures(side, tool0, arm_angle(side, now) if angle is None else checked_angle(angle), limits)
     return tuple(sorted(found, key=lambda each: _furthest(each, now)))
 
 
@@ -164,7 +164,7 @@ def posture_for(
     Raises:
         Unreachable: there is none; where no arm angle was asked for, with none of those tried.
     """
-    with_angle = arm_angle(side, now) if angle is None else _checked_angle(angle)
+    with_angle = arm_angle(side, now) if angle is None else checked_angle(angle)
     if desired is None:
         try:
             near = nearest_posture(side, tool0, with_angle, now, limits)
@@ -191,7 +191,8 @@ def _furthest(posture: Joints, now: Joints) -> float:
     return max(abs(a - b) for a, b in zip(posture, now, strict=True))
 
 
-def _checked_angle(angle: float) -> float:
+def checked_angle(angle: float) -> float:
+    """An arm angle [rad]; raises CommandRefused where it is none."""
     if not isfinite(angle):
         raise CommandRefused(f"Pose refused: the arm angle is {angle}; give radians.")
     return float(angle)
@@ -255,5 +256,5 @@ def way_points(
     base = frames.work_object(work_object)
     points = [Waypoint(compose(base, pose_from(each))) for each in poses]
     if points and angle is not None:
-        points[-1] = replace(points[-1], angle=_checked_angle(angle))
+        points[-1] = replace(points[-1], angle=checked_angle(angle))
     return tuple(points)

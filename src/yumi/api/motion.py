@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol, SupportsFloat
 from yumi.api.cartesian import Path, planned, pose_from, posture_for
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
-from yumi.control.controllers.cartesian import ToolGoal, twist_goal
+from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
@@ -636,7 +636,12 @@ class MotionExecutor:
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
         commands = [
-            ControllerCommand(side, name, FollowTrajectory(replace(each, start=start), motions[side].identity, ARRIVAL))
+            ControllerCommand(
+                side,
+                name,
+                FollowTrajectory(replace(each, start=start), motions[side].identity, ARRIVAL),
+                before[side][1],
+            )
             for side, each in plans.items()
         ]
         for side, each in plans.items():
@@ -702,8 +707,9 @@ class MotionExecutor:
             owner: who jogs.
             is_in_tool: whether it is seen from the tool, else from the body.
         """
-        if len(twist) != JOINT_COUNT or not all(map(isfinite, twist)):
-            raise CommandRefused(f"Jog refused: expected finite velocities of the tool, got {list(twist)[:8]}.")
+        if len(twist) != JOINT_COUNT:
+            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} velocities of the tool, got {list(twist)[:8]}.")
+        check_twist(twist)
         buffer = self._tool_goals[side]
 
         def write(session: int, values: Joints) -> None:
@@ -957,9 +963,12 @@ def checked_scale(name: str, value: object) -> float | None:
     if value is None:
         return None
     try:
-        return float(value)  # type: ignore[arg-type]
+        scale = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
         raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error
+    if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
+        raise CommandRefused(f"Goal refused: {name} is {scale:g}; allowed is above 0 up to 1.")
+    return scale
 
 
 def wait_for(motions: Sequence[Motion], timeout: float | None, executor: MotionExecutor) -> None:

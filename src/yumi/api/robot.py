@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
-from math import isfinite, nan
+from math import nan
 from types import TracebackType
 from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
@@ -19,6 +19,7 @@ from yumi.api.cartesian import (
     Path,
     PoseLike,
     boxes_from,
+    checked_angle,
     planned,
     pose_from,
     poses_from,
@@ -29,7 +30,7 @@ from yumi.api.cartesian import (
 from yumi.api.connection import Connection
 from yumi.api.gripper import Gripper
 from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
-from yumi.control.controllers.cartesian import pose_goal, twist_goal
+from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE
 from yumi.driver import gripper as driver
@@ -439,7 +440,7 @@ class Arm:
             RobotNotReady: as for :meth:`move_to`.
         """
         target = compose(self._frames.work_object(work_object), pose_from(pose))
-        angle = nan if arm_angle is None else float(arm_angle)
+        angle = nan if arm_angle is None else checked_angle(arm_angle)
         frame = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: pose_goal(session, target, frame, angle))
 
@@ -473,8 +474,7 @@ class Arm:
             twist = joints([*linear, *angular, elbow])
         except (TypeError, ValueError) as error:
             raise CommandRefused("Velocity refused: give three numbers each for linear and angular.") from error
-        if not all(map(isfinite, twist)):
-            raise CommandRefused(f"Velocity refused: {twist} has a value that is not finite.")
+        check_twist(twist)
         of = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
 

@@ -482,7 +482,7 @@ class ControllerManager:
 
     Attributes:
         failures: sentences about controllers that failed; the reader removes them.
-        activations: how often a controller was activated.
+        activation: number of the newest activation of a controller; a later one has a higher number.
         activity: counts every change of what is loaded and in which state it is.
         goal_kind: which goals those controllers take that command the arm.
         kinds: the types of controllers that can be loaded.
@@ -492,6 +492,7 @@ class ControllerManager:
         kinds: how a controller of each type is made.
         component: name of the arm's hardware component.
         now: the time [s], for statistics alone.
+        activity: what to count on from: that of a control process before.
     """
 
     def __init__(
@@ -500,10 +501,11 @@ class ControllerManager:
         kinds: Kinds | None = None,
         component: str = "arm",
         now: Callable[[], float] = lambda: 0.0,
+        activity: int = 0,
     ) -> None:
         self.failures: list[str] = []
-        self.activations = 0
-        self.activity = 0
+        self.activation = 0
+        self.activity = activity
         self._joint_names = joint_names
         self._kinds = kinds or {}
         self._component = HardwareComponent(component, joint_names)
@@ -771,7 +773,7 @@ class ControllerManager:
                     break
             else:
                 begun.append(loaded)
-                self.activations += 1
+                self.activation = self.activity + 1
         if failures:
             active = ", ".join(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
             raise SwitchFailed(f"{' '.join(failures)} Active now: {active or 'none'}.")

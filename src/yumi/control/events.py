@@ -240,7 +240,7 @@ class CycleFailed:
 
 @dataclass(frozen=True, slots=True)
 class ReportsDropped:
-    """The driver did not read what the control process reported, and it reads again: one event for each arm.
+    """The driver did not read what the control process reported, and reads again: one event for each arm, which holds.
 
     Attributes:
         count: how many events and answers, of both arms, were dropped.
@@ -252,8 +252,8 @@ class ReportsDropped:
     def __str__(self) -> str:
         return (
             f"{self.side.word.capitalize()} arm: the driver did not read the control process's reports for a while and "
-            f"{self.count} were dropped; the arms were served meanwhile. Was the driver stopped or its machine "
-            "overloaded? See the state for what holds now."
+            f"{self.count} were dropped; the arms were served meanwhile, and hold now. Was the driver stopped or its "
+            "machine overloaded? See the state for what holds now."
         )
 
 

@@ -30,7 +30,7 @@ from yumi.control.events import (
 from yumi.control.flight_recorder import FlightRecorder, flight_memory
 from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.motion import AT_GOAL, largest_difference
-from yumi.control.shared_state import CAUSES, JointStates, Limited, Problem, Snapshot
+from yumi.control.shared_state import CAUSES, INTERRUPTED, JointStates, Limited, Problem, Snapshot
 from yumi.control.statistics import AFTER_REPLY, StageClock
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
@@ -131,6 +131,11 @@ class ArmLoop:
         problem = self._limiter.problem
         if problem is not Problem.NONE:
             raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
+
+    @property
+    def activation(self) -> int:
+        """The number of the newest activation of controllers, as in its snapshots; 0 when none commands the arm."""
+        return self.manager.activation if self.manager.is_commanding else 0
 
     @property
     def is_running(self) -> bool:
@@ -327,7 +332,7 @@ class ArmLoop:
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activity=self.manager.activity,
-                activation=self.manager.activations if self.manager.is_commanding else 0,
+                activation=self.activation,
                 goal_kind=self.manager.goal_kind,
                 position=self._position,
                 velocity=last.state.velocity if last else ZERO,
@@ -367,11 +372,13 @@ class ControllerCommand:
     Attributes:
         controller: its name.
         message: a picklable value it knows.
+        activation: of the controllers that it was planned for, see :meth:`Commands.check_commands`; 0 is any.
     """
 
     side: Side
     controller: str
     message: object
+    activation: int = 0
 
 
 class Commands:
@@ -479,8 +486,12 @@ class Commands:
             positions[side] = position
         return positions
 
-    def check_commands(self, *commands: ControllerCommand) -> None:
-        """Whether the controllers would take their commands now; nothing is changed."""
+    def check_commands(self, *commands: ControllerCommand) -> Mapping[Side, int]:
+        """Whether the controllers would take their commands now; nothing is changed.
+
+        Returns:
+            The activation of each arm's controllers: what is planned now is for no later one.
+        """
         # A second command for a controller could rest on what the first changes.
         for (side, name), count in Counter((each.side, each.controller) for each in commands).items():
             if count > 1:
@@ -488,7 +499,10 @@ class Commands:
         for each in commands:
             arm = self._arms[each.side]
             arm.check_follows()
+            if each.activation not in (0, arm.activation):
+                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
             arm.manager.check(each.controller, each.message, arm.state)
+        return {each.side: self._arms[each.side].activation for each in commands}
 
     def send_commands(self, *commands: ControllerCommand) -> None:
         """Have controllers of one or both arms take their commands between the same two cycles, all or none."""

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from math import copysign, inf, sqrt
+from math import copysign, inf, isnan, sqrt
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -265,7 +265,7 @@ def ramp_speed(
     A goal that changes smoothly is followed at once.
 
     Args:
-        goal: the speed to come to.
+        goal: the speed to come to; one that is no number is 0.
         last: the speed so far.
         rate: its rate of change so far [rad/s²].
         top: highest speed.
@@ -280,6 +280,8 @@ def ramp_speed(
         and abs(change - rate) <= jerk * dt * _ROUNDING
     ):
         return goal, change
+    if isnan(goal):
+        goal = 0.0
     missing = max(-top, min(top, goal)) - last
     half = 0.5 * jerk * dt
     # As hard as it can still be taken back, at the jerk, when the speed is reached.

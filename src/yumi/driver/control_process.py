@@ -32,6 +32,7 @@ from yumi.control.shared_state import (
     SharedBuffer,
     SharedBytes,
     SharedHistory,
+    SharedNumbers,
     Snapshot,
     TrajectoryFeedback,
     new_event,
@@ -54,10 +55,17 @@ LAST_HOLD = 2.0
 STALE = 0.5
 """A snapshot of an arm whose datagrams come is renewed every 4 ms; an older one is of a process that hangs [s]."""
 
+HUNG = 2.0
+"""A process that stands still for so long is not waited for, less than the robot's watchdog waits by default [s]."""
+
 _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 _ANSWER_TIMEOUT = 5.0
+_STOOD_STILL = (
+    f"this process stood still for {_ANSWER_TIMEOUT:g} s, and what it was asked for meanwhile, be it a motion or a "
+    "stop, is dropped; the arm holds"
+)
 _ENDED = "The control process has ended; call recover, which starts another one."
 
 _P = ParamSpec("_P")
@@ -164,7 +172,11 @@ class Refusal:
 
 
 def run_control_process(
-    pipe: PipeEnd, build: Build, buffers: Mapping[Side, ArmBuffers], wake: WakeMode = WakeMode.BLOCKING
+    pipe: PipeEnd,
+    build: Build,
+    buffers: Mapping[Side, ArmBuffers],
+    wake: WakeMode = WakeMode.BLOCKING,
+    given_up: SharedNumbers | None = None,
 ) -> None:
     """Main function of the process."""
     for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGTSTP):
@@ -178,7 +190,7 @@ def run_control_process(
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
     pipe.send(f"Control process: {prepare_process()}, {how}.")
     events = {side: each.cycle_done for side, each in buffers.items()}
-    ControlServer(pipe, arms, events, SystemClock(), processors).run()
+    ControlServer(pipe, arms, events, SystemClock(), processors, given_up).run()
 
 
 class ControlServer:
@@ -190,6 +202,7 @@ class ControlServer:
         cycle_done: released after each cycle of an arm.
         clock: the machine's clock.
         processors: kept awake while a robot streams; None lets them halt.
+        given_up: the number of the newest command whose answer the parent waits for no more.
     """
 
     def __init__(
@@ -199,7 +212,9 @@ class ControlServer:
         cycle_done: Mapping[Side, CycleEvent],
         clock: Clock,
         processors: AwakeProcessors | None = None,
+        given_up: SharedNumbers | None = None,
     ) -> None:
+        self._given_up = given_up or shared_numbers(1)
         self._pipe = pipe
         self._arms = {side: arm.loop for side, arm in arms.items()}
         self._cycle_done = cycle_done
@@ -221,10 +236,11 @@ class ControlServer:
         arms = tuple(self._arms.values())
         while self._stop_at is None or (self._clock.now() <= self._stop_at and not all(arm.is_still for arm in arms)):
             if self._processors is not None:
-                if any(arm.state is not None for arm in arms):
-                    self._processors.hold()
-                else:
-                    self._processors.release()
+                with suppress(OSError):  # what was permitted at the start may be no more: replies are late at worst
+                    if any(arm.state is not None for arm in arms):
+                        self._processors.hold()
+                    else:
+                        self._processors.release()
             self._flush()
             looked = self._clock.now()  # what comes later may wait in a socket while we do something else
             self._poller.wait(POLL_PERIOD)  # answers every datagram that waits
@@ -244,7 +260,8 @@ class ControlServer:
                     except Exception as error:  # a controller's report that cannot be pickled
                         self._note_failure(event.side, error)
         if self._processors is not None:
-            self._processors.release()
+            with suppress(OSError):
+                self._processors.release()
         self._poller.close()
 
     def _reply(self, side: Side) -> None:
@@ -292,22 +309,34 @@ class ControlServer:
     def _read_command(self) -> None:
         self._has_command = False
         try:
-            if self._pipe.read():  # else it is a long trajectory, whose rest comes between the next cycles
+            is_whole = self._pipe.read()  # else it is a long trajectory, whose rest comes between the next cycles
+        except PipeClosed:
+            self._begin_to_end()
+            return
+        except Exception as error:  # no memory for it: where the next one begins is not known any more
+            for side in self._arms:
+                self._note_failure(side, error)
+            self._begin_to_end()
+            return
+        try:
+            if is_whole:
                 message: Call | Stop = self._pipe.receive()
                 if isinstance(message, Stop):
                     self._begin_to_end()
                 else:
                     self._send(Answer(message.number, self._serve(message)))
-        except PipeClosed:
-            self._begin_to_end()
-            return
         except Exception as error:  # it was read whole: the next one is sound
             refusal = Refusal(f"The command cannot be read: {type(error).__name__}: {error}.")
             self._send(Answer(UNREADABLE, refusal))
         self._poller.watch(self._pipe, self._note_command)
 
     def _serve(self, call: Call) -> object:
-        """The answer to a command."""
+        """The answer to a command; one that has failed already for who gave it would be a surprise."""
+        if call.number <= self._given_up[0]:
+            for side, arm in self._arms.items():
+                arm.manager.deactivate_commanding()
+                self._send(CycleFailed(side, _STOOD_STILL))
+            return Refusal(f"The command {call.name} came too late and is dropped; the arms hold.")
         command = COMMANDS.get(call.name)
         if command is None:
             return Refusal(f"There is no command {call.name!r}.")
@@ -335,7 +364,8 @@ class ControlServer:
             return  # as above
         if self._dropped and is_empty:
             dropped, self._dropped = self._dropped, 0
-            for side in self._arms:
+            for side, arm in self._arms.items():  # who waited for a motion hears that it failed
+                arm.manager.deactivate_commanding()
                 self._send(ReportsDropped(side, dropped))
 
 
@@ -361,6 +391,7 @@ class ControlProcess:
         self._on_event = on_event
         self._lock = Lock()
         self._number = 0
+        self._given_up = shared_numbers(1)
         self._answers: list[object] = []
         self._answered = Flag()
         self._is_expected_to_run = True
@@ -368,7 +399,7 @@ class ControlProcess:
         self._child, self._reader = self._new_child()
 
     def _new_child(self) -> tuple[ChildProcess, SupervisedThread]:
-        child = ChildProcess("yumi-control", run_control_process, self._build, self.buffers, self._wake)
+        child = ChildProcess("yumi-control", run_control_process, self._build, self.buffers, self._wake, self._given_up)
         reader = SupervisedThread("control-events", partial(self._read, child), Flag())  # the end of the pipe ends it
         return child, reader
 
@@ -409,9 +440,16 @@ class ControlProcess:
         self._reader.start()
 
     def check(self) -> None:
-        """See that the process runs; raises RobotNotReady when it has ended."""
+        """See that the process runs; raises RobotNotReady when it has ended, or stands still while a robot streams.
+
+        The robot's watchdog gets no heartbeat then: nothing controls the arms.
+        """
         if not self._is_alive:
             raise RobotNotReady(_ENDED)
+        newest = [read_snapshot(each.snapshots) for each in self.buffers.values()]
+        age = time.monotonic() - min((each.time for each in newest if each.is_streaming), default=inf)
+        if age > HUNG:
+            raise RobotNotReady(f"The control process has stood still for {age:.0f} s; restart the driver.")
 
     def revive(self) -> bool:
         """Start the process again if it has ended by itself, with its controllers as at first.
@@ -427,7 +465,8 @@ class ControlProcess:
             return False
         self._join()
         for buffers in self.buffers.values():
-            buffers.snapshots.write(Snapshot())  # what its predecessor knew is history
+            # What its predecessor knew is history; its numbers are not given again, as goals of before bear them.
+            buffers.snapshots.write(Snapshot(activity=read_snapshot(buffers.snapshots).activity))
         self._child, self._reader = self._new_child()
         self._begin()
         return True
@@ -457,6 +496,7 @@ class ControlProcess:
             except PipeClosed as error:
                 raise RobotNotReady(_ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
+                self._given_up[0] = self._number
                 raise RobotNotReady(
                     f"The control process did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver."
                 )

@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from enum import Enum
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -724,6 +725,10 @@ class EndpointClient:
                 yield msgspec.structs.replace(state, events=answer.events)
 
     def _send(self, request: Request, timeout: float | None) -> None:
+        for name in request.__struct_fields__:
+            value = getattr(request, name)
+            if isinstance(value, float) and not isfinite(value):  # JSON has none: it would be taken for left out
+                raise errors.CommandRefused(f"Request refused: {name} is {value}; give a finite number.")
         self._socket.settimeout(timeout)
         try:
             self._socket.sendall(msgspec.json.encode(request) + b"\n")

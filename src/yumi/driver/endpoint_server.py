@@ -739,8 +739,9 @@ class EndpointServer:
                     client.subscription.cancel()
                 client.subscription = asyncio.create_task(self._publish(client, request))
                 continue
-            is_work = not isinstance(request, _AT_ONCE)
-            is_full = client.pending >= MAX_PENDING and not isinstance(request, StopEgm)  # which is never refused
+            is_stop = isinstance(request, StopEgm) or (isinstance(request, SetMode) and request.mode == "motors_off")
+            is_work = not is_stop and not isinstance(request, _AT_ONCE)
+            is_full = client.pending >= MAX_PENDING and not is_stop  # a stop is never refused
             if is_full or (is_work and self._work >= MAX_WORK):
                 sentence = "The driver carries out too many requests already; wait for their answers."
                 client.send(_refused(request.id, sentence))

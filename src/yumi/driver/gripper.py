@@ -187,7 +187,14 @@ class Gripper:
 
         Raises:
             RobotNotReady: the gripper is not calibrated, in an error, or did not take the command.
+            GoalNotReached: it was stopped meanwhile.
         """
+
+        def check_may_move() -> None:
+            check()
+            if self._is_stopped:
+                raise GoalNotReached(f"The {self.side.word} gripper was stopped before it moved.")
+
         self._is_stopped = self._is_jogging = False
         check()
         if self._value("hand_StatusCalibrated") == 0 and not self.is_calibrated():
@@ -200,10 +207,11 @@ class Gripper:
         self._write("hand_MaxSpeed", speed_count(goal.speed or self._usual_speed))
         try:
             if goal.direction is None:
-                self._routines.run(self.side, SgCommand.MOVE_TO, self._timeout, target=goal.position)
+                move = SgCommand.MOVE_TO
+                self._routines.run(self.side, move, self._timeout, target=goal.position, check_may_move=check_may_move)
             else:
                 command = SgCommand.GRIP_IN if goal.direction is Direction.INWARDS else SgCommand.GRIP_OUT
-                self._routines.run(self.side, command, self._timeout, force=goal.force)
+                self._routines.run(self.side, command, self._timeout, force=goal.force, check_may_move=check_may_move)
         finally:
             if self._is_stopped:  # while the command was under way
                 self.stop()

@@ -207,6 +207,7 @@ class GripperRoutines:
         *,
         target: float | None = None,
         force: float | None = None,
+        check_may_move: Check = forbid_nothing,
     ) -> None:
         """Have one arm's task run ``command``; returns when the task has taken it.
 
@@ -216,6 +217,8 @@ class GripperRoutines:
             timeout: longest wait for the task [s].
             target: finger position [m] for ``MOVE_TO``.
             force: holding force [N] for ``GRIP_IN`` and ``GRIP_OUT``.
+            check_may_move: raises when the gripper may not move any more: the other one's calibration, which takes
+                seconds, goes first.
 
         Raises:
             RobotNotReady: the task did not take the command.
@@ -229,6 +232,7 @@ class GripperRoutines:
                 self._write(side, "target_position_input", target * 1e3)
             if force is not None:
                 self._write_force(side, force)
+            check_may_move()
             self._write(side, "command_input", float(command))
             self._client.pulse_signal(RUN_GRIPPER)
             self._wait_until_taken(side, timeout)

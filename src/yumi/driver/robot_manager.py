@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from threading import Lock
@@ -248,19 +248,15 @@ class RobotManager:
         Raises:
             YumiError: a step failed; the message says which and what to do.
         """
-        turn = self._changing(_MOTORS_OFF) if mode is Mode.MOTORS_OFF else self._moving()
-        with turn, self._bringup.reporting(report):
+        if mode is Mode.MOTORS_OFF:
+            return self.motors_off(report, check)
+        with self._moving(), self._bringup.reporting(report):
             check()
             if mode.arms:
                 return self._egm.start(mode.arms)
-            if mode is Mode.READY:
-                self._egm.stop_if_running()
-                self._bringup.make_ready()
-                return "The robot is ready, EGM does not run"
-            self._come_to_rest()
-            self._bringup.step("motors off")
-            self.panel.switch_motors_off()
-            return "The motors are off"
+            self._egm.stop_if_running()
+            self._bringup.make_ready()
+            return "The robot is ready, EGM does not run"
 
     def recover(self, report: Report, check: Callable[[], None] = lambda: None, confirmed: str = "") -> str:
         """Say what stopped the robot and bring it back, to EGM with its controllers if EGM was to run.
@@ -337,9 +333,13 @@ class RobotManager:
             self.panel.switch_motors_on()
         return "The motors are on"
 
-    def motors_off(self) -> str:
-        """Motors off; EGM is ended before, so that the arms come to rest gently where they can. Raises YumiError."""
-        with self._stopping(_MOTORS_OFF):
+    def motors_off(self, report: Report = lambda step: None, check: Callable[[], None] = lambda: None) -> str:
+        """Motors off; EGM is ended before, so that the arms come to rest gently where they can.
+
+        Arguments as of :meth:`start_egm`; raises YumiError.
+        """
+        with self._stopping(_MOTORS_OFF), self._bringup.reporting(report):
+            check()
             self._come_to_rest()
             self._bringup.step("motors off")
             self.panel.switch_motors_off()
@@ -529,8 +529,13 @@ class RobotManager:
 
     @contextmanager
     def _stopping(self, changes: frozenset[str] = _NO_CHANGES) -> Iterator[None]:
-        """What stops the robot waits for no routine, which may take minutes, and for one step of anything else."""
+        """What stops the robot: the arms hold at once, also where the controller does not answer.
+
+        The rest waits for no routine, which may take minutes, and for one step of anything else.
+        """
         self._stop_requests += 1
+        with suppress(YumiError):  # a control process that has ended: the rest is done all the same
+            self._egm.hold()
         while not self._turn.acquire(timeout=_ROUTINE_POLL):
             if self._routines.is_running:
                 self.panel.stop_rapid()

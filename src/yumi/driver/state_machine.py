@@ -410,8 +410,10 @@ class StateMachines:
             self._write_settings(side, scale, is_allowed=side in arms)
         self._client.pulse_signal(START_JOINT)
         remedy = "see that the RAPID program runs and EGM motions are allowed"
-        self._wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
-        self._speed.note_start(starting, scale)
+        try:
+            self._wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
+        finally:  # one of both may have started
+            self._speed.note_start(starting, scale)
 
     def stop_egm(self) -> None:
         """Stop EGM; both arms come to rest.

@@ -43,6 +43,7 @@ from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
+from yumi.control.shared_state import read_snapshot
 from yumi.control.statistics import StageClock
 from yumi.control.tool_limits import ToolLimits
 from yumi.driver.arm import EgmArm
@@ -274,7 +275,8 @@ def _manager_of(
         )
 
     kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
-    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic)
+    counted = read_snapshot(buffers.snapshots).activity
+    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
 
 
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:

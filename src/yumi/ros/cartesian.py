@@ -31,8 +31,9 @@ from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
 from yumi_interfaces.action import MoveLinear
 
+from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
-from yumi.control.controllers.cartesian import CartesianController, pose_goal, twist_goal
+from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
@@ -47,6 +48,7 @@ from yumi.robot.description import read_frames
 from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, prefixed
 from yumi.robot.kinematics import IDENTITY, compose, inverse, rotate, tool0_to_body
 from yumi.ros.controllers import MakeInterface
+from yumi.ros.executors import is_cancelled
 from yumi.ros.messages import pose_of
 from yumi.ros.topics import CommandTopic
 from yumi.settings import number
@@ -293,8 +295,7 @@ class ServoTwistTopic(_StreamTopic):
         side, frame = self._side, message.header.frame_id
         linear, angular = message.twist.linear, message.twist.angular
         vectors: list[Vector] = [(linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)]
-        if not all(isfinite(value) for vector in vectors for value in vector):
-            raise CommandRefused("Velocity refused: a value is not finite.")
+        check_twist([value for vector in vectors for value in vector])
         try:
             of_tool = self._frames.tool_frame(side, frame)
             seen_from = self._frames.to_base(frame) if of_tool is None else of_tool
@@ -384,20 +385,20 @@ class MoveLinearAction:
         self._server.destroy()
 
     def _cancel(self, handle: Any) -> Any:
-        with self._lock:
-            line = self._open.get(bytes(handle.goal_id.uuid))
-        if line is not None:
-            line.is_cancelled = True
-            try:
-                self._target.command(CancelTrajectory(line.number))
-            except YumiError as error:  # it ends as the arm does
-                self._log.info(f"The line could not be cancelled: {error}")
+        line = self._line(handle)  # also of a goal that was accepted and is not executed yet
+        line.is_cancelled = True
+        try:
+            self._target.command(CancelTrajectory(line.number))
+        except YumiError as error:  # it ends as the arm does
+            self._log.info(f"The line could not be cancelled: {error}")
         return CancelResponse.ACCEPT
 
-    def _execute(self, handle: Any) -> Any:
-        line, goal = _Line(), bytes(handle.goal_id.uuid)
+    def _line(self, handle: Any) -> _Line:
         with self._lock:
-            self._open[goal] = line
+            return self._open.setdefault(bytes(handle.goal_id.uuid), _Line())
+
+    def _execute(self, handle: Any) -> Any:
+        line = self._line(handle)
         result = MoveLinear.Result()
         try:
             with self._turn:
@@ -409,14 +410,14 @@ class MoveLinearAction:
             self._finish(handle, line, result)
         except _Cancelled:
             result.message = "Cancelled before the arm moved."
-            handle.canceled()
+            self._end_cancelled(handle)
         except YumiError as error:
             result.message = str(error)
             self._log.warning(result.message)
             handle.abort()
         finally:
             with self._lock:
-                del self._open[goal]
+                del self._open[bytes(handle.goal_id.uuid)]
         result.pose = self._pose()
         return result
 
@@ -478,9 +479,12 @@ class MoveLinearAction:
         if result.success:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and line.is_cancelled:
-            handle.canceled()
+            self._end_cancelled(handle)
         else:
             handle.abort()
+
+    def _end_cancelled(self, handle: Any) -> None:
+        (handle.canceled if is_cancelled(handle, SystemClock()) else handle.abort)()
 
     def _pose(self) -> Any:
         """Of the tool, in the robot's base; empty where it is not known."""

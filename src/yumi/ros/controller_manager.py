@@ -29,7 +29,7 @@ from rclpy.executors import Executor
 
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
-from yumi.control.events import ControllerReport, ControlProcessEnded, Event, is_fault
+from yumi.control.events import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
 from yumi.control.loop import CommandPort
 from yumi.control.statistics import Statistics
 from yumi.driver.settings import ControllerSettings
@@ -393,7 +393,7 @@ class ArmManager:
         if isinstance(event, ControllerReport):
             self._nodes.on_event(event.controller, event.report)
             return
-        if isinstance(event, ControlProcessEnded):
+        if isinstance(event, ControlProcessEnded | ReportsDropped):
             self._nodes.on_event_of_all(event)
         if not is_fault(event):
             self._log.info(str(event))

@@ -19,7 +19,7 @@ from rclpy.executors import Executor
 
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State
 from yumi.control.controller_manager import Strictness
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import CommandPort, Commands
 from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
@@ -123,7 +123,7 @@ class ControllerNodes:
         node, interface = self._nodes.get(name, (None, None))
         if interface is not None:
             interface.on_event(event)
-        elif node is not None and not isinstance(event, ControlProcessEnded):
+        elif node is not None and not isinstance(event, ControlProcessEnded | ReportsDropped):
             node.get_logger().info(str(event))
 
     def on_event_of_all(self, event: object) -> None:

@@ -60,6 +60,21 @@ class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rc
         return is_done
 
 
+_CANCELLING = 1.0  # [s]
+
+
+def is_cancelled(handle: Any, clock: Clock) -> bool:
+    """Whether the client of an action's goal has cancelled it, for a goal whose cancel callback was called.
+
+    rclpy sets the flag, without which no goal can end as cancelled, only after that callback; what the callback has
+    stopped may have ended by then.
+    """
+    end = clock.now() + _CANCELLING
+    while not handle.is_cancel_requested and clock.now() < end:
+        clock.wait(0.001)
+    return bool(handle.is_cancel_requested)
+
+
 class Executors:
     """Some executors, with a thread each between start and stop; ``log_error`` gets what a callback failed with."""
 

@@ -1,8 +1,8 @@
 """The robot manager's services, actions and ``speed_scale`` in ROS, see :mod:`yumi.driver.robot_manager`.
 
 What only reads, and what brings the robot to a stop, is served beside what takes its time. The actions ``set_mode``
-and ``recover`` run one at a time, with one sentence of feedback for each step. A goal that cannot be met is not
-rejected, since a rejection has no text: it is aborted at once, with the reason.
+and ``recover`` run one at a time, but for the mode ``motors_off``, with one sentence of feedback for each step. A goal
+that cannot be met is not rejected, since a rejection has no text: it is aborted at once, with the reason.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ from yumi_interfaces.srv import (
 )
 
 from yumi.control.limiter import FULL
+from yumi.driver.readiness import Mode
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import LOWEST, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
@@ -207,8 +208,9 @@ class RobotManagerActions:
                     raise _Cancelled(f"Cancelled {when}.")
 
             result, is_alone = kind.Result(), self._busy.acquire(blocking=False)
+            is_stop = getattr(handle.request, "mode", "") == Mode.MOTORS_OFF.value  # which ends what is being done
             try:
-                if not is_alone:
+                if not is_alone and not is_stop:
                     raise CommandRefused(
                         "Another set_mode or recover is being carried out; wait for its result or cancel it."
                     )

@@ -35,7 +35,7 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
@@ -44,7 +44,7 @@ from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import TimerThread
+from yumi.ros.executors import TimerThread, is_cancelled
 from yumi.ros.messages import (
     LATCHED,
     SERVICES,
@@ -122,7 +122,7 @@ class TrajectoryQuery:
 
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-_CANCELLING = 1.0  # [s] the action server sets the cancel flag right after the cancel callback
+_ENDED = "The control process has ended; call recover, which starts another one."
 
 
 class Causes(Protocol):
@@ -143,6 +143,7 @@ class _OpenGoal:
         handle: the action's; None until it has one.
         ends: each arm's report of its end.
         is_over: set when it has ended.
+        reason: why, where no arm has reported it.
         feedback_due: when the next feedback is given [s].
     """
 
@@ -151,6 +152,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
+        self.reason = _ENDED
         self.feedback_due = 0.0
 
     @property
@@ -236,6 +238,8 @@ class TrajectoryAction:
         """An event of one arm's controller; from any thread."""
         if isinstance(event, ControlProcessEnded):
             self._end_open_goals()
+        elif isinstance(event, ReportsDropped):
+            self._end_open_goals(str(event))
         if not isinstance(event, TrajectoryEnded):
             return
         with self._lock:
@@ -254,10 +258,11 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self) -> None:
+    def _end_open_goals(self, reason: str = _ENDED) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
+                goal.reason = reason
                 goal.is_over.set()
 
     def _consider(self, request: Any) -> Any:
@@ -290,7 +295,7 @@ class TrajectoryAction:
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
         """
-        self._control.call(
+        activations = self._control.call(
             Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
         )  # refuses while inactive
         names = {name for side in self._sides for name in joint_names(side)}
@@ -311,7 +316,7 @@ class TrajectoryAction:
             with self._lock:
                 self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._command(commands)
+            self._command(commands, activations)  # to plan may take seconds: a stop meanwhile has dropped the goal
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
@@ -337,11 +342,16 @@ class TrajectoryAction:
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
         return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
-    def _command(self, messages: Mapping[Side, object]) -> None:
-        self._control.call(Commands.send_commands, *self._commands(messages))
+    def _command(self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None) -> None:
+        self._control.call(Commands.send_commands, *self._commands(messages, activations))
 
-    def _commands(self, messages: Mapping[Side, object]) -> tuple[ControllerCommand, ...]:
-        return tuple(ControllerCommand(side, self._name, message) for side, message in messages.items())
+    def _commands(
+        self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None
+    ) -> tuple[ControllerCommand, ...]:
+        known = activations or {}
+        return tuple(
+            ControllerCommand(side, self._name, message, known.get(side, 0)) for side, message in messages.items()
+        )
 
     def _cancel(self, handle: Any) -> Any:
         found = self._find(handle)
@@ -370,7 +380,7 @@ class TrajectoryAction:
         result = FollowJointTrajectory.Result()
         if not goal.ends:
             result.error_code = int(ResultCode.INVALID_GOAL)
-            result.error_string = "The control process has ended; call recover, which starts another one."
+            result.error_string = goal.reason
             handle.abort()
             return result
         end = goal.end
@@ -379,18 +389,11 @@ class TrajectoryAction:
             result.error_string += str(self._causes.wait_for_cause() if self._causes else "")
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
-        elif end.outcome is Outcome.CANCELED and self._is_cancelled(handle):
+        elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):
             handle.canceled()
         else:
             handle.abort()
         return result
-
-    def _is_cancelled(self, handle: Any) -> bool:
-        """The action server sets the flag only after the cancel callback; an arm at rest has ended by then."""
-        begin = self._clock.now()
-        while not handle.is_cancel_requested and self._clock.now() - begin < _CANCELLING:
-            self._clock.wait(0.001)
-        return bool(handle.is_cancel_requested)
 
     def _take(self, message: Any) -> None:
         """A trajectory without a result; the goal whose motion it replaces ends as preempted."""

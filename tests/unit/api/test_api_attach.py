@@ -334,6 +334,42 @@ def test_stop_waits_for_nothing_that_others_have_asked_for(driver: FakeDriver) -
         assert {each.result(WAIT) for each in starts} == {"EGM runs"}
 
 
+@pytest.mark.parametrize("value", [nan, inf])
+@pytest.mark.parametrize(
+    ("name", "ask"),
+    [
+        ("force", lambda attached, value: attached.close_gripper("right", value)),
+        ("width", lambda attached, value: attached.open_gripper("right", value)),
+        *(
+            (name, lambda attached, value, name=name: attached.move_to(right="home", **{name: value}))
+            for name in ("speed_scale", "acceleration", "timeout", "speed")
+        ),
+        ("speed_scale", lambda attached, value: setattr(attached, "speed_scale", value)),
+        ("seconds", lambda attached, value: attached.allow_collision("right gripper", "table", seconds=value)),
+    ],
+)
+def test_number_that_is_not_finite_is_not_taken_for_one_that_is_left_out(
+    driver: FakeDriver, name: str, ask: Callable[[RunningDriver, float], object], value: float
+) -> None:
+    with attach() as attached:
+        with pytest.raises(CommandRefused, match=f"Request refused: {name} is {value}; give a finite number"):
+            ask(attached, value)
+        assert attached.stop_egm() == "EGM has ended"
+    assert driver.robot.control.commands == []
+
+
+@pytest.mark.parametrize("limit", ["MAX_WORK", "MAX_PENDING"])
+def test_stop_is_not_refused_however_much_is_asked_for(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, limit: str
+) -> None:
+    with attach() as attached:
+        monkeypatch.setattr(endpoint_server, limit, 0)
+        with pytest.raises(CommandRefused, match="too many requests"):
+            attached.start_egm()
+        assert attached.stop_egm() == "EGM has ended"
+        assert attached.set_mode("motors_off") == "The motors are off"
+
+
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [

@@ -125,8 +125,11 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
         arm.servo_twist((0.0, 0.0, 0.1))
     with pytest.raises(CommandRefused, match="frame is 'moon'"):
         arm.servo_twist((0.0, 0.0, 0.1), frame="moon")
-    with pytest.raises(CommandRefused, match="not finite"):
-        arm.servo_twist((0.0, 0.0, nan))
+    for speed in (nan, 1.7e308):
+        with pytest.raises(CommandRefused, match="not finite, or beyond 100 m/s"):
+            arm.servo_twist((0.0, 0.0, speed))
+    with pytest.raises(CommandRefused, match="the arm angle is inf; give radians"):
+        arm.servo_pose(HERE, arm_angle=inf)
 
 
 def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from math import inf, nan
 from threading import Event
+from typing import Any
 
 import pytest
 
@@ -127,6 +128,20 @@ def test_executor_refuses_an_impossible_goal_and_asks_no_one(robot: FakeRobot, g
         with pytest.raises(CommandRefused, match=sentence):
             ask()
     assert robot.control.commands == robot.control.switches == []
+
+
+@pytest.mark.parametrize("name", ["speed_scale", "acceleration"])
+@pytest.mark.parametrize("value", [nan, 0.0, -0.5, 1.01, inf, "fast"])
+def test_goal_with_an_impossible_scale_leaves_a_stream_under_way(robot: FakeRobot, name: str, value: Any) -> None:
+    robot.control.on_command = robot.rest
+    robot.executor.stream(Side.RIGHT, RIGHT)
+    switches, commands = list(robot.control.switches), list(robot.control.commands)
+    scales: dict[str, Any] = {"speed_scale": None, "acceleration": None, name: value}
+    with pytest.raises(
+        CommandRefused, match=rf"Goal refused: {name} is .*; (allowed is|give a number) above 0 up to 1"
+    ):
+        robot.executor.move({Side.RIGHT: RIGHT}, **scales)
+    assert (robot.control.switches, robot.control.commands) == (switches, commands)
 
 
 def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> None:

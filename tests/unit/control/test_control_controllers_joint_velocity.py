@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from math import nan
 
 import pytest
 
@@ -100,3 +101,9 @@ def test_velocity_controller_forgets_speeds_from_before_its_activation(
 def test_velocity_controller_has_no_reference_when_it_is_not_active(controller: JointVelocityController) -> None:
     controller.deactivate()
     assert controller.reference is None
+
+
+def test_speed_that_is_no_number_stops_the_joint(controller: JointVelocityController, speeds: MemoryBuffer) -> None:
+    driven(controller, speeds, moved(ZERO, 4, 0.7), 0.5)
+    last = driven(controller, speeds, (0.7, nan, 0.0, 0.0, nan, 0.0, 0.0), 1.0)[-1]
+    assert last.velocity == pytest.approx((0.7, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -92,6 +93,18 @@ def test_loop_has_an_arm_hold_whatever_commands_it(arms: Arms) -> None:
     arms.call(Commands.hold, LEFT)
     assert [arms.state(side, "double") for side in (LEFT, RIGHT)] == [State.INACTIVE, State.ACTIVE]
     arms.call(Commands.hold, LEFT)
+
+
+def test_loop_refuses_what_was_planned_before_the_arm_was_stopped(arms: Arms) -> None:
+    command = ControllerCommand(LEFT, "double", "a trajectory")
+    planned_for = arms.call(Commands.check_commands, command)[LEFT]
+    late = replace(command, activation=planned_for)
+    arms.call(Commands.check_commands, late)
+    arms.call(Commands.hold, LEFT)
+    assert "the left arm was stopped" in arms.refusal(Commands.send_commands, late)
+    arms.loops[LEFT].manager.switch(["double"], [], RUNNING)
+    assert "the left arm was stopped" in arms.refusal(Commands.send_commands, late)
+    arms.call(Commands.check_commands, command)
 
 
 def test_loop_sets_and_lists_parameters(arms: Arms) -> None:

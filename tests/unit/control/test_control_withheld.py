@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import count
+from math import inf, nan
 
 import pytest
 
@@ -63,6 +64,22 @@ def test_tool_that_was_jogged_into_the_limit_stays_there_when_it_is_let_go(is_ca
         rig.manager.receive("jog", CancelTrajectory(), rig.line.state)
     rig.run(2.5)
     assert rests_where_it_is(rig)
+
+
+@pytest.mark.parametrize("speed", [nan, inf, 1.7e308])
+def test_tool_stands_after_velocities_that_cannot_be_calculated_with(speed: float) -> None:
+    """What is sent to it has passed no check here; it moved with its highest speed, wherever to."""
+    goals = MemoryBuffer[ToolGoal]()
+    controller = CartesianController(Side.RIGHT, goals, MemoryBuffer[TrajectoryFeedback]())
+    rig = VirtualArmRig({"jog": controller}, side=Side.RIGHT, position=home(Side.RIGHT))
+    rig.start()
+    rig.switch_to("jog")
+    rig.run(0.1)
+    for _ in range(100):
+        twist = (speed, speed, 0.0, 0.0, 0.0, 0.0, 0.0)
+        goals.write(twist_goal(rig.snapshot.session, twist, is_in_tool=True, time=rig.clock.now()))
+        rig.cycle()
+    assert rig.snapshot.position == pytest.approx(home(Side.RIGHT), abs=1e-3)
 
 
 @pytest.mark.parametrize("controller_type", [JointVelocityController, JointGroupVelocityController])

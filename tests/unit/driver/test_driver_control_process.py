@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 
 from yumi.control.events import ControlProcessEnded, CycleFailed, Event
+from yumi.control.loop import Commands
 from yumi.control.shared_state import Snapshot
 from yumi.driver import control_process
-from yumi.driver.control_process import STALE, ControlProcess
+from yumi.driver.control_process import HUNG, STALE, ControlProcess
+from yumi.errors import RobotNotReady
 from yumi.process.pipe import PipeClosed
 from yumi.robot.joints import Side
 
@@ -98,3 +100,30 @@ def test_process_that_stands_still_does_not_count_as_running(
     snapshot = control.snapshot(LEFT)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3
     assert snapshot.session == 3
+
+
+def test_command_that_is_not_answered_is_given_up_for_the_process_too(
+    control: ControlProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(control_process, "_ANSWER_TIMEOUT", 0.01)
+    for number in (1, 2):
+        with pytest.raises(RobotNotReady, match="did not answer"):
+            control.call(Commands.hold, LEFT)
+        assert control._given_up[0] == number
+
+
+@pytest.mark.parametrize("is_streaming", [False, True])
+def test_process_that_stands_still_while_a_robot_streams_is_found_out(
+    is_streaming: bool, control: ControlProcess
+) -> None:
+    """The heartbeats of the robot's watchdog depend on it."""
+    for side in Side:
+        control.buffers[side].snapshots.write(Snapshot(time.monotonic(), is_streaming=True, is_running=True))
+    control.check()
+    made = Snapshot(time.monotonic() - HUNG - 1.0, is_streaming=is_streaming, is_running=True)
+    control.buffers[LEFT].snapshots.write(made)
+    if is_streaming:
+        with pytest.raises(RobotNotReady, match="The control process has stood still for 3 s; restart the driver"):
+            control.check()
+    else:
+        control.check()

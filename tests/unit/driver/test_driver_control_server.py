@@ -12,6 +12,7 @@ import pytest
 from yumi.clock import ManualClock
 from yumi.control.allowed_collisions import AllowedCollisions
 from yumi.control.events import ControllerFailed, CycleFailed, ReportsDropped
+from yumi.control.shared_state import shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     Answer,
@@ -133,7 +134,9 @@ def arms(clock: ManualClock, parent: Parent) -> dict[Side, Arm]:
     return {side: Arm(clock, parent, is_broken=side is Side.LEFT) for side in Side}
 
 
-def run(arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: Any = None) -> dict[Side, int]:
+def run(
+    arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: Any = None, given_up: Any = None
+) -> dict[Side, int]:
     """Until the parent stops it, with a datagram for each arm; returns how many cycles were reported as done."""
     sockets = {side: Source() for side in arms}
     done = dict.fromkeys(arms, 0)
@@ -145,7 +148,7 @@ def run(arms: dict[Side, Arm], parent: Parent, clock: ManualClock, processors: A
         socket.make_readable()
     connected: Any = {side: ConnectedArm(arm, sockets[side]) for side, arm in arms.items()}  # type: ignore[arg-type]
     events: Any = {side: SimpleNamespace(release=lambda side=side: release(side)) for side in arms}
-    ControlServer(parent, connected, events, clock, processors).run()  # type: ignore[arg-type]
+    ControlServer(parent, connected, events, clock, processors, given_up).run()  # type: ignore[arg-type]
     for socket in sockets.values():
         socket.close()
     return done
@@ -217,6 +220,45 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     assert answers[5] == Refusal("There is no command 'nothing'.")
 
 
+@pytest.mark.timeout(10)
+def test_process_ends_when_its_arms_stand_where_commands_cannot_be_read_any_more(
+    parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of a command was read: it would have been carried out whenever there is memory for the rest."""
+
+    def fail() -> bool:
+        raise MemoryError("no memory")
+
+    monkeypatch.setattr(parent, "read", fail)
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    run(arms, parent, clock)
+    assert [arm.deactivated for arm in arms.values()] == [1, 1]
+    assert {each.side for each in parent.received if isinstance(each, CycleFailed)} == set(Side)
+
+
+def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
+    parent: Parent, clock: ManualClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served: list[Side] = []
+    monkeypatch.setitem(control_process.COMMANDS, "list_controllers", lambda _, side: served.append(side))  # type: ignore[arg-type]
+    parent.messages = [Call(number, "list_controllers", (side,), {}) for number, side in enumerate(Side, 4)]
+    parent.messages.append(Stop())
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    given_up = shared_numbers(1)
+    given_up[0] = 4
+    run(arms, parent, clock, given_up=given_up)
+    answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
+    assert answers == {
+        4: Refusal("The command list_controllers came too late and is dropped; the arms hold."),
+        5: None,
+    }
+    assert served == [tuple(Side)[1]]
+    failures = [each for each in parent.received if isinstance(each, CycleFailed)]
+    assert [each.side for each in failures] == list(arms)
+    assert "stood still for 5 s" in str(failures[0])
+    assert min(arm.deactivated for arm in arms.values()) >= 2  # at the end, too
+
+
 def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
     parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
     run(arms, parent, clock)
@@ -256,7 +298,8 @@ def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_
     assert 256 <= len(events) < 29 * 100
     dropped = [each for each in talkative.heard if isinstance(each, ReportsDropped)]
     assert dropped == [ReportsDropped(side, 29 * 100 - len(events)) for side in (Side.RIGHT, Side.LEFT)]
-    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile" in str(dropped[0])
+    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile, and hold" in str(dropped[0])
+    assert [talkative.deactivated, silent.deactivated] == [2, 2]  # then, and at the end
 
 
 def test_processors_are_kept_awake_only_while_a_robot_streams(
@@ -271,6 +314,22 @@ def test_processors_are_kept_awake_only_while_a_robot_streams(
     arms[Side.RIGHT].state = None
     run(arms, parent, clock, processors)
     assert set(processors.calls) == {"release"}
+
+
+class ForbiddenProcessors(Processors):
+    """What was permitted when the process started is so no more."""
+
+    def hold(self) -> None:
+        raise PermissionError("Operation not permitted")
+
+    release = hold
+
+
+def test_arms_are_served_although_processors_may_not_be_kept_awake_any_more(parent: Parent, clock: ManualClock) -> None:
+    arms = {side: Arm(clock, parent, is_broken=False) for side in Side}
+    arms[Side.RIGHT].state = object()  # type: ignore[assignment]
+    done = run(arms, parent, clock, ForbiddenProcessors())
+    assert min(done.values()) >= 1
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from threading import Thread
 
 import pytest
@@ -11,7 +12,7 @@ from yumi.clock import ManualClock
 from yumi.driver.gripper import Gripper, GripperSetup
 from yumi.driver.gripper_io import GripperRoutines, GripperSignals
 from yumi.driver.state_machine import SgCommand
-from yumi.errors import ControllerRefused, RobotNotReady
+from yumi.errors import ControllerRefused, GoalNotReached, RobotNotReady
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
 from yumi.robot.joints import Side
 from yumi.rws.replies import Signal
@@ -125,6 +126,27 @@ def test_other_gripper_waits_until_the_task_has_taken_the_command(robot: Robot) 
     routines.run(Side.RIGHT, SgCommand.MOVE_TO, 10.0, target=0.01)
     other.join()
     assert robot.log.index("T_ROB_R takes it") < robot.log.index("T_ROB_L target_position_input=20")
+
+
+@pytest.mark.parametrize("goal", [go_to(0.01), CLOSE])
+@pytest.mark.parametrize("is_persons", [False, True])
+def test_goal_that_waits_for_the_other_gripper_moves_no_fingers_after_a_stop(
+    robot: Robot, clock: ManualClock, goal: GripperGoal, is_persons: bool
+) -> None:
+    """A stop of the robot, or of the gripper, that comes while the other one is calibrated."""
+    gripper, checks = gripper_of(robot, Side.LEFT, clock), count()
+    robot.show(Side.LEFT, ServoState.READY)
+
+    def check() -> None:
+        if not next(checks):
+            return
+        if not is_persons:
+            raise RobotNotReady("The robot was stopped.")
+        gripper.stop()
+
+    with pytest.raises(GoalNotReached if is_persons else RobotNotReady, match="stopped"):
+        gripper.begin(goal, check)
+    assert "RUN_SG_ROUTINE" not in robot.log
 
 
 def test_command_that_is_not_taken_fails_after_its_time(robot: Robot, clock: ManualClock) -> None:

@@ -22,6 +22,7 @@ from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tracking import TargetPredictor, TrackingFilter
 from yumi.control.trajectory import ResultCode
+from yumi.errors import CommandRefused
 from yumi.robot.differential_kinematics import (
     Solver,
     missing,
@@ -96,6 +97,19 @@ def twist_goal(
 ) -> ToolGoal:
     """A velocity of the tool and of the arm angle, (7,), for :class:`ToolGoal`."""
     return ToolGoal(session, time, True, is_in_tool, nan, TOOL0, twist, TOOL0 if tool is None else numbers_of(tool))
+
+
+HIGHEST = 100.0
+"""A velocity beyond this was hardly meant in metres or radians a second; so large ones cannot be calculated with."""
+
+
+def check_twist(twist: Sequence[float]) -> None:
+    """Refuse a velocity that is none; raises CommandRefused."""
+    for value in twist:
+        if not abs(value) <= HIGHEST:  # NaN too
+            raise CommandRefused(
+                f"Velocity refused: {value:g} is not finite, or beyond {HIGHEST:g} m/s or rad/s; the tool reaches 1.5."
+            )
 
 
 _PARAMETERS = (

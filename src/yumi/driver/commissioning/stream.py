@@ -11,6 +11,7 @@ from yumi.clock import Clock, wait_until
 from yumi.driver.commissioning.modules import foreign_mains
 from yumi.driver.panel import ControllerPanel
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
+from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady, YumiError
@@ -107,8 +108,9 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
     ``on_progress`` gets before. The arms do not move.
 
     Raises:
-        RobotNotReady: a task has another program than the state machine, and nothing was switched; or the mode, a stop
-            or the program prevents it; or a task that was switched off could not be switched on again.
+        RobotNotReady: a task has another program than the state machine, or a stop waits for a person's confirmation,
+            and nothing was switched; or the mode or the program prevents it; or a task that was switched off could not
+            be switched on again.
     """
     for side in Side:
         _refuse_other_program(client, side)
@@ -121,6 +123,7 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
     with ExitStack() as undo:
         were_on, was_running = panel.are_motors_on, panel.is_running
         if not was_running:
+            _refuse_open_stop(client, clock)
             if not were_on:
                 on_progress("motors on")
                 undo.callback(quietly, panel.switch_motors_off)
@@ -184,6 +187,17 @@ def _refuse_other_program(client: RwsClient, side: Side) -> None:
     for name, _ in foreign_mains(client, side):
         raise RobotNotReady(
             f"{side.task} has another program: its module {name} has a main, so nothing is started; save and remove it."
+        )
+
+
+def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
+    """Start nothing after a stop that a person must confirm; a driver that comes later would not see it any more."""
+    stops = StopLog(clock)
+    stops.read(client)
+    if stops.stop is not None:
+        raise RobotNotReady(
+            f"The robot was stopped by {stops.stop.cause}. Nothing is started before a person has looked at it and "
+            "confirmed that stop: start the driver (yumi up), then yumi recover."
         )
 
 
