@@ -80,7 +80,7 @@ class MeasurementInstructions:
     def _torque(self, call: Call, index: int, unit: ArmUnit) -> float:
         arm = unit.arm
         if not arm.kinematics.is_of_yumi:
-            return 0.0
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         if unit.side not in self._dynamics:
             self._dynamics[unit.side] = unit.dynamics
         return self._dynamics[unit.side].torque(arm.position, arm.velocity)[index]

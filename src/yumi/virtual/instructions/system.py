@@ -69,12 +69,11 @@ class SystemInstructions:
     def motor_torque(self, call: Call) -> float:
         """GetMotorTorque: of an axis, in ABB's numbering [N m]: what holds the arm where it is.
 
-        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint. It is 0
-        for a robot whose masses are not known.
+        RAPID reference manual: of the motor; gear ratios are not published, so that it is that of the joint.
         """
         unit = unit_of(call["MecUnit"].name, self._unit, self._robots) if call.present("MecUnit") else self._unit
         if not unit.arm.kinematics.is_of_yumi:
-            return 0.0
+            raise RapidRuntimeError("ERR_AXIS_PAR", f"{call.name}: the torques of this robot are not known.")
         axis = int(call["AxisNo"])
         if call["AxisNo"] != axis or not 1 <= axis <= JOINT_COUNT:
             raise RapidRuntimeError("ERR_AXIS_PAR", f"GetMotorTorque: the arm has the axes 1 to {JOINT_COUNT}.")
