@@ -38,6 +38,7 @@ from yumi.rapid.types import (
     BOOL,
     DNUM,
     NUM,
+    SENSED,
     STRING,
     SWITCH,
     UNSET,
@@ -191,6 +192,9 @@ class Expressions:
             return Compiled(lambda frame: value, BOOL)
         if isinstance(value, str):
             return Compiled(lambda frame: value, STRING)
+        if wanted is not None and isinstance(resolved(wanted), OpenType) and not _fits_num(value):
+            # The manual's ValToStr(1.234567890123456789) has 15 digits.
+            return Compiled(lambda frame: value, DNUM)
         return Compiled(lambda frame: value, NUM, is_literal=True)
 
     def compile_name(self, node: s.Name, wanted: Type | None) -> Compiled:
@@ -411,6 +415,14 @@ class Expressions:
         return _level(compiled.evaluate, NUM)
 
 
+def _fits_num(value: float) -> bool:
+    """Whether single precision has this very value."""
+    try:
+        return single(value) == value
+    except RapidRuntimeError:  # too large
+        return False
+
+
 def _rounded(literal: Compiled, node: s.Expression) -> Compiled:
     """A literal in the single precision of a num."""
     evaluate = literal.evaluate
@@ -546,11 +558,13 @@ class Calls:
     def _by_reference(self, parameter: FormalParameter, value: s.Expression, node: s.Node) -> GetReference:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
-        if isinstance(resolved(parameter.type), (SignalType, ObjectType)):
+        wanted = resolved(parameter.type)
+        is_signal = wanted is SENSED and isinstance(resolved(self.expressions.any(value).type), SignalType)
+        if is_signal or isinstance(wanted, (SignalType, ObjectType)):
             # A signal or an object such as a mechanical unit; predefined ones count as variables.
             compiled = self.expressions.value(value, parameter.type)
             if isinstance(value, s.Name) and isinstance(self.scope.find(value.name, value), Signal):
-                name, type_, evaluate = parameter.name, compiled.type, compiled.evaluate
+                name, type_, evaluate = value.name, compiled.type, compiled.evaluate
                 return lambda frame: Variable(name, type_, evaluate(frame))
             return self.expressions.reference(value)[0]
         get_reference, type_ = self.expressions.writable(value, WRITABLE[parameter.mode])

@@ -28,6 +28,7 @@ import inspect
 import math
 from collections import ChainMap
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache
@@ -44,6 +45,7 @@ from yumi.rapid.types import (
     BOOL,
     DNUM,
     NUM,
+    SENSED,
     STRING,
     SWITCH,
     AliasType,
@@ -101,6 +103,13 @@ class Call:
         return self._arguments[name.lower()]
 
 
+SHOWN = (
+    r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
+    r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber"
+)
+"""What the instructions that wait take to show the operator what they wait for."""
+
+
 @dataclass(frozen=True, slots=True)
 class Deadline:
     r"""The end of a wait with \MaxTime and \TimeFlag.
@@ -130,6 +139,20 @@ class Deadline:
         r"""What was waited for has come: clears \TimeFlag."""
         if self.call.present("TimeFlag"):
             self.call["TimeFlag"] = False
+
+    @contextmanager
+    def shown(self, what: str) -> Iterator[None]:
+        r"""Meanwhile \Visualize shows the operator what is waited for, `what` without \Message."""
+        if not self.call.present("Visualize"):
+            yield
+            return
+        messages, task = self.call.task.host.devices.pendant.messages, self.call.task.name
+        lines = self.call.get("MsgArray") or (self.call.get("Message", f"Waiting for {what}"),)
+        messages[task] = (self.call.get("Header", self.call.name), *lines)
+        try:
+            yield
+        finally:
+            messages.pop(task, None)
 
     @property
     def due(self) -> float | None:
@@ -345,7 +368,7 @@ class Library:
 def core_library() -> Library:
     """The atomic types, signals and error numbers: what RAPID's own instructions are written in."""
     core = Library()
-    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_SIGNAL):
+    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_SIGNAL, SENSED):
         core.add_type(type_)
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
         core.add_type(SignalType(kind))

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from yumi.rapid.compiler import compile_routine, link_module
@@ -427,8 +428,7 @@ class Machine:
         Raises:
             RapidRuntimeError: the stack is too deep for them; none is executed.
         """
-        first = (n for n, each in enumerate(self.frames) if each.event is not None and not each.event.is_of_start)
-        depth = next(first, len(self.frames)) if event.is_of_start else len(self.frames)
+        depth = self._depth_of_program() if event.is_of_start else len(self.frames)
         above = self.frames[depth:]
         del self.frames[depth:]
         try:
@@ -437,6 +437,24 @@ class Machine:
         except RapidRuntimeError:
             del self.frames[depth:]
             raise
+        finally:
+            self.frames += above
+            self._find_event()
+
+    def _depth_of_program(self) -> int:
+        """How many frames are beneath those of event routines that do not belong to a start."""
+        alone = (n for n, each in enumerate(self.frames) if each.event is not None and not each.event.is_of_start)
+        return next(alone, len(self.frames))
+
+    @contextmanager
+    def beneath_events(self) -> Iterator[None]:
+        """What is done to the program meanwhile leaves those event routines as they are; they go on then."""
+        depth = self._depth_of_program()
+        above = self.frames[depth:]
+        del self.frames[depth:]
+        self._find_event()
+        try:
+            yield
         finally:
             self.frames += above
             self._find_event()

@@ -621,7 +621,7 @@ def parse_module(text: str, filename: str) -> Module:
     if len(text) > LONGEST_MODULE:
         sentence = f"a module has up to {LONGEST_MODULE} characters, this one has {len(text)}: divide it."
         raise RapidSyntaxError(sentence, filename=filename, line=1, column=1)
-    module: Module = _remembered(text, "module", filename)
+    module: Module = _remembered(text.removesuffix("\x1a"), "module", filename)  # which DOS wrote at the end
     return module.read_from(filename, text)
 
 

@@ -397,7 +397,7 @@ class Task:
     def move_pp_to_main(self) -> None:
         """Put the program pointer on `main` and give all VARs their first value; PERS keep theirs.
 
-        Procedures that are left execute their UNDO clauses.
+        Procedures that are left execute their UNDO clauses; event routines that do not belong to a start go on.
 
         Raises:
             RobotNotReady: the task is started.
@@ -444,15 +444,19 @@ class Task:
         self._main()
 
     def _begin(self, routine: UserRoutine) -> None:
-        self._machine.undo_all(STEPS_OF_UNDO)
-        self._machine.interrupts.clear()
-        self._failures.clear()
-        self._booked.clear()
-        self.cyclic_bools.clear()
-        self.spy = None
-        initialise_variables(self.program)
-        self._machine.enter(routine, (), None)
-        self._execution = Execution.READY
+        time = self.now
+        with self._machine.beneath_events():
+            self._machine.undo_all(STEPS_OF_UNDO)
+            self._machine.interrupts.clear()
+            self._failures.clear()
+            self._booked.clear()
+            self.cyclic_bools.clear()
+            self.spy = None
+            initialise_variables(self.program)
+            self._machine.enter(routine, (), None)
+            self._execution = Execution.READY
+        if self.is_event_alone:
+            self.now = time  # theirs
 
     def lose_pp(self) -> None:
         """Take the program pointer away, as a change of the program under way does."""

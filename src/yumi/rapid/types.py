@@ -168,7 +168,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class OpenType:
-    """A parameter type that takes several types: ABB's `anytype#`, and here `anynum` for num and dnum."""
+    """A parameter type that takes several types: ABB's `anytype#`, and here `anynum` for num and dnum, `SENSED`."""
 
     name: str
 
@@ -188,6 +188,8 @@ STRING = AtomicType("string", "", _string)
 SWITCH = AtomicType("switch", True, bool)
 ANY_TYPE = OpenType("anytype")
 ANY_NUM = OpenType("anynum")
+SENSED = OpenType("signaldi_or_bool")
+"""What a search watches: a digital input, or a persistent bool."""
 ANY_SIGNAL = SignalType("signal")
 
 
@@ -225,6 +227,8 @@ def is_numeric(type_: Type) -> bool:
 def is_assignable(wanted: Type, given: Type) -> bool:
     """Whether a value of `given` may stand where `wanted` is declared, without any conversion."""
     wanted, given = resolved(wanted), resolved(given)
+    if wanted is SENSED:
+        return given is BOOL or is_assignable(SignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
         return wanted is ANY_TYPE or is_numeric(given)
     if isinstance(wanted, SignalType) and isinstance(given, SignalType):

@@ -143,3 +143,7 @@ def test_wrong_text_is_refused_with_place_and_remedy(text: str, sentence: str) -
 
 def test_unfinished_module_is_refused_at_its_end() -> None:
     assert refusal("MODULE M\nPROC p()\n").startswith("m.mod:2:9: found the end of the text where a statement,")
+
+
+def test_end_of_file_that_dos_wrote_is_skipped() -> None:
+    assert parse_module("MODULE M\r\nENDMODULE\r\n\x1a", "M.mod").name == "M"

@@ -61,6 +61,16 @@ def test_wait_until_clears_the_time_flag_when_the_condition_comes() -> None:
     assert bench.lines == ["FALSE"]
 
 
+def test_operator_sees_what_a_visualized_condition_waits_for() -> None:
+    body = 'WaitUntil ready \\MaxTime:=1 \\TimeFlag:=late \\Visualize \\Header:="Door" \\Message:="Close it";'
+    bench = started(f"{body} TPWrite ValToStr(late);", "PERS bool ready:=FALSE; VAR bool late;")
+    bench.run(0.05)
+    assert bench.host.devices.pendant.messages == {bench.task.name: ("Door", "Close it")}
+    bench.task.write("M", "ready", "TRUE")
+    bench.run(0.05)
+    assert (bench.host.devices.pendant.messages, bench.lines) == ({}, ["FALSE"])
+
+
 def test_trap_runs_while_a_condition_is_awaited() -> None:
     declarations = "VAR intnum i; VAR bool done; TRAP t done := TRUE; ENDTRAP\n"
     bench = started('CONNECT i WITH t; ISignalDI di1, HIGH, i; WaitUntil done; TPWrite "over";', declarations)

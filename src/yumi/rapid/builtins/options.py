@@ -69,13 +69,45 @@ for _name, _signature, _returns in (
 ):
     OPTIONS.refused(_name, _signature, "ERR_NO_SGUN", _NO_GUN, _returns)
 
-# Cameras.
-OPTIONS.refused(
-    "AliasCamera",
-    "string CameraName, string CameraAlias",
-    "ERR_NAME_INVALID",
-    "no camera is connected to this controller.",
+# Cameras: they answer as one that is not connected does.
+OPTIONS.object_type("cameradev", object)
+OPTIONS.record(
+    "cameratarget",
+    {
+        "name": "string",
+        "cframe": "pose",
+        **{f"val{number}": "num" for number in range(1, 6)},
+        "string1": "string",
+        "string2": "string",
+        "type": "num",
+        "cameraname": "string",
+        "sceneid": "num",
+    },
 )
+_NO_CAMERA = "ERR_CAM_COM_TIMEOUT", "no camera is connected to this controller."
+OPTIONS.refused("AliasCamera", "string CameraName, string CameraAlias", "ERR_NAME_INVALID", _NO_CAMERA[1])
+for _name, _signature in (
+    ("CamFlush", ""),
+    ("CamGetParameter", r", string ParName, \VAR num NumVar | \VAR bool BoolVar | \VAR string StrVar"),
+    ("CamGetResult", r", INOUT cameratarget CamTarget, \num SceneId, \num MaxTime"),
+    ("CamLoadJob", r", string JobName, \switch KeepTargets, \num MaxTime"),
+    ("CamReqImage", r", \num SceneId, \switch KeepTargets, \switch AwaitComplete"),
+    ("CamSetExposure", r", \num ExposureTime, \num Brightness, \num Contrast"),
+    ("CamSetParameter", r", string ParName, \num NumVal | \bool BoolVal | \string StrVal"),
+    ("CamSetProgramMode", ""),
+    ("CamSetRunMode", ""),
+    ("CamStartLoadJob", r", string Name, \switch KeepTargets"),
+    ("CamWaitLoadJob", ""),
+):
+    OPTIONS.refused(_name, f"VAR cameradev Camera{_signature}", *_NO_CAMERA)
+for _name, _signature, _returns in (
+    ("CamGetExposure", r", \switch ExposureTime | \switch Brightness | \switch Contrast", "num"),
+    ("CamGetLoadedJob", "", "string"),
+    ("CamGetMode", "", "num"),
+    ("CamGetName", "", "string"),
+    ("CamNumberOfResults", r", \num SceneId", "num"),
+):
+    OPTIONS.refused(_name, f"VAR cameradev Camera{_signature}", *_NO_CAMERA, _returns)
 
 # Axes and movements of robots this one is not.
 _MOVED = r"anytype MecUnit, num Axis, num Position, num Speed, \num Ramp"

@@ -153,7 +153,7 @@ def _order(call: Call) -> str:
 
 
 def _letter(call: Call, type_: Type) -> str:
-    r"""The number's form: one of \IntX, \Float4 and \Float8 must be given; 8 bytes need a dnum."""
+    r"""The number's form: one of \IntX, \Float4 and \Float8 must be given."""
     if call.present("Float4"):
         return "f"
     if call.present("Float8"):
@@ -162,7 +162,7 @@ def _letter(call: Call, type_: Type) -> str:
         sentence = rf"{call.name} needs one of \Hex1, \IntX, \Float4, \Float8 and \ASCII."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     letter = INTEGERS.get(int(call["IntX"]))
-    if letter is None or (letter in "qQ" and resolved(type_) != DNUM):
+    if letter is None:
         raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: a {type_.name} is not an IntX of {call['IntX']:g}.")
     return letter
 

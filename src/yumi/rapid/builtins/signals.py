@@ -9,7 +9,7 @@ from collections.abc import Callable
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.devices import IoDevices
 from yumi.rapid.errors import RapidRuntimeError
-from yumi.rapid.library import Call, Deadline, Library, Wait
+from yumi.rapid.library import SHOWN, Call, Deadline, Library, Wait
 from yumi.rapid.types import Signal
 
 SIGNALS = Library(CONSTANTS)
@@ -114,10 +114,6 @@ def wait_in_position(call: Call) -> Wait:
         yield None
 
 
-_SHOWN = (
-    r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
-    r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber, \VAR bool TimeFlag"
-)
 _RELATIONS: tuple[tuple[str, Callable[[float, float], bool]], ...] = (
     ("LT", operator.lt),
     ("GT", operator.gt),
@@ -129,11 +125,7 @@ def _wait_for_level(call: Call) -> Wait:
     r"""Until the signal has the value, or the relation to it; \ValueAtTimeout gets what it has when time is up."""
     deadline, value = Deadline.of(call), call["Value"]
     relation = next((holds for name, holds in _RELATIONS if call.get(name)), operator.eq)
-    messages, name = call.task.host.devices.pendant.messages, call.task.name
-    if call.get("Visualize"):
-        lines = call.get("MsgArray") or (call.get("Message", f"Waiting for {call['Signal'].name}"),)
-        messages[name] = (call.get("Header", call.name), *lines)
-    try:
+    with deadline.shown(call["Signal"].name):
         while not relation(_level(call), value):
             if call.task.now >= deadline.time and call.get("ValueAtTimeout") is not None:
                 call["ValueAtTimeout"] = _level(call)
@@ -141,9 +133,6 @@ def _wait_for_level(call: Call) -> Wait:
                 return
             yield deadline.due
         deadline.met()
-    finally:
-        if call.get("Visualize"):
-            messages.pop(name, None)
 
 
 for _name, _type, _value, _relation in (
@@ -155,9 +144,8 @@ for _name, _type, _value, _relation in (
     ("WaitAO", "signalao", "num Value", r"\switch LT | \switch GT, "),
 ):
     _out = r", \VAR num ValueAtTimeout" if _relation else ""
-    SIGNALS.instruction(_name, rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, {_SHOWN}")(
-        _wait_for_level
-    )
+    _signature = rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, \VAR bool TimeFlag, {SHOWN}"
+    SIGNALS.instruction(_name, _signature)(_wait_for_level)
 
 # Devices, networks and other names for signals ----------------------------------------------------------------------
 
@@ -288,5 +276,5 @@ def origin(call: Call) -> float:
     call["SignalName"] = reference.value.name
     if not reference.value.name:
         return float(_STATES["signalorigin"]["SIGORIG_NONE"])
-    is_alias = reference.name != "Signal"  # the parameter's name stands for a signal that is passed itself
+    is_alias = reference.name.lower() != reference.value.name.lower()
     return float(_STATES["signalorigin"]["SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG"])

@@ -24,7 +24,7 @@ from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, TaskSettings, event_routines, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.controller.units import ArmUnit, Identity, MechanicalUnit, SyncPoints
+from yumi.virtual.controller.units import ArmUnit, Contact, Identity, MechanicalUnit, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration
 from yumi.virtual.instructions.corrections import add_corrections
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
@@ -406,6 +406,9 @@ class Irc5:
             side: which arm.
             met: what it has met, as it is shown.
         """
+        if self._arms[side].contact is not None:
+            self._arms[side].contact = Contact.MADE
+            return
         self.collision_state = CollisionState.TRIGGERED
         unit = self._arms[side].mechanical_unit
         name = self._arms[side].arm.kinematics.name

@@ -413,11 +413,13 @@ class Signals:
             Refused: UNKNOWN or OUT_OF_RANGE.
         """
         signal = self.get(name)
+        if value == signal.value and not signal.is_simulated:  # in most cycles
+            return
         if signal.type.is_digital and value not in (0, 1):
             raise Refused(Refusal.OUT_OF_RANGE, f"signal {signal.name} is digital: 0 or 1, not {value:g}.")
         if signal.is_simulated:  # the device's value waits until the simulation ends
             self._signals[signal.name.lower()] = replace(signal, physical=value)
-        elif value != signal.value:
+        else:
             self._signals[signal.name.lower()] = replace(signal, value=value)
             self._on_change(signal.name, signal.value, value)
             for cross in self._crosses.get(signal.name.lower(), ()):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from enum import Enum, auto
 from typing import Any
 
 from yumi.errors import RapidError
@@ -202,6 +203,13 @@ class MotionSettings:
     speed_limit: SpeedLimit = NO_LIMIT
 
 
+class Contact(Enum):
+    """What ContactL waits for."""
+
+    SOUGHT = auto()
+    MADE = auto()
+
+
 @dataclass(slots=True)
 class ArmUnit:
     """What the instructions of one task act on.
@@ -225,6 +233,7 @@ class ArmUnit:
         observer_fault: why an observer was removed, which stops RAPID; empty when none was.
         beginnings: called when the program begins at main, by what they are for.
         limits_speed: whether the system input LimitSpeed is set.
+        contact: of ContactL, while it moves the arm; None otherwise.
         task: name of the task that moves it.
         is_started: whether that task is started.
     """
@@ -248,6 +257,7 @@ class ArmUnit:
     observer_fault: str = ""
     beginnings: dict[str, Callable[[], None]] = field(default_factory=dict)
     limits_speed: bool = False
+    contact: Contact | None = None
     task: str = ""
     is_started: Callable[[], bool] = lambda: True
 

@@ -250,3 +250,10 @@ def add_calibration(library: Library, motion: MotionInstructions) -> None:
         r"paridnum ParIdType, loadidnum LoadIdType, INOUT tooldata Tool, \INOUT loaddata PayLoad, "
         r"\INOUT wobjdata WObj, \num ConfAngle, \switch SlowTest, \INOUT num Accuracy",
     )(own.identify)
+    library.refused(
+        "ManLoadIdProc",
+        r"\paridnum ParIdType, \mecunit MechUnit | \string MechUnitName, \num AxisNumber, \INOUT loaddata PayLoad, "
+        r"\num ConfigAngle, \switch DeactAll | \switch AlreadyActive, \PERS bool DefinedFlag, \switch DoExit",
+        "ERR_LOADID_FATAL",
+        "no positioner is connected whose load could be identified.",
+    )

@@ -528,7 +528,18 @@ def forbid_motion(library: Library) -> None:
     records = ("PathRecStart", "PathRecStop", "PathRecMoveBwd", "PathRecMoveFwd")
     corrections = ("CorrCon", "CorrDiscon", "CorrClear", "CorrWrite", "CorrRead")
     settings = ("SpeedLimAxis", "SpeedLimCheckPoint", "TuneServo", "TuneReset")
-    others = ("MoveAbsJ", "MoveExtJ", "WaitRob", "StepBwdPath", "LoadId", *triggers, *records, *corrections, *settings)
+    others = (
+        "MoveAbsJ",
+        "MoveExtJ",
+        "WaitRob",
+        "StepBwdPath",
+        "LoadId",
+        "ContactL",
+        *triggers,
+        *records,
+        *corrections,
+        *settings,
+    )
     library.replace_implementations((*moves, *others), refuse)
 
 

@@ -14,12 +14,14 @@ import numpy as np
 
 from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.types import ArrayType, resolved
+from yumi.rapid.types import ArrayType, SignalType, resolved
+from yumi.virtual.controller.units import Contact
 from yumi.virtual.instructions.motion import FATAL, FRAMES, Build, MotionInstructions
 from yumi.virtual.mechanics.path import Passage, Trigger
 
 _MOST_TRIGGERS = 8
 _ZERO_CYCLES = 100  # 0.4 s after a stop process signals are set to zero
+_PASSED = object()
 _INSTANT = 1e-4  # [s] over which the tool's speed is measured
 _RELATIONS: dict[float, Callable[[float, float], bool]] = {
     1.0: lambda a, b: a < b,
@@ -97,12 +99,14 @@ class TriggerInstructions:
         value, delay = call["SetValue"], call.get("DODelay", 0.0)
         if call.present("DOp"):
             value = 1.0 if value else 0.0
+        inhibits = _inhibits(call)
 
         def act(move: Call) -> None:
+            wanted = 0.0 if inhibits() else value
             if delay > 0.0:
-                move.task.later(delay, lambda: move.task.write_signal(name, value))
+                move.task.later(delay, lambda: move.task.write_signal(name, wanted))
             else:
-                move.task.write_signal(name, value)
+                move.task.write_signal(name, wanted)
 
         self._define(call, Event(act))
 
@@ -176,7 +180,7 @@ class TriggerInstructions:
 
     def define_speed(self, call: Call) -> None:
         """TriggSpeed: an analog output follows the tool's speed from a place on, times a factor."""
-        name, scale = call["AOp"].name, call["ScaleValue"]
+        name, scale, inhibits = call["AOp"].name, call["ScaleValue"], _inhibits(call)
 
         def act(move: Call) -> None:
             path, frames = self._motion.arm.path, self._motion.read_frames(move)
@@ -186,7 +190,7 @@ class TriggerInstructions:
                 joints[1] += np.array(path.state.velocity) * _INSTANT
                 points, _ = frames.tip(*self._motion.arm.kinematics.forward(joints))
                 speed = float(np.linalg.norm(points[1] - points[0])) / _INSTANT  # [m/s]
-                move.task.write_signal(name, speed * scale)
+                move.task.write_signal(name, 0.0 if inhibits() else speed * scale)
                 if not path.is_finished:
                     move.task.later(0.012, follow)
 
@@ -345,6 +349,34 @@ class TriggerInstructions:
 
         return move
 
+    def seek_contact(self, call: Call) -> Wait:
+        r"""ContactL: a line on which contact is sought where \DesiredTorque is given; the arm stays where it touches.
+
+        No forces are modelled: any contact is strong enough. Without \DesiredTorque it only raises the level at which
+        motion supervision stops the program, so that it is a MoveL. The error ERR_CONTACTL for a line without contact
+        follows from its name.
+        """
+        motion, unit = self._motion, self._motion.unit
+        passages: list[Passage] = []
+        moving = motion.passed(call, motion.line_build(call), passages.append)
+        if not call.present("DesiredTorque"):
+            yield from moving
+            return
+        unit.contact = Contact.SOUGHT
+        try:
+            while unit.contact is Contact.SOUGHT:
+                if next(moving, _PASSED) is _PASSED and motion.is_there(passages[0]):  # also with a zone
+                    sentence = f"ContactL: the {unit.arm.kinematics.name} has touched nothing on the way."
+                    raise RapidRuntimeError("ERR_CONTACTL", sentence)
+                yield None
+            moving.close()
+            unit.arm.path.restart_at(unit.arm.planned)
+        except GeneratorExit:
+            moving.close()
+            raise
+        finally:
+            unit.contact = None
+
     # Searches -----------------------------------------------------------------------------------------------------
 
     def search_line(self, call: Call) -> Wait:
@@ -360,28 +392,32 @@ class TriggerInstructions:
         yield from self._searched(call, self._motion.external_build)
 
     def _searched(self, call: Call, build: Callable[[Call], Build]) -> Wait:
-        """Move to a stop point; the place where the signal changes is kept, and the arm stops there if wanted."""
-        motion, arm, task, name = self._motion, self._motion.arm, call.task, call["Signal"].name
+        """Move to a stop point; the place where what is watched changes is kept, and the arm stops there if wanted.
+
+        Technical reference manual: a digital input, or a persistent bool.
+        """
+        motion, arm = self._motion, self._motion.arm
+        name, error, read = _watched(call)
         is_external = call.name.lower() == "searchextj"
         frames = motion.read_frames(call) if is_external else motion.frames(call["Tool"], call.get("WObj"))
         level = 0.0 if call.present("LowLevel") or call.present("NegFlank") else 1.0
         by_level = call.present("HighLevel") or call.present("LowLevel")
         both = call.present("Flanks")
-        before = task.read_signal(name)
+        before = read()
         if not by_level and not both and before == level and not call.present("PosFlank"):
-            sentence = f"{call.name}: the signal {name} is set already where the search begins."
-            raise RapidRuntimeError("ERR_SIGSUPSEARCH", sentence)
+            sentence = f"{call.name}: {name} is set already where the search begins."
+            raise RapidRuntimeError(error, sentence)
         stops = any(call.present(each) for each in ("Stop", "PStop", "SStop"))
         is_found = False
         moving = motion.passed(call, build(call))
         try:
             for due in moving:
-                now = task.read_signal(name)
+                now = read()
                 hit = (both and now != before) or (not both and now == level and (by_level or before != level))
                 before = now
                 if hit and is_found and call.present("Sup"):
-                    sentence = f"{call.name}: the signal {name} has changed more than once."
-                    raise RapidRuntimeError("ERR_SIGSUPSEARCH", sentence)
+                    sentence = f"{call.name}: {name} has changed more than once."
+                    raise RapidRuntimeError(error, sentence)
                 if hit and not is_found:
                     is_found = True
                     if is_external:
@@ -398,7 +434,24 @@ class TriggerInstructions:
             moving.close()
             raise
         if not is_found:
-            raise RapidRuntimeError("ERR_WHLSEARCH", f"{call.name}: the signal {name} has not changed on the way.")
+            raise RapidRuntimeError("ERR_WHLSEARCH", f"{call.name}: {name} has not changed on the way.")
+
+
+def _watched(call: Call) -> tuple[str, str, Callable[[], float]]:
+    """What a search watches: how it is called, the error of one that is set already, and its level."""
+    watched = call.reference("Signal")
+    if isinstance(resolved(watched.type), SignalType):
+        name = watched.value.name
+        return f"the signal {name}", "ERR_SIGSUPSEARCH", lambda: call.task.read_signal(name)
+    return f"the persistent {watched.name}", "ERR_PERSSUPSEARCH", lambda: float(watched.value)
+
+
+def _inhibits(call: Call) -> Callable[[], bool]:
+    r"""Whether \Inhib, a persistent that is read when the place is passed, lets the output be 0 instead."""
+    if not call.present("Inhib"):
+        return lambda: False
+    flag = call.reference("Inhib")
+    return lambda: bool(flag.value)
 
 
 def add_triggers(library: Library, motion: MotionInstructions) -> None:
@@ -412,7 +465,7 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
     where = r"\switch Start | \switch Time"
     for name, signature, define in (
         ("TriggIO", rf"{data}, {where}, {outputs}, \num DODelay", own.define_output),
-        ("TriggEquip", rf"{data}, \switch Start, num EquipLag, {outputs}, \bool Inhib", own.define_output),
+        ("TriggEquip", rf"{data}, \switch Start, num EquipLag, {outputs}, \PERS bool Inhib", own.define_output),
         ("TriggInt", rf"{data}, {where}, VAR intnum Interrupt", own.define_interrupt),
         (
             "TriggCheckIO",
@@ -423,7 +476,7 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
         (
             "TriggSpeed",
             rf"{data}, \switch Start, num ScaleLag, VAR signalao AOp, num ScaleValue, \num DipLag, "
-            r"\VAR signaldo ErrDO, \bool Inhib",
+            r"\VAR signaldo ErrDO, \PERS bool Inhib",
             own.define_speed,
         ),
         (
@@ -476,14 +529,19 @@ def add_triggers(library: Library, motion: MotionInstructions) -> None:
         library.instruction(f"Move{letter}Sync", rf"{target}, {move}, string ProcName, \loaddata TLoad")(
             own.call_at_end(build)
         )
+    library.instruction(
+        "ContactL",
+        rf"\num DesiredTorque, {to}, \identno ID, speeddata Speed, \num V | \num T, \zonedata Zone, \num Z, "
+        rf"\stoppointdata Inpos, {FRAMES}",
+    )(own.seek_contact)
     flanks = r"\switch Flanks | \switch PosFlank | \switch NegFlank | \switch HighLevel | \switch LowLevel"
     stops = r"\switch Stop | \switch PStop | \switch SStop | \switch Sup"
-    search = rf"{stops}, VAR signaldi Signal, {flanks}, INOUT robtarget SearchPoint"
+    search = rf"{stops}, PERS signaldi_or_bool Signal, {flanks}, INOUT robtarget SearchPoint"
     rest = rf"\identno ID, speeddata Speed, \num V | \num T, {FRAMES}"
     library.instruction("SearchL", f"{search}, {to}, {rest}")(own.search_line)
     library.instruction("SearchC", f"{search}, {through}, {rest}")(own.search_circle)
     library.instruction(
         "SearchExtJ",
-        rf"{stops}, VAR signaldi Signal, {flanks}, INOUT jointtarget SearchJointPos, jointtarget ToJointPos, "
+        rf"{stops}, PERS signaldi_or_bool Signal, {flanks}, INOUT jointtarget SearchJointPos, jointtarget ToJointPos, "
         r"\switch UseEOffs, speeddata Speed, \num T",
     )(own.search_external)

@@ -118,7 +118,7 @@ def get_task(controller: Irc5, call: Call) -> Page:
         "exectype": "Normal" if has_pp else "None",
         "prodentrypt": settings.entry,
         "bind_ref": "False",
-        "task_in_forgnd": "True",
+        "task_in_forgnd": str(not settings.foreground),
     }
     return resource("rapid", f"{_BASE}tasks/", name, State("rap-task", name, fields, links))
 

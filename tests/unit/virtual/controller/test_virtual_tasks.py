@@ -16,6 +16,8 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.system import delivered_system, with_programs
 from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.rws.operations import Call
+from yumi.virtual.rws.rapid import get_task
 from yumi.virtual.world import World, WorldSettings
 
 TASKS = """
@@ -439,6 +441,23 @@ def test_stop_leaves_the_routines_of_power_on_though_nothing_is_started(tmp_path
     assert not task.is_running
 
 
+def test_pp_to_main_lets_the_routine_of_a_reset_end(tmp_path: Path) -> None:
+    text = """MODULE Main
+      PROC main() TPWrite "main"; Stop; ENDPROC
+      PROC cleaned() WaitTime 1; TPWrite "clean"; ENDPROC
+    ENDMODULE"""
+    world = controller_world(tmp_path, '-Routine "cleaned" -Shelf "RESET" -Task "T_ROB_L"', T_ROB_L=[text])
+    controller = world.controller
+    controller.program_loaded("T_ROB_L")
+    run(world, 0.5)
+    controller.execution.move_pp_to_main()
+    assert [each.routine for each in controller.tasks["T_ROB_L"].call_stack] == ["cleaned", "main"]
+    run(world, 0.6)
+    assert controller.screens["T_ROB_L"] == ("clean",)
+    started(world, 0.1)
+    assert controller.screens["T_ROB_L"] == ("clean", "main")
+
+
 def test_wait_of_the_program_does_not_pass_in_routines_of_a_stop(tmp_path: Path) -> None:
     text = """MODULE Main
       VAR intnum tick;
@@ -529,6 +548,14 @@ def test_task_waits_while_the_task_in_its_foreground_has_something_to_do(tmp_pat
     assert other.read("Other", "c") == "0"
     run(world, 1.0)
     assert float(other.read("Other", "c")) > 20
+
+
+def test_only_tasks_without_one_in_their_foreground_are_in_it_over_rws(tmp_path: Path) -> None:
+    tasks = TASKS.replace('-Name "SERVER"', '-Name "SERVER" -TaskInForeground "T_ROB_L"')
+    controller = controller_world(tmp_path, "", tasks).controller
+    calls = [Call("GET", ("rw", "rapid", "tasks", name), names={"task": name}) for name in ("SERVER", "T_ROB_L")]
+    shown = [dict(get_task(controller, call).states[0].fields)["task_in_forgnd"] for call in calls]
+    assert shown == ["False", "True"]
 
 
 def test_tasks_without_one_in_their_foreground_share_the_time(tmp_path: Path) -> None:
