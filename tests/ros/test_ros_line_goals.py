@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
+from threading import Lock
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,11 +14,13 @@ from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
+from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import Snapshot
+from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.ros import cartesian
-from yumi.ros.cartesian import MoveLinearAction, TargetPoseTopic
+from yumi.ros.cartesian import LineGoal, MoveLinearAction, TargetPoseTopic
 
 pytestmark = pytest.mark.ros
 
@@ -54,6 +57,7 @@ class Target:
     controller = "cartesian_controller"
 
     def __init__(self) -> None:
+        self.turn = Lock()
         self.commands: list[object] = []
         self.motion: Any = iter(lambda: HOME, None)
 
@@ -67,8 +71,12 @@ class Target:
     def command(self, message: object) -> None:
         self.commands.append(message)
 
-    def plan(self, *_: Any) -> Any:
-        return SimpleNamespace(spline=SimpleNamespace(end=1.0))
+    def plan(self, *_: Any) -> ArmPlan:
+        end = TrajectoryPoint(1.0, HOME)
+        return ArmPlan(Side.RIGHT, end, smooth_spline_through([TrajectoryPoint(0.0, HOME), end]), None)
+
+    def check_not_stopped(self, snapshot: Snapshot) -> None:
+        assert snapshot == STANDS
 
 
 class Handle:
@@ -92,9 +100,13 @@ class Bench:
     def __init__(self) -> None:
         self.target, self.snapshot = Target(), STANDS
         buffers = {Side.RIGHT: SimpleNamespace(tool_path=MemoryBuffer())}
-        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot)
-        target, frames = self.target, SimpleNamespace(measured=lambda side: None)
-        self.action = MoveLinearAction(Node(), Side.RIGHT, self.control, target, frames, "base")  # type: ignore[arg-type]
+        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot, call=self.call)
+        targets, frames = {Side.RIGHT: self.target}, SimpleNamespace(measured=lambda side: None)
+        self.action = MoveLinearAction(Side.RIGHT, Node(), "", self.control, lambda: 0.0, targets, frames, "base")
+
+    def call(self, command: Any, *commands: ControllerCommand) -> None:
+        assert command is Commands.send_commands
+        self.target.commands += [each.message for each in commands]
 
 
 @pytest.fixture
@@ -144,4 +156,4 @@ def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() 
     )
     target = TargetPoseTopic(Node(), Side.RIGHT, control, lambda: 0.0, "cartesian_controller", None)  # type: ignore[arg-type]
     with pytest.raises(CommandRefused, match=r"the right arm is held 0\.30 rad .* \(right fingers - table, 0 mm\)"):
-        target.plan(PoseStamped(), held)
+        target.plan(LineGoal((PoseStamped(),)), held)

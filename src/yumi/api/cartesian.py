@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, SupportsFloat
 
 from yumi.control.tool_limits import ToolLimits
-from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
+from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused
 from yumi.robot.collision import Obstacle
@@ -65,20 +65,15 @@ def pose(
         if not 1e-6 < length < 1e6:
             raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
         orientation = (w / length, i / length, j / length, k / length)
-    result = Pose((float(x), float(y), float(z)), orientation)
-    check_pose(result)
-    return result
+    return checked_pose(Pose((float(x), float(y), float(z)), orientation))
 
 
 def pose_from(given: PoseLike) -> Pose:
     """A pose as this package has it; raises CommandRefused when it is none."""
     if isinstance(given, Pose):
-        check_pose(given)
-        return given
+        return checked_pose(given)
     x, y, z, *quaternion = _numbers(given, 7, "pose")
-    result = Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3]))
-    check_pose(result)
-    return result
+    return checked_pose(Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])))
 
 
 def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
