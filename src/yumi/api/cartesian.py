@@ -19,6 +19,7 @@ from yumi.robot.inverse_kinematics import (
     configuration,
     nearest_posture,
     postures,
+    unreachable,
 )
 from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
@@ -176,9 +177,13 @@ def posture_for(
     x, y, z = tool0.position
     which = f" with configuration {tuple(desired)}" if desired is not None else ""
     how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
-    raise Unreachable(
+    raise unreachable(
+        side,
+        tool0,
         f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
-        f"its orientation, with {how}. Choose a pose within reach{advice}."
+        f"its orientation, with {how}. Choose a pose within reach{advice}.",
+        now,
+        limits,
     )
 
 

@@ -306,7 +306,8 @@ class Arm:
             The motion; over, unless ``wait`` is False.
 
         Raises:
-            Unreachable: no posture has the pose; nothing was changed.
+            Unreachable: no posture has the pose; ``nearest`` is the posture that comes nearest to it. Nothing was
+                changed.
             CommandRefused: the pose is none, or a name is not known; nothing was changed.
             RobotNotReady: as for :meth:`move_to`.
             GoalNotReached: the motion ended elsewhere; the arm holds.

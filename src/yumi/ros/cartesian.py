@@ -54,7 +54,7 @@ from yumi.control.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched, time_to_start
 from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures
+from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
 from yumi.ros.controllers import MakeInterface
@@ -633,7 +633,8 @@ class KinematicsServices:
         response.postures = [JointState(name=joint_names(side), position=each) for each in found]
         response.success = bool(found)
         if not found:
-            response.message = f"No posture of the {side.word} arm has this pose with this arm angle; try others."
+            reason = f"No posture of the {side.word} arm has this pose with this arm angle; try others."
+            response.message = str(unreachable(side, tool0, reason, now))
 
     def _jacobian(self, request: Any, response: Any) -> None:
         position = request.position if len(request.position) else self._now()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, inf, nan, pi
+from math import degrees, hypot, inf, nan, pi
 
 import pytest
 
@@ -70,6 +70,22 @@ def test_the_posture_for_a_pose_is_the_nearest() -> None:
     assert tool0_to_body(Side.RIGHT, found).position == pytest.approx(HERE.position, abs=1e-9)
     every = postures_of(Side.RIGHT, HERE, arm_angle(Side.RIGHT, POSTURE), POSTURE, YUMI_LIMITS)
     assert every[0] == pytest.approx(POSTURE, abs=1e-6)
+
+
+def test_a_pose_out_of_reach_is_refused_with_the_nearest() -> None:
+    far = Pose((HERE.position[0] + 1.0, *HERE.position[1:]), HERE.orientation)
+    with pytest.raises(
+        Unreachable, match=r"Choose a pose within reach. The nearest that was found is tool0 at"
+    ) as error:
+        posture_for(Side.RIGHT, far, None, None, POSTURE, YUMI_LIMITS)
+    assert error.value.nearest is not None
+    assert tool0_to_body(Side.RIGHT, error.value.nearest).position[0] > HERE.position[0]
+
+
+def test_an_orientation_that_was_rounded_is_of_length_1() -> None:
+    rounded = pose_from([0.1, 0.2, 0.3, 0.707, 0, 0.707, 0])
+    assert hypot(*rounded.orientation) == pytest.approx(1.0, abs=1e-15)
+    assert pose_from(Pose((0.1, 0.2, 0.3), (0.707, 0.0, 0.707, 0.0))) == rounded
 
 
 def test_a_configuration_says_which_posture_is_meant() -> None:
