@@ -36,7 +36,7 @@ from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Join
 
 Array = NDArray[np.float64]
 
-CLEARANCES = (0.02, 0.01, 0.005, 0.0)
+CLEARANCES = (0.02, 0.01, 0.005, 0.0, -0.003)  # the last one where the limiter holds an arm at the body
 """Between any two shapes along a plan [m]: the first of them that start and goal leave. Twice the limiter's margin is
 passed unslowed; at home, the arms are nearer than that to the body."""
 
@@ -209,12 +209,16 @@ class Planner:
 
     def _refuse(self, start: Mapping[Side, Joints], goal: Mapping[Side, Joints]) -> NoReturn:
         """Say which of them is not free, and why."""
-        what, positions = ("The goal", goal) if self.is_free(start) else ("The start", start)
+        what, positions, advice = (
+            ("The goal", goal, "take another one")
+            if self.is_free(start)
+            else ("The start", start, "move the arm away from there first")
+        )
         nearest = self._collisions.nearest(positions)[0]
         where = f"nearest are {nearest.part} and {nearest.other}, {nearest.distance * 1e3:.0f} mm apart"
         if nearest.distance > CLEARANCES[0]:
             where = "an arm touches itself"
-        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; take another one.")
+        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; {advice}.")
 
     def _check_range(self, side: Side, position: Joints) -> None:
         for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):

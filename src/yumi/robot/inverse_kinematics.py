@@ -272,7 +272,7 @@ _SMALLEST_GAIN = 1e-6  # of what is missing; a step that saves less ends it
 
 
 def closest_posture(side: Side, tool0: Pose, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> tuple[Joints, Pose]:
-    """The posture within the limits whose tool0 is nearest to a pose that is out of reach; takes some tenths of a second.
+    """The posture within the limits whose tool0 is nearest to a pose out of reach; takes some tenths of a second.
 
     Found by damped least squares from the seed and other postures; a nearer one that those miss may exist.
 

@@ -532,6 +532,9 @@ class _LineAction(ABC):
             self._stop(line)
         side, end = failed[0]
         result.message = end.sentence if len(line.sides) == 1 else f"{side.word.capitalize()} arm: {end.sentence}"
+        held = self._control.snapshot(side).limited_by
+        if held:
+            result.message += f" The arm is limited by {held}."
         if end.outcome is Outcome.CANCELED and line.is_cancelled:
             handle.canceled()
         else:
