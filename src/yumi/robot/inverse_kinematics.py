@@ -292,7 +292,7 @@ def closest_posture(side: Side, tool0: Pose, seed: Joints, limits: JointLimits =
         here = tool0_to_body(side, joints(position.tolist()))
         w, x, y, z = here.orientation
         turn = rotation_vector(multiply(tool0.orientation, (w, -x, -y, -z)))
-        return np.array([*np.subtract(tool0.position, here.position), *turn]) * weights
+        return np.asarray(np.array([*np.subtract(tool0.position, here.position), *turn]) * weights)
 
     starts = [np.clip(seed, lower, upper), *np.random.default_rng(0).uniform(lower, upper, (_DESCENTS - 1, 7))]
     found = [_descended(side, each, missing_at, (lower, upper), weights) for each in starts]

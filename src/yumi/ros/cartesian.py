@@ -167,7 +167,8 @@ class LineGoal(NamedTuple):
         """See that its numbers can be meant; raises CommandRefused."""
         for name, value in (("speed", self.speed), ("zone", self.zone), ("arm_angle", self.arm_angle or 0.0)):
             if not isfinite(value) or (name != "arm_angle" and value < 0.0):
-                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number, not below 0.")
+                least = "" if name == "arm_angle" else ", not below 0"
+                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number{least}.")
 
 
 class TargetPoseTopic(_ToolTopic):
@@ -486,7 +487,9 @@ class _LineAction(ABC):
                 raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
                 arms = " and ".join(side.word for side in targets)
-                raise CommandRefused(f"Target refused: the {arms} arm did not come to rest.")
+                raise CommandRefused(
+                    f"Target refused: the {arms} arm did not come to rest; end the stream that leads it first."
+                )
             for target in targets.values():
                 target.command(CancelTrajectory())
             before = now
