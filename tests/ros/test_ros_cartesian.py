@@ -10,19 +10,24 @@ import pytest
 from action_msgs.msg import GoalStatus
 from builtin_interfaces.msg import Time
 from controller_manager_bench import Manager, boolean, set_parameter
-from geometry_msgs.msg import PoseStamped, TwistStamped
+from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from rclpy.action import ActionClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client, Robot
 from sensor_msgs.msg import JointState
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-from yumi_interfaces.action import MoveLinear
+from yumi_interfaces.action import MoveBothLinear, MoveLinear
+from yumi_interfaces.srv import InverseKinematics, Jacobian
 
-from yumi.robot.joints import Side
+from yumi.robot.joints import Pose, Side, joint_names, joints
+from yumi.robot.kinematics import IDENTITY, tool0_to_body
 from yumi.rws.client import RwsClient
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
 
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
 CARTESIAN, POSITION = "cartesian_controller", "joint_position_controller"
 
 
@@ -104,23 +109,17 @@ def test_a_stream_of_poses_is_followed(tool: Tool) -> None:
     tool.client.until(has_arrived, what="the pose")
 
 
-class Lines:
-    """The action of an arm's Cartesian controller."""
+class Goals:
+    """An action of Cartesian controllers."""
 
-    def __init__(self, client: Client, side: Side) -> None:
-        self.client, self.places, self.feedback = client, [], []
-        self._action = ActionClient(client.node, MoveLinear, f"/{side.value}/{CARTESIAN}/move_linear")
-        client.node.create_subscription(PoseStamped, f"/{side.value}/tcp_pose", self.places.append, 10)
+    def __init__(self, client: Client, kind: Any, name: str) -> None:
+        self.client, self.feedback, self._kind = client, [], kind
+        self._action = ActionClient(client.node, kind, name)
         client.until(self._action.server_is_ready, what="the action")
-        client.until(lambda: bool(self.places), what="tcp_pose")
 
-    @property
-    def height(self) -> float:
-        return float(self.places[-1].pose.position.z)
-
-    def send(self, target: Any, **fields: Any) -> Any:
+    def send(self, **fields: Any) -> Any:
         self.feedback.clear()
-        goal = MoveLinear.Goal(target_pose=target, **fields)
+        goal = self._kind.Goal(**fields)
         return self._answer(self._action.send_goal_async(goal, lambda told: self.feedback.append(told.feedback)))
 
     def end(self, handle: Any) -> tuple[int, Any]:
@@ -133,6 +132,23 @@ class Lines:
 
     def destroy(self) -> None:
         self._action.destroy()
+
+
+class Lines(Goals):
+    """The action of an arm's Cartesian controller."""
+
+    def __init__(self, client: Client, side: Side) -> None:
+        super().__init__(client, MoveLinear, f"/{side.value}/{CARTESIAN}/move_linear")
+        self.places: list[Any] = []
+        client.node.create_subscription(PoseStamped, f"/{side.value}/tcp_pose", self.places.append, 10)
+        client.until(lambda: bool(self.places), what="tcp_pose")
+
+    @property
+    def height(self) -> float:
+        return float(self.places[-1].pose.position.z)
+
+    def send(self, target: Any, **fields: Any) -> Any:
+        return super().send(target_pose=target, **fields)
 
 
 def in_tool(side: Side, along: float) -> Any:
@@ -235,3 +251,135 @@ def test_positions_without_times_are_followed_smoothly_where_the_parameter_says_
     finally:
         set_parameter(client, name, "positions_upsampling.enable", boolean(False))
         manager.switch([POSITION], [name[3:]])
+
+
+def on_table(x: float, y: float, z: float) -> Any:
+    """A place in a frame that this test publishes, with a tool that points down."""
+    message = PoseStamped()
+    message.header.frame_id = "table"
+    place, turn = message.pose.position, message.pose.orientation
+    place.x, place.y, place.z = x, y, z
+    turn.x, turn.w = 1.0, 0.0
+    return message
+
+
+@pytest.fixture
+def both(egm_running: Client) -> Iterator[Goals]:
+    managers = [Manager(egm_running, f"/{side.value}/controller_manager") for side in Side]
+    for manager in managers:
+        manager.switch([CARTESIAN], [POSITION])
+    own = Goals(egm_running, MoveBothLinear, f"/{CARTESIAN}/move_linear")
+    yield own
+    own.destroy()
+    for manager in managers:
+        manager.switch([POSITION], [CARTESIAN])
+
+
+def test_both_tools_move_as_one_motion_or_not_at_all(both: Goals) -> None:
+    up = {side: [in_tool(side, along) for along in (-0.02, -0.05)] for side in Side}
+    for pose in up[Side.LEFT]:
+        pose.header.frame_id = "gripper_l_fingertips"
+    down = {side: [in_tool(side, 0.05)] for side in Side}
+    # The left tool has farther to go; both begin and end together.
+    heard: list[Any] = []
+    both.client.node.create_subscription(JointState, "/joint_states", heard.append, 10)
+    status, result = both.end(
+        both.send(right=up[Side.RIGHT][:1], left=up[Side.LEFT], speed=0.05, left_tool_frame="gripper_l_fingertips")
+    )
+    assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
+    assert {result.right.header.frame_id, result.left.header.frame_id} == {"yumi_base"}
+    progress = [each.progress for each in both.feedback]
+    assert progress == sorted(progress)
+    assert progress
+    moving = {side: [any(abs(v) > 0.01 for v in part.velocity[at : at + 7]) for part in heard] for side, at in ARMS}
+    right, left = ([each.index(True), len(each) - each[::-1].index(True)] for each in moving.values())
+    assert right == pytest.approx(left, abs=10), "begin and end, in hundredths of a second"
+    # Where one cannot go, neither moves.
+    far = in_tool(Side.LEFT, -1.5)
+    status, result = both.end(both.send(right=down[Side.RIGHT], left=[far]))
+    assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
+    assert "the left arm cannot follow it beyond" in result.message
+    status, result = both.end(both.send(right=down[Side.RIGHT]))
+    assert "one arm has no pose; for one alone take its own cartesian_controller/move_linear" in result.message
+    # Cancelled, both stop; an arm whose goal is replaced stops the other.
+    handle = both.send(right=down[Side.RIGHT], left=down[Side.LEFT], speed=0.02)
+    both.client.until(lambda: any(each.progress > 0.1 for each in both.feedback), what="feedback")
+    handle.cancel_goal_async()
+    status, result = both.end(handle)
+    assert (status, result.success) == (GoalStatus.STATUS_CANCELED, False)
+    handle = both.send(right=down[Side.RIGHT], left=down[Side.LEFT], speed=0.02)
+    both.client.until(lambda: any(each.progress > 0.1 for each in both.feedback), what="feedback")
+    lines = Lines(both.client, Side.RIGHT)
+    assert lines.end(lines.send(in_tool(Side.RIGHT, -0.01)))[0] == GoalStatus.STATUS_SUCCEEDED
+    status, result = both.end(handle)
+    lines.destroy()
+    assert status == GoalStatus.STATUS_ABORTED
+    assert result.message == "Right arm: The motion was cancelled; the arm is at rest."
+    both.client.until(lambda: max(map(abs, heard[-1].velocity)) < 1e-3, what="standstill of both arms")
+
+
+ARMS = ((Side.RIGHT, 0), (Side.LEFT, 7))  # where joints of an arm begin in joint_states
+
+
+def test_both_arms_are_refused_where_one_is_commanded_by_another_controller(egm_running: Client) -> None:
+    own = Goals(egm_running, MoveBothLinear, f"/{CARTESIAN}/move_linear")
+    status, result = own.end(own.send(**{side.word: [in_tool(side, -0.01)] for side in Side}))
+    assert status == GoalStatus.STATUS_ABORTED
+    assert "no Cartesian controller is active on the left arm; activate one first" in result.message
+    own.destroy()
+
+
+def test_poses_in_frames_of_others_are_passed_without_a_stop_and_their_postures_known(
+    lines: tuple[Lines, Side],
+) -> None:
+    own, side = lines
+    client, away = own.client, 1.0 if side is Side.LEFT else -1.0
+    broadcaster = client.node.create_publisher(
+        TFMessage, "/tf_static", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    )
+    table = TransformStamped(child_frame_id="table")
+    table.header.frame_id = "yumi_base"
+    table.transform.translation.x, table.transform.translation.z = 0.35, 0.2
+    broadcaster.publish(TFMessage(transforms=[table]))
+    goal = on_table(0.0, away * 0.25, 0.0)
+    asked = InverseKinematics.Request(target_pose=goal, tool_frame=f"gripper_{side.value}_fingertips")
+
+    def answer() -> Any:
+        return client.call(InverseKinematics, f"/{side.value}/{CARTESIAN}/inverse_kinematics", asked)
+
+    client.until(lambda: "no frame 'table'" not in answer().message, what="the frame")
+    found = answer()
+    assert (found.success, found.message) == (True, "")
+    tool = FINGERTIPS
+    for posture in found.postures:
+        assert tuple(posture.name) == joint_names(side)
+        there = tool0_to_body(side, joints(posture.position), tool)
+        assert there.position == pytest.approx((0.35, away * 0.25, 0.2), abs=1e-9)
+    # The Jacobian there is how that pose changes.
+    rows = client.call(
+        Jacobian,
+        f"/{side.value}/{CARTESIAN}/jacobian",
+        Jacobian.Request(position=found.postures[0].position, tool_frame=asked.tool_frame),
+    )
+    step = [*found.postures[0].position]
+    step[2] += 1e-6
+    moved = tool0_to_body(side, joints(step), tool).position
+    expected = [(b - a) / 1e-6 for a, b in zip((0.35, away * 0.25, 0.2), moved, strict=True)]
+    assert [rows.jacobian[7 * row + 2] for row in range(3)] == pytest.approx(expected, abs=1e-5)
+    # There by its joints, then round a corner with the fingertips.
+    stream = client.node.create_publisher(JointState, f"/{side.value}/joint_commands", 10)
+    manager = Manager(client, f"/{side.value}/controller_manager")
+    manager.switch([POSITION], [CARTESIAN])
+    client.until(lambda: stream.get_subscription_count() > 0, what="a subscription")
+    stream.publish(JointState(name=found.postures[0].name, position=found.postures[0].position))
+    speeds: list[float] = []
+    client.node.create_subscription(
+        JointState, f"/{side.value}/joint_states", lambda it: speeds.append(dist(it.position, step)), 10
+    )
+    client.until(lambda: bool(speeds) and speeds[-1] < 2e-3, what="the posture")
+    manager.switch([CARTESIAN], [POSITION])
+    corner, end = on_table(0.05, away * 0.25, 0.0), on_table(0.05, away * 0.30, 0.0)
+    status, result = own.end(own.send(end, through=[corner], zone=0.02, speed=0.1, tool_frame=asked.tool_frame))
+    assert (status, result.success) == (GoalStatus.STATUS_SUCCEEDED, True), result.message
+    place = result.pose.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((0.40, away * 0.30, 0.2), abs=1e-3)

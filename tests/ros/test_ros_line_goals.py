@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
+from threading import Event, Lock
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,12 +13,14 @@ from geometry_msgs.msg import PoseStamped
 from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind, MemoryBuffer
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import Snapshot
+from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.ros import cartesian
-from yumi.ros.cartesian import MoveLinearAction, TargetPoseTopic
+from yumi.ros.cartesian import LineGoal, MoveLinearAction, TargetPoseTopic
 
 pytestmark = pytest.mark.ros
 
@@ -54,6 +57,7 @@ class Target:
     controller = "cartesian_controller"
 
     def __init__(self) -> None:
+        self.turn = Lock()
         self.commands: list[object] = []
         self.motion: Any = iter(lambda: HOME, None)
 
@@ -67,8 +71,12 @@ class Target:
     def command(self, message: object) -> None:
         self.commands.append(message)
 
-    def plan(self, *_: Any) -> Any:
-        return SimpleNamespace(spline=SimpleNamespace(end=1.0))
+    def plan(self, *_: Any) -> ArmPlan:
+        end = TrajectoryPoint(1.0, HOME)
+        return ArmPlan(Side.RIGHT, end, smooth_spline_through([TrajectoryPoint(0.0, HOME), end]), None)
+
+    def check_not_stopped(self, snapshot: Snapshot) -> None:
+        assert snapshot == STANDS
 
 
 class Handle:
@@ -98,11 +106,16 @@ class Bench:
     """The action with what is behind it."""
 
     def __init__(self) -> None:
-        self.target, self.snapshot = Target(), STANDS
+        self.target, self.snapshot, self.is_followed = Target(), STANDS, Event()
         buffers = {Side.RIGHT: SimpleNamespace(tool_path=MemoryBuffer())}
-        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot)
-        target, frames = self.target, SimpleNamespace(measured=lambda side: None)
-        self.action = MoveLinearAction(Node(), Side.RIGHT, self.control, target, frames, "base")  # type: ignore[arg-type]
+        self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot, call=self.call)
+        targets, frames = {Side.RIGHT: self.target}, SimpleNamespace(measured=lambda side: None)
+        self.action = MoveLinearAction(Side.RIGHT, Node(), "", self.control, lambda: 0.0, targets, frames, "base")
+
+    def call(self, command: Any, *commands: ControllerCommand) -> None:
+        assert command is Commands.send_commands
+        self.target.commands += [each.message for each in commands]
+        self.is_followed.set()
 
 
 @pytest.fixture
@@ -127,6 +140,24 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
     follow, cancel = bench.target.commands
     assert isinstance(follow, FollowTrajectory)
     assert cancel == CancelTrajectory(follow.goal)
+
+
+def test_line_that_the_limiter_holds_says_which_parts(bench: Bench) -> None:
+    handle, worker = Handle(), ThreadPoolExecutor(1)
+    ended = worker.submit(bench.action._execute, handle)
+    try:
+        assert bench.is_followed.wait(WAIT)
+        (follow,) = bench.target.commands
+        assert isinstance(follow, FollowTrajectory)
+        bench.snapshot = STANDS._replace(limited_part="right gripper", limited_other="body")
+        late = TrajectoryEnded(follow.goal, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
+        assert bench.action.on_arm_event(Side.RIGHT, late)
+        result = ended.result(WAIT)
+    finally:
+        bench.action.destroy()
+        worker.shutdown()
+    assert handle.end == "aborted"
+    assert result.message == "It is late. The arm is limited by right gripper - body, 0 mm."
 
 
 def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: Bench) -> None:
@@ -161,4 +192,4 @@ def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() 
     )
     target = TargetPoseTopic(Node(), Side.RIGHT, control, lambda: 0.0, "cartesian_controller", None)  # type: ignore[arg-type]
     with pytest.raises(CommandRefused, match=r"the right arm is held 0\.30 rad .* \(right fingers - table, 0 mm\)"):
-        target.plan(PoseStamped(), held)
+        target.plan(LineGoal((PoseStamped(),)), held)

@@ -17,7 +17,8 @@ from yumi.control.loop import Commands, ControllerCommand
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
-from yumi.ros.cartesian import RobotFrames, ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
+from yumi.ros.cartesian import ServoPoseTopic, ServoTwistTopic, TargetPoseTopic
+from yumi.ros.frames import RobotFrames
 
 pytestmark = pytest.mark.ros
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
@@ -60,7 +61,7 @@ def control() -> Control:
 
 def make(kind: Any, node: Node, control: Control) -> Any:
     """A topic of the right arm's Cartesian controller."""
-    frames = RobotFrames(robot_description(), "", lambda _: TOOL, lambda _: None)
+    frames = RobotFrames(robot_description(), "", lambda _: TOOL, lambda _: None, dict, lambda: 0.0)
     return kind(node, Side.RIGHT, control, lambda: 12.5, "cartesian_controller", frames)
 
 

@@ -134,6 +134,18 @@ def test_a_stream_of_velocities_is_smooth_and_stops_in_time(rate: float) -> None
     assert stopped < 2.0 + (0.3 if rate < 20.0 else 0.1) + 0.35  # the timeout, and braking within the limits
 
 
+@pytest.mark.parametrize("seed", [17, 18, 19])
+def test_an_arm_that_a_velocity_has_led_to_a_singularity_stands_when_it_ends(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    position = generator.uniform(0.8 * np.array(YUMI_LIMITS.lower), 0.8 * np.array(YUMI_LIMITS.upper))
+    position[[1, 5]] = 0.001, -0.01
+    bench = CartesianBench(Side.RIGHT, joints(position.tolist()))
+    twist = joints((0.2 * generator.normal(size=7)).tolist())
+    bench.stream(1.0, lambda now: twist_goal(0, twist))
+    bench.stream(1.5, lambda now: None)
+    assert np.max(np.ptp(bench.sent[-50:], axis=0)) < 1e-9
+
+
 @pytest.mark.parametrize("frame", ["base", "tool"])
 def test_a_velocity_is_seen_from_its_frame(frame: str) -> None:
     bench = CartesianBench(Side.RIGHT, POSTURE)

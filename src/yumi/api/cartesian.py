@@ -8,7 +8,7 @@ from math import isfinite
 from typing import Any, SupportsFloat
 
 from yumi.control.tool_limits import ToolLimits
-from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, check_pose, plan_path
+from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
 from yumi.errors import CommandRefused
 from yumi.robot.collision import Obstacle
@@ -19,6 +19,8 @@ from yumi.robot.inverse_kinematics import (
     configuration,
     nearest_posture,
     postures,
+    postures_of_each,
+    unreachable,
 )
 from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
@@ -57,28 +59,24 @@ def pose(
         raise CommandRefused("Pose refused: give its orientation as quaternion= or as rpy=, not both.")
     orientation: Quaternion = IDENTITY
     if rpy is not None:
-        roll, pitch, yaw = _numbers(rpy, 3, "rpy")
+        roll, pitch, yaw = numbers_from(rpy, 3, "rpy")
         orientation = quaternion_from_euler_zyx((roll, pitch, yaw))
     elif quaternion is not None:
-        w, i, j, k = _numbers(quaternion, 4, "quaternion")
+        w, i, j, k = numbers_from(quaternion, 4, "quaternion")
         length = (w * w + i * i + j * j + k * k) ** 0.5
         if not 1e-6 < length < 1e6:
             raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
         orientation = (w / length, i / length, j / length, k / length)
-    result = Pose((float(x), float(y), float(z)), orientation)
-    check_pose(result)
-    return result
+    x, y, z = numbers_from((x, y, z), 3, "its place")
+    return checked_pose(Pose((x, y, z), orientation))
 
 
 def pose_from(given: PoseLike) -> Pose:
     """A pose as this package has it; raises CommandRefused when it is none."""
     if isinstance(given, Pose):
-        check_pose(given)
-        return given
-    x, y, z, *quaternion = _numbers(given, 7, "pose")
-    result = Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3]))
-    check_pose(result)
-    return result
+        return checked_pose(given)
+    x, y, z, *quaternion = numbers_from(given, 7, "pose")
+    return checked_pose(Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])))
 
 
 def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
@@ -96,14 +94,15 @@ def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) ->
     """
     found = []
     for name, (centre, size) in given.items():
-        length, width, height = _numbers(size, 3, f"the size of box {name[:40]!r}")
+        length, width, height = numbers_from(size, 3, f"the size of box {name[:40]!r}")
         if min(length, width, height) <= 0.0:
             raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
         found.append(Obstacle(name, pose_from(centre), (length, width, height)))
     return tuple(found)
 
 
-def _numbers(values: Any, count: int, name: str) -> list[float]:
+def numbers_from(values: Any, count: int, name: str) -> list[float]:
+    """So many finite numbers as they are; raises CommandRefused when they are not."""
     try:
         numbers = [float(each) for each in values]
     except (TypeError, ValueError) as error:
@@ -165,37 +164,45 @@ def posture_for(
         Unreachable: there is none; where no arm angle was asked for, with none of those tried.
     """
     with_angle = arm_angle(side, now) if angle is None else checked_angle(angle)
-    if desired is None:
+    wanted = None if desired is None else _checked_configuration(desired)
+    if wanted is None:
         try:
             near = nearest_posture(side, tool0, with_angle, now, limits)
         except Unreachable:
             near = None
         if near is not None and _furthest(near, now) < 1.0:
             return near
-    for turn in (0.0, *(_FURTHER_ANGLES if angle is None else ())):
-        found = postures_of(side, tool0, with_angle + turn, now, limits)
-        if desired is not None:
-            found = tuple(each for each in found if configuration(each) == tuple(desired))
-        if found:
-            return found[0]
+    for angles in ([with_angle], [with_angle + turn for turn in _FURTHER_ANGLES] if angle is None else []):
+        for own in postures_of_each(side, [tool0] * len(angles), angles, limits):
+            found = [each for each in own if wanted is None or configuration(each) == wanted]
+            if found:
+                return min(found, key=lambda each: _furthest(each, now))
     x, y, z = tool0.position
-    which = f" with configuration {tuple(desired)}" if desired is not None else ""
+    which = "" if wanted is None else f" with configuration {wanted}"
     how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
-    raise Unreachable(
+    reason = (
         f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
         f"its orientation, with {how}. Choose a pose within reach{advice}."
     )
+    if wanted is None:
+        raise unreachable(side, tool0, reason, now, limits)
+    raise Unreachable(f"{reason} Or leave the configuration out: it takes the nearest posture then.")
 
 
 def _furthest(posture: Joints, now: Joints) -> float:
     return max(abs(a - b) for a, b in zip(posture, now, strict=True))
 
 
-def checked_angle(angle: float) -> float:
-    """An arm angle [rad]; raises CommandRefused where it is none."""
-    if not isfinite(angle):
-        raise CommandRefused(f"Pose refused: the arm angle is {angle}; give radians.")
-    return float(angle)
+def checked_angle(angle: SupportsFloat) -> float:
+    """An arm angle as a number [rad]; raises CommandRefused when it is none."""
+    return numbers_from((angle,), 1, "the arm angle [rad]")[0]
+
+
+def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
+    values = numbers_from(given, 4, "configuration")
+    if any(each != int(each) for each in values):
+        raise CommandRefused(f"Pose refused: configuration is {given}; give the whole numbers cf1, cf4, cf6 and cfx.")
+    return tuple(map(int, values))
 
 
 # ---- lines

@@ -253,10 +253,12 @@ class MotionRegistry:
 
     Attributes:
         explain: a fault ends motions with the cause that it calls back with.
+        limited_by: the parts that an arm is kept apart from now, which may be why it does not arrive.
     """
 
     def __init__(self, *, is_script: bool = True) -> None:
         self.explain: Explain = lambda then: then(Cause())
+        self.limited_by: Callable[[Side], str] = lambda side: ""
         self._is_script = is_script
         self._words: Callable[[str], str] = _for_script if is_script else str
         self._log = log.log if is_script else _no_log
@@ -346,7 +348,8 @@ class MotionRegistry:
         if is_reached:
             motion.future.set_result(None)
         else:
-            reason = sentence.rstrip(".")
+            held = self.limited_by(motion.side)
+            reason = sentence.rstrip(".") + (f"; it is limited by {held}" if held else "")
             motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))
 
 
@@ -435,6 +438,7 @@ class MotionExecutor:
         self._control = control
         self._goals = goals
         self._motions = motions
+        motions.limited_by = lambda side: control.snapshot(side).limited_by
         self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
         self._jogs: dict[Side, _Jog] = {}
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it

@@ -20,6 +20,7 @@ from yumi.api.cartesian import (
     PoseLike,
     boxes_from,
     checked_angle,
+    numbers_from,
     planned,
     pose_from,
     poses_from,
@@ -40,7 +41,7 @@ from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
-from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
+from yumi.robot.joints import JOINT_COUNT, POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.rws.client import RwsClient
 
@@ -177,9 +178,10 @@ class Arm:
         """How the tool moves with the joints, at ``position`` [rad] or where the arm is, (6, 7).
 
         Rows: velocity x, y, z [m/s] and angular velocity x, y, z [rad/s] in the body frame; columns: joints in chain
-        order. Raises as :attr:`position`.
+        order. Raises CommandRefused where these are no seven finite numbers, and as :attr:`position`.
         """
-        return jacobian(self.side, self.position if position is None else joints(position), self._tool(tool))
+        given = self.position if position is None else joints(numbers_from(position, JOINT_COUNT, "position"))
+        return jacobian(self.side, given, self._tool(tool))
 
     @property
     def degrees(self) -> dict[str, float]:
@@ -307,7 +309,8 @@ class Arm:
             The motion; over, unless ``wait`` is False.
 
         Raises:
-            Unreachable: no posture has the pose; nothing was changed.
+            Unreachable: no posture has the pose; ``nearest`` is the posture that comes nearest to it. Nothing was
+                changed.
             CommandRefused: the pose is none, or a name is not known; nothing was changed.
             RobotNotReady: as for :meth:`move_to`.
             GoalNotReached: the motion ended elsewhere; the arm holds.

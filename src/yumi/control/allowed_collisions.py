@@ -62,12 +62,7 @@ class AllowedCollisions:
             raise CommandRefused(
                 f"Collision not allowed: the time is {seconds:g} s; give more than 0, up to {LONGEST:g} s."
             )
-        if not self._collisions.pairs_of(part, other):
-            raise CommandRefused(
-                f"Collision not allowed: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; "
-                "name them as the log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a "
-                "declared box."
-            )
+        _check_parts(self._collisions, part, other, "Collision not allowed")
         if not self._until:
             try:
                 for arm in self._arms:
@@ -79,9 +74,15 @@ class AllowedCollisions:
         self._update()
 
     def end(self, part: str, other: str) -> None:
-        """Keep two parts apart again; nothing where they are."""
+        """Keep two parts apart again; nothing where they are.
+
+        Raises:
+            CommandRefused: there are no such parts: others would go on touching.
+        """
         if self._until.pop(_pair(part, other), None) is not None:
             self._update()
+        elif self._collisions is not None:
+            _check_parts(self._collisions, part, other, "Nothing was changed")
 
     def take_events(self) -> Sequence[AllowedCollisionsChanged]:
         """End what has lasted its time, permit what waits for the arms, and return what has changed since.
@@ -120,6 +121,14 @@ class AllowedCollisions:
         self._permitted = permitted
         self._collisions.permit(*permitted)
         self._events.append(AllowedCollisionsChanged(permitted))
+
+
+def _check_parts(collisions: CollisionLimiter, part: str, other: str, what: str) -> None:
+    if not collisions.pairs_of(part, other):
+        raise CommandRefused(
+            f"{what}: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; name them as the "
+            "log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a declared box."
+        )
 
 
 def _pair(part: str, other: str) -> Pair:

@@ -470,7 +470,7 @@ def _check(waypoints: Sequence[Waypoint], speed: float, turning: float, zone: fl
     if not waypoints:
         raise CommandRefused("Path refused: it has no poses; give at least one.")
     for number, waypoint in enumerate(waypoints, 1):
-        check_pose(waypoint.tool, f"pose {number}")
+        checked_pose(waypoint.tool, f"pose {number}")
         if waypoint.angle is not None and not isfinite(waypoint.angle):
             raise CommandRefused(f"Path refused: the arm angle of pose {number} is {waypoint.angle}; give radians.")
     for name, value, lowest, highest, unit in (
@@ -503,8 +503,8 @@ FARTHEST = 3.0
 """A pose farther from the body than this [m] was hardly meant in metres."""
 
 
-def check_pose(pose: Pose, name: str = "the pose") -> None:
-    """Refuse what is not a pose.
+def checked_pose(pose: Pose, name: str = "the pose") -> Pose:
+    """A pose with an orientation of exactly length 1: numbers that were written down or sent are rounded.
 
     Raises:
         CommandRefused: a value is not finite, the orientation not a unit quaternion, or the place far away.
@@ -513,8 +513,10 @@ def check_pose(pose: Pose, name: str = "the pose") -> None:
         raise CommandRefused(f"Pose refused: {name} has a value that is not finite; give metres and a quaternion.")
     if hypot(*pose.position) > FARTHEST:
         raise CommandRefused(f"Pose refused: {name} is {hypot(*pose.position):g} m away; positions are in metres.")
-    if abs(hypot(*pose.orientation) - 1.0) > 1e-3:
+    length = hypot(*pose.orientation)
+    if abs(length - 1.0) > 1e-3:
         raise CommandRefused(
-            f"Pose refused: the orientation of {name} has length {hypot(*pose.orientation):.3f}; give a unit "
-            "quaternion, w first."
+            f"Pose refused: the orientation of {name} has length {length:.3f}; give a unit quaternion, w first."
         )
+    w, x, y, z = pose.orientation
+    return Pose(pose.position, (w / length, x / length, y / length, z / length))

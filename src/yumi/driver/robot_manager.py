@@ -433,7 +433,7 @@ class RobotManager:
         return f"{part} and {other} may touch for {seconds:g} s, and the arms are slow as long"
 
     def end_allowed_collision(self, part: str, other: str) -> str:
-        """Keep two parts apart again; nothing where they are. Raises RobotNotReady."""
+        """Keep two parts apart again; nothing where they are. Raises CommandRefused for no parts, RobotNotReady."""
         self._control.call(Commands.end_allowed_collision, part, other)
         return f"{part} and {other} are kept apart"
 

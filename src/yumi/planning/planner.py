@@ -213,9 +213,11 @@ class Planner:
 
     def _refuse(self, start: Mapping[Side, Joints], goal: Mapping[Side, Joints]) -> NoReturn:
         """Say which of them is not free, and why."""
-        what, positions, advice = "The goal", goal, "take another one"
-        if not self.is_free(start):
-            what, positions, advice = "The start", start, "move the arm away from there first"
+        what, positions, advice = (
+            ("The goal", goal, "take another one")
+            if self.is_free(start)
+            else ("The start", start, "move the arm away from there first")
+        )
         nearest = self._collisions.nearest(positions)[0]
         where = f"nearest are {nearest.part} and {nearest.other}, {nearest.distance * 1e3:.0f} mm apart"
         if nearest.distance > CLEARANCES[0]:

@@ -22,7 +22,7 @@ Poses are in the body frame, which RAPID and EGM call world; the arm angle is ``
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from math import floor, pi, tau
@@ -46,6 +46,9 @@ from yumi.robot.kinematics import (
     foot_to_body,
     inverse,
     matrix,
+    multiply,
+    rotation_vector,
+    tool0_to_body,
 )
 
 Array = NDArray[np.float64]
@@ -80,7 +83,15 @@ _ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than
 
 
 class Unreachable(CommandRefused):
-    """No posture within the limits has the pose; the message says what is nearest."""
+    """No posture within the limits has the pose; the message says what is nearest.
+
+    Attributes:
+        nearest: the posture that is nearest to the pose, where it was looked for [rad], (7,).
+    """
+
+    def __init__(self, message: str, nearest: Joints | None = None) -> None:
+        super().__init__(message)
+        self.nearest = nearest
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,6 +263,84 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
             f"the pose needs {np.degrees(result[outside]):.1f}°. Choose another arm angle or configuration."
         )
     return result
+
+
+_METRES_PER_RADIAN = 0.3  # what a turn counts beside a distance, where a pose cannot be had
+_DESCENTS = 12
+_LONGEST_DESCENT = 60
+_SAME_POSE = 1e-4  # [m], [rad]
+_SMALLEST_GAIN = 1e-6  # of what is missing; a step that saves less ends it
+
+
+def closest_posture(side: Side, tool0: Pose, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> tuple[Joints, Pose]:
+    """The posture within the limits whose tool0 is nearest to a pose out of reach; takes some tenths of a second.
+
+    Found by damped least squares from the seed and other postures; a nearer one that those miss may exist.
+
+    Args:
+        side: the arm.
+        tool0: the pose, in the body frame.
+        seed: where the arm is [rad].
+        limits: the ranges of the joints.
+
+    Returns:
+        The posture [rad], and the pose of tool0 there. A turn by 1 rad counts as 0.3 m.
+    """
+    lower, upper = np.array(limits.lower), np.array(limits.upper)
+    weights = np.array([1.0] * 3 + [_METRES_PER_RADIAN] * 3)
+
+    def missing_at(position: Array) -> Array:
+        here = tool0_to_body(side, joints(position.tolist()))
+        w, x, y, z = here.orientation
+        turn = rotation_vector(multiply(tool0.orientation, (w, -x, -y, -z)))
+        return np.asarray(np.array([*np.subtract(tool0.position, here.position), *turn]) * weights)
+
+    starts = [np.clip(seed, lower, upper), *np.random.default_rng(0).uniform(lower, upper, (_DESCENTS - 1, 7))]
+    found = [_descended(side, each, missing_at, (lower, upper), weights) for each in starts]
+    best = joints(min(found, key=lambda each: float(np.linalg.norm(missing_at(each)))).tolist())
+    return best, tool0_to_body(side, best)
+
+
+def _descended(
+    side: Side, position: Array, missing_at: Callable[[Array], Array], ends: tuple[Array, Array], weights: Array
+) -> Array:
+    """From a posture to one where less is missing, and no small change saves more."""
+    left, damping = missing_at(position), 1e-3
+    for _ in range(_LONGEST_DESCENT):
+        derivative = jacobian(side, joints(position.tolist())) * weights[:, None]
+        down = derivative.T @ left
+        is_free = ~((position <= ends[0]) & (down < 0.0)) & ~((position >= ends[1]) & (down > 0.0))
+        own = derivative[:, is_free]
+        step = np.zeros(7)
+        step[is_free] = np.linalg.solve(own.T @ own + damping * np.eye(own.shape[1]), own.T @ left)
+        after = np.clip(position + step, *ends)
+        still = missing_at(after)
+        gain = float(np.linalg.norm(left) - np.linalg.norm(still))
+        if gain <= 0.0:
+            damping *= 10.0
+            if damping > 1e3:
+                break
+            continue
+        position, left, damping = after, still, max(damping * 0.3, 1e-6)
+        if gain < _SMALLEST_GAIN:
+            break
+    return position
+
+
+def unreachable(side: Side, tool0: Pose, reason: str, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> Unreachable:
+    """The error of a pose that no posture has: with the posture that is nearest to it, and where that is."""
+    position, there = closest_posture(side, tool0, seed, limits)
+    w, i, j, k = there.orientation
+    turn = np.linalg.norm(rotation_vector(multiply(tool0.orientation, (w, -i, -j, -k))))
+    away = np.linalg.norm(np.subtract(there.position, tool0.position))
+    x, y, z = there.position
+    where = (
+        f"The nearest that was found is tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {away * 1e3:.0f} mm and "
+        f"{np.degrees(turn):.1f}° away."
+        if max(away, turn) > _SAME_POSE
+        else f"With arm angle {np.degrees(arm_angle(side, position)):.0f}° there is one."
+    )
+    return Unreachable(f"{reason} {where}", position)
 
 
 def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Targets:

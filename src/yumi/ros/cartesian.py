@@ -1,35 +1,46 @@
 """The Cartesian controllers in ROS: lines to poses, and streams of poses and velocities of the tool.
 
-======================== ========================== ================================================================
-topic or action          type                       what it does
-======================== ========================== ================================================================
-<controller>/move_linear yumi_interfaces/MoveLinear moves the tool there on a straight line, and says how that ended
-<controller>/target_pose geometry_msgs/PoseStamped  moves the tool there on a straight line; the arm comes to rest first
-<controller>/servo_pose  geometry_msgs/PoseStamped  the next pose of a stream
-<controller>/servo_twist geometry_msgs/TwistStamped the next velocity of a stream; without one the tool stops
-======================== ========================== ================================================================
+========================= =========================== =================================================================
+topic, action or service  type                        what it does
+========================= =========================== =================================================================
+…/move_linear             MoveLinear                  moves the tool on straight lines, and says how that ended
+…/target_pose             geometry_msgs/PoseStamped   moves the tool there on a straight line; the arm comes to rest
+                                                      first
+…/servo_pose              geometry_msgs/PoseStamped   the next pose of a stream
+…/servo_twist             geometry_msgs/TwistStamped  the next velocity of a stream; without one the tool stops
+…/inverse_kinematics      InverseKinematics           all postures of a pose
+…/jacobian                Jacobian                    how the tool moves with the joints
+cartesian_controller/     MoveBothLinear              moves both tools as one motion
+move_linear
+========================= =========================== =================================================================
 
-The tool is the one in use (``set_tool``; tool0 where none was set). ``frame_id`` is any frame of the robot, as on
-``/tf``; empty is the robot's base. A velocity is seen from its frame; one in a frame of this arm's tool turns with it.
-What comes on a stream with a stamp older than the parameter ``twist.timeout`` is refused; without a stamp it is new.
+``…`` is the controller, such as ``r/cartesian_controller``; types without a package are of ``yumi_interfaces``. The
+tool is the one in use (``set_tool``; tool0 where none was set), or what ``tool_frame`` names. ``frame_id`` is any frame
+of the robot, as on ``/tf``, or one that others fix to it on ``/tf_static``; empty is the robot's base. A velocity is
+seen from its frame; one in a frame on this arm's flange turns with it. What comes on a stream with a stamp older than
+the parameter ``twist.timeout`` is refused; without a stamp it is new.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from itertools import count
 from math import inf, isfinite
 from threading import Event as Flag
 from threading import Lock
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.callback_groups import ReentrantCallbackGroup
-from yumi_interfaces.action import MoveLinear
+from sensor_msgs.msg import JointState
+from yumi_interfaces.action import MoveBothLinear, MoveLinear
+from yumi_interfaces.srv import InverseKinematics, Jacobian
 
 from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
@@ -38,22 +49,25 @@ from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTr
 from yumi.control.events import ControlProcessEnded
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING, largest_difference
-from yumi.control.shared_state import INTERRUPTED, JointStates, Snapshot
+from yumi.control.shared_state import INTERRUPTED, Snapshot
 from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.tool_path import Waypoint, check_pose, plan_path
-from yumi.control.trajectory import ArmPlan
+from yumi.control.tool_path import ZONE, Waypoint, checked_pose, plan_path
+from yumi.control.trajectory import ArmPlan, stretched, time_to_start
 from yumi.driver.control_process import ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.description import read_frames
-from yumi.robot.joints import JointLimits, Joints, Pose, Side, Vector, joint_names, joints, prefixed
-from yumi.robot.kinematics import IDENTITY, compose, inverse, rotate, tool0_to_body
+from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
+from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
 from yumi.ros.controllers import MakeInterface
 from yumi.ros.executors import is_cancelled
-from yumi.ros.messages import pose_of
+from yumi.ros.frames import RobotFrames
+from yumi.ros.messages import SERVICES, pose_of
 from yumi.ros.topics import CommandTopic
 from yumi.settings import number
 
-_BASE = Pose((0.0, 0.0, 0.0), IDENTITY)
+CARTESIAN_CONTROLLER = "cartesian_controller"
+"""Name of the arms' controllers that the action of both arms uses."""
+
 _numbers = count(2**41)  # of these motions, beside those of trajectories and scripts
 _FEEDBACK_PERIOD = 0.1  # [s]
 _STANDS_FOR = 0.02  # [s] an arm whose command does not change for so long stands
@@ -62,76 +76,6 @@ _HELD = 0.02  # [rad] an arm that is sent no further than this from where it is 
 _REPORTED_WITHIN = 1.0  # [s] the end of a line is reported by then, if at all
 _YOUNG = 0.01  # [s] no timeout is shorter
 _ASKED_FOR = 1.0  # [s] for so long a timeout that was asked for is believed
-
-
-class RobotFrames:
-    """Where the frames of the robot are, in its base.
-
-    Args:
-        urdf: the robot's description.
-        prefix: before the names of frames on ``/tf``.
-        tcp: the tool in use of an arm.
-        measured: the newest measured state of an arm; None where there has been none.
-
-    Attributes:
-        urdf: as above, as ``tcp`` and ``measured``.
-    """
-
-    def __init__(
-        self,
-        urdf: str,
-        prefix: str,
-        tcp: Callable[[Side], Pose],
-        measured: Callable[[Side], JointStates | None],
-    ) -> None:
-        self.urdf = urdf
-        self._frames = {frame.name: frame for frame in read_frames(urdf)}
-        self._prefix = prefix
-        self.tcp = tcp
-        self.measured = measured
-
-    def named(self, frame_id: str) -> str:
-        """The frame's name in the description; raises CommandRefused where it has none."""
-        name = frame_id.lstrip("/").removeprefix(self._prefix) or prefixed("yumi_base")
-        tools = [prefixed(f"yumi_tcp_{side.value}") for side in Side]
-        root = prefixed("yumi_base_link")
-        if name in self._frames or name == root or name in tools:
-            return name
-        raise CommandRefused(
-            f"there is no frame {frame_id[:60]!r}; take {prefixed('yumi_base')}, {tools[0]}, or another frame of the "
-            "robot."
-        )
-
-    def to_base(self, frame_id: str) -> Pose:
-        """Where a frame is now.
-
-        Raises:
-            CommandRefused: there is none, or what moves it has not been measured.
-        """
-        name, pose = self.named(frame_id), _BASE
-        for side in Side:
-            if name == prefixed(f"yumi_tcp_{side.value}"):
-                name, pose = prefixed(f"yumi_tool0_{side.value}"), self.tcp(side)
-        positions: dict[str, float] = {}
-        for side in Side:
-            state = self.measured(side)
-            if state is not None:
-                positions.update(zip(joint_names(side), state.position, strict=True))
-        while name in self._frames:
-            frame = self._frames[name]
-            if frame.joint and frame.joint not in positions and not frame.slides:
-                raise CommandRefused(f"where frame {frame_id[:60]!r} is, is not known: its arm is not heard.")
-            pose = compose(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
-            name = frame.parent
-        return pose
-
-    def tool_frame(self, side: Side, frame_id: str) -> Pose | None:
-        """A frame of this arm's tool, seen from its tool in use; None for any other frame."""
-        name = self.named(frame_id)
-        to_tool = inverse(self.tcp(side))
-        if name == prefixed(f"yumi_tcp_{side.value}"):
-            return _BASE
-        return to_tool if name == prefixed(f"yumi_tool0_{side.value}") else None
 
 
 class _ToolTopic(CommandTopic):
@@ -168,11 +112,10 @@ class _ToolTopic(CommandTopic):
     def _pose(self, message: Any) -> Pose:
         """The pose of a PoseStamped in the robot's base."""
         try:
-            pose = compose(self._frames.to_base(message.header.frame_id), pose_of(message.pose))
-            check_pose(pose)
+            # In its own frame the pose is what was sent: an orientation of another length must not move its place.
+            return compose(self._frames.to_base(message.header.frame_id), checked_pose(pose_of(message.pose)))
         except CommandRefused as error:
-            raise CommandRefused(f"{self.noun} refused: {error}") from error
-        return pose
+            raise CommandRefused(f"{self.noun} refused: {str(error).removeprefix('Pose refused: ')}") from error
 
     def take(self, message: Any) -> None:
         try:
@@ -205,12 +148,41 @@ class _StreamTopic(_ToolTopic):
             )
 
 
+class LineGoal(NamedTuple):
+    """What one arm's tool does in a goal.
+
+    Attributes:
+        poses: PoseStamped each; the last is the goal.
+        speed: of the tool at most [m/s]; 0 takes the controller's.
+        arm_angle: of the elbow at the end [rad]; None keeps it where that is possible.
+        zone: corners are rounded from so far before them [m]; 0 is the usual one.
+        tool: what is moved, in tool0; None is the tool in use.
+    """
+
+    poses: Sequence[Any]
+    speed: float = 0.0
+    arm_angle: float | None = None
+    zone: float = 0.0
+    tool: Pose | None = None
+
+    def check(self) -> None:
+        """See that its numbers can be meant; raises CommandRefused."""
+        for name, value in (("speed", self.speed), ("zone", self.zone), ("arm_angle", self.arm_angle or 0.0)):
+            if not isfinite(value) or (name != "arm_angle" and value < 0.0):
+                least = "" if name == "arm_angle" else ", not below 0"
+                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number{least}.")
+
+
 class TargetPoseTopic(_ToolTopic):
     """Poses to move to on straight lines."""
 
     topic, type, noun = "target_pose", PoseStamped, "Target"
     limits: JointLimits
     within = ToolLimits()
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.turn = Lock()  # one goal of an action at a time is planned
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         side = self._side
@@ -221,38 +193,37 @@ class TargetPoseTopic(_ToolTopic):
                 f"Target refused: the {side.word} arm still moved; it stops now. Send the target again when it stands, "
                 "or a stream to servo_pose."
             )
-        self.command(FollowTrajectory(self.plan(message, snapshot), next(_numbers)))
+        plan = self.plan(LineGoal((message,)), snapshot)
+        self.check_not_stopped(snapshot)
+        self.command(FollowTrajectory(plan, next(_numbers)))
 
-    def plan(self, message: Any, snapshot: Snapshot, speed: float = 0.0, angle: float | None = None) -> ArmPlan:
-        """A line to a PoseStamped, from where the arm stands.
-
-        Args:
-            message: where to.
-            snapshot: of the arm, which must not have been stopped since.
-            speed: of the tool at most [m/s]; 0 takes the controller's.
-            angle: of the elbow at the end [rad]; None keeps it where that is possible.
+    def plan(self, goal: LineGoal, snapshot: Snapshot) -> ArmPlan:
+        """Lines through poses, from where the arm stands.
 
         Raises:
-            CommandRefused: the pose is none, or cannot be reached on a line; the arm is held elsewhere than it is
-                commanded to be; or it was stopped meanwhile.
+            CommandRefused: a pose is none, or cannot be reached on a line; the arm is held elsewhere than it is
+                commanded to be.
         """
         self._check_not_held()
-        side, target, call = self._side, self._pose(message), self._control.call
+        side, targets, call = self._side, [self._pose(each) for each in goal.poses], self._control.call
         values = {it.parameter.name: it.value for it in call(Commands.list_parameters, side, self.controller)}
-        plan = plan_path(
+        return plan_path(
             side,
             self.commanded(),
-            [Waypoint(target, angle)],
+            [*map(Waypoint, targets[:-1]), Waypoint(targets[-1], goal.arm_angle)],
             self.limits,
-            tool=self._frames.tcp(side),
-            speed=speed or number(values, "line.speed"),
+            tool=goal.tool or self._frames.tcp(side),
+            speed=goal.speed or number(values, "line.speed"),
             turning=number(values, "line.turning"),
+            zone=goal.zone or ZONE,
             acceleration=number(values, "line.acceleration"),
             within=self.within,
         )
-        if self._snapshot().command_epoch != snapshot.command_epoch:  # planning takes a while
-            raise CommandRefused(f"Target refused: {INTERRUPTED.format(side.word)}")
-        return plan
+
+    def check_not_stopped(self, snapshot: Snapshot) -> None:
+        """See that the arm was not stopped since ``snapshot``: planning takes a while. Raises CommandRefused."""
+        if self._snapshot().command_epoch != snapshot.command_epoch:
+            raise CommandRefused(f"Target refused: {INTERRUPTED.format(self._side.word)}")
 
     def _check_not_held(self) -> None:
         """A line begins where the controller commands the arm to be: refuse one where the arm does not come to."""
@@ -297,7 +268,7 @@ class ServoTwistTopic(_StreamTopic):
         vectors: list[Vector] = [(linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)]
         check_twist([value for vector in vectors for value in vector])
         try:
-            of_tool = self._frames.tool_frame(side, frame)
+            of_tool = self._frames.in_tool(side, frame)
             seen_from = self._frames.to_base(frame) if of_tool is None else of_tool
         except CommandRefused as error:
             raise CommandRefused(f"Velocity refused: {error}") from error
@@ -314,56 +285,84 @@ class _Line:
         number: of its motion.
         is_over: set when it has ended, or must.
         is_cancelled: whether its client wants no more of it.
-        end: how the controller ended it; None as long as it has not.
+        ends: how the controllers ended it, as far as they have.
+        sides: the arms that follow it.
+        tools: what is moved, in tool0, where that is not the tool in use.
     """
 
     def __init__(self) -> None:
         self.number = next(_numbers)
         self.is_over = Flag()
         self.is_cancelled = False
-        self.end: TrajectoryEnded | None = None
+        self.ends: dict[Side, TrajectoryEnded] = {}
+        self.sides: frozenset[Side] = frozenset()
+        self.tools: Mapping[Side, Pose] = {}
 
 
 class _Cancelled(Exception):
     """The client has cancelled the goal before anything moved."""
 
 
-class MoveLinearAction:
-    """Serves ``<controller>/move_linear``.
+class _LineAction(ABC):
+    """Serves an action that moves tools on straight lines.
 
     A goal that cannot be met is not rejected, since a rejection has no text: it is aborted at once, with the reason. A
-    newer goal takes the place of one that is under way.
+    newer goal takes the place of one that is under way. Tools of both arms begin and end together; where one ends
+    elsewhere, the other one stops.
 
     Args:
-        node: the controller's.
-        side: which arm.
+        node: where it is.
+        name: of the action.
         control: the control process.
-        target: plans the lines.
+        now: the time of its clock [s].
+        targets: plan the lines of each arm; may change.
         frames: of the robot.
         base: the name of its base on ``/tf``.
     """
 
+    type: Any
+
     def __init__(
-        self, node: Any, side: Side, control: ControlProcess, target: TargetPoseTopic, frames: RobotFrames, base: str
+        self,
+        node: Any,
+        name: str,
+        control: ControlProcess,
+        now: Callable[[], float],
+        targets: Mapping[Side, TargetPoseTopic],
+        frames: RobotFrames,
+        base: str,
     ) -> None:
-        self._side, self._target, self._frames, self._base = side, target, frames, base
-        self._feedback = control.buffers[side].tool_path
-        self._snapshot = partial(control.snapshot, side)
+        self._targets, self._frames, self._base = targets, frames, base
+        self._control, self._now = control, now
         self._ros_clock, self._log = node.get_clock(), node.get_logger()
         self._lock = Lock()
         self._open: dict[Any, _Line] = {}  # by the goal's id
-        self._turn = Lock()  # one goal at a time is planned
         self._server = ActionServer(
             node,
-            MoveLinear,
-            f"{target.controller}/move_linear",
+            self.type,
+            name,
             execute_callback=self._execute,
             cancel_callback=self._cancel,
             callback_group=ReentrantCallbackGroup(),
         )
 
-    def on_event(self, event: object) -> bool:
-        """An event of the controller; whether it was about a goal of the action."""
+    @abstractmethod
+    def _goals(self, request: Any) -> Mapping[Side, LineGoal]:
+        """What each arm does; raises CommandRefused."""
+
+    @abstractmethod
+    def _fill(self, message: Any, line: _Line) -> None:
+        """Put the tools' poses into a result or feedback."""
+
+    def _tool(self, side: Side, frame: str) -> Pose | None:
+        """The frame that a goal names in tool0; None for the tool in use. Raises CommandRefused."""
+        try:
+            return self._frames.tool(side, frame) if frame else None
+        except CommandRefused as error:
+            raise CommandRefused(f"Target refused: {error}") from error
+
+    def on_arm_event(self, side: Side, event: object) -> bool:
+        """An event of an arm's controller; whether it was about a goal of the action."""
         with self._lock:
             if isinstance(event, ControlProcessEnded):
                 for line in self._open.values():
@@ -372,41 +371,51 @@ class MoveLinearAction:
                 return False
             for line in self._open.values():
                 if line.number == event.goal:
-                    line.end = event
-                    line.is_over.set()
+                    line.ends[side] = event
+                    if line.sides <= set(line.ends) or event.outcome is not Outcome.SUCCEEDED:
+                        line.is_over.set()
                     return True
         return False
 
     def destroy(self) -> None:
         """End; goals that are open are aborted."""
+        self.end_open_goals()
+        self._server.destroy()
+
+    def end_open_goals(self) -> None:
+        """No controller will report their end any more."""
         with self._lock:
             for line in self._open.values():
                 line.is_over.set()
-        self._server.destroy()
 
     def _cancel(self, handle: Any) -> Any:
         line = self._line(handle)  # also of a goal that was accepted and is not executed yet
         line.is_cancelled = True
-        try:
-            self._target.command(CancelTrajectory(line.number))
-        except YumiError as error:  # it ends as the arm does
-            self._log.info(f"The line could not be cancelled: {error}")
+        self._stop(line)
         return CancelResponse.ACCEPT
 
     def _line(self, handle: Any) -> _Line:
         with self._lock:
             return self._open.setdefault(bytes(handle.goal_id.uuid), _Line())
 
+    def _stop(self, line: _Line) -> None:
+        """Have its arms come to rest; arms that have another goal meanwhile go on with that."""
+        for side in line.sides:
+            try:
+                self._targets[side].command(CancelTrajectory(line.number))
+            except (YumiError, KeyError) as error:  # it ends as the arm does
+                self._log.info(f"The line of the {side.word} arm could not be cancelled: {error}")
+
     def _execute(self, handle: Any) -> Any:
         line = self._line(handle)
-        result = MoveLinear.Result()
+        result = self.type.Result()
         try:
-            with self._turn:
-                plan, epoch = self._begin(handle, line)
+            with ExitStack() as turns:
+                plans, epochs = self._begin(handle, line, turns)
             while not line.is_over.wait(_FEEDBACK_PERIOD):
-                if self._snapshot().command_epoch != epoch:
-                    self._end_unreported(line, epoch)
-                self._report(handle, line, plan.spline.end)
+                if any(self._control.snapshot(side).command_epoch != epoch for side, epoch in epochs.items()):
+                    self._end_unreported(line, epochs)
+                self._report(handle, line, max(plan.spline.end for plan in plans.values()))
             self._finish(handle, line, result)
         except _Cancelled:
             result.message = "Cancelled before the arm moved."
@@ -418,67 +427,119 @@ class MoveLinearAction:
         finally:
             with self._lock:
                 del self._open[bytes(handle.goal_id.uuid)]
-        result.pose = self._pose()
+        self._fill(result, line)
         return result
 
-    def _begin(self, handle: Any, line: _Line) -> tuple[ArmPlan, tuple[int, int]]:
-        """Plan a goal from where the arm comes to rest, and have it followed; with the session and activation of it."""
-        target, ask = self._target, handle.request
+    def _begin(
+        self, handle: Any, line: _Line, turns: ExitStack
+    ) -> tuple[Mapping[Side, ArmPlan], Mapping[Side, tuple[int, int]]]:
+        """Plan a goal from where the arms come to rest, and have it followed; with their session and activation."""
+        goals = self._goals(handle.request)
+        for goal in goals.values():
+            goal.check()
+        line.tools = {side: goal.tool for side, goal in goals.items() if goal.tool is not None}
+        try:
+            targets = {side: self._targets[side] for side in sorted(goals, key=lambda side: side.value)}
+        except KeyError as error:
+            raise CommandRefused(
+                f"Target refused: the {error.args[0].word} arm has no {CARTESIAN_CONTROLLER}; load it first."
+            ) from error
+        for target in targets.values():
+            turns.enter_context(target.turn)
         if line.is_cancelled:  # while it waited for its turn
             raise _Cancelled
-        target.check()
-        for name, value in (("speed", ask.speed), ("arm_angle", ask.arm_angle)):
-            if not isfinite(value) or (name == "speed" and value < 0.0):
-                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number, a speed above 0.")
-        deadline, before = monotonic() + _LAST_STOP, target.commanded()
-        while line.is_over.wait(_STANDS_FOR) or before != (now := target.commanded()):
+        for target in targets.values():
+            target.check()
+        self._bring_to_rest(line, targets)
+        snapshots = {side: target.check() for side, target in targets.items()}
+        plans = {side: target.plan(goals[side], snapshots[side]) for side, target in targets.items()}
+        longest = max(plan.spline.end for plan in plans.values())
+        for side, target in targets.items():
+            target.check_not_stopped(snapshots[side])
+        if line.is_cancelled:
+            raise _Cancelled
+        start = None  # at once
+        if len(plans) > 1:
+            start = self._now() + time_to_start(max(len(each.spline.segments) + 1 for each in plans.values()))
+        line.sides = frozenset(targets)
+        commands = [
+            FollowTrajectory(replace(stretched(plan, longest), start=start), line.number) for plan in plans.values()
+        ]
+        self._control.call(
+            Commands.send_commands,
+            *(
+                ControllerCommand(side, target.controller, command)
+                for (side, target), command in zip(targets.items(), commands, strict=True)
+            ),
+        )
+        if line.is_cancelled:  # between the two
+            self._stop(line)
+        return plans, {side: snapshot.command_epoch for side, snapshot in snapshots.items()}
+
+    def _bring_to_rest(self, line: _Line, targets: Mapping[Side, TargetPoseTopic]) -> None:
+        """Raises CommandRefused where an arm goes on moving."""
+
+        def commanded() -> Mapping[Side, Joints]:
+            return {side: target.commanded() for side, target in targets.items()}
+
+        deadline, before = monotonic() + _LAST_STOP, commanded()
+        while line.is_over.wait(_STANDS_FOR) or before != (now := commanded()):
             if line.is_cancelled:  # what others have asked for goes on
                 raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
-                raise CommandRefused(f"Target refused: the {self._side.word} arm did not come to rest.")
-            target.command(CancelTrajectory())
+                arms = " and ".join(side.word for side in targets)
+                raise CommandRefused(
+                    f"Target refused: the {arms} arm did not come to rest; end the stream that leads it first."
+                )
+            for target in targets.values():
+                target.command(CancelTrajectory())
             before = now
-        snapshot = target.check()
-        plan = target.plan(ask.target_pose, snapshot, ask.speed, ask.arm_angle if ask.turn_elbow else None)
-        if line.is_cancelled:
-            raise _Cancelled
-        target.command(FollowTrajectory(plan, line.number))
-        if line.is_cancelled:  # between the two
-            target.command(CancelTrajectory(line.number))
-        return plan, snapshot.command_epoch
 
-    def _end_unreported(self, line: _Line, epoch: tuple[int, int]) -> None:
+    def _end_unreported(self, line: _Line, epochs: Mapping[Side, tuple[int, int]]) -> None:
         """Another session or activation ends a line, and events can be dropped: its goal must end all the same.
 
         Raises:
             RobotNotReady: its end was not reported.
         """
-        if line.is_over.wait(_REPORTED_WITHIN) or self._snapshot().command_epoch == epoch:
+        is_over = line.is_over.wait(_REPORTED_WITHIN)
+        others = [side for side, epoch in epochs.items() if self._control.snapshot(side).command_epoch != epoch]
+        if is_over or not others:
             return
-        with suppress(YumiError):  # nothing is known of it: it must not go on
-            self._target.command(CancelTrajectory(line.number))
+        self._stop(line)  # nothing is known of it: it must not go on
+        arms = " and ".join(side.word for side in others)
         raise RobotNotReady(
-            f"The line was ended: the {self._side.word} arm was stopped, or another controller took it over; how the "
-            "line ended was not reported."
+            f"The line was ended: the {arms} arm was stopped, or another controller took it over; how the line ended "
+            "was not reported."
         )
 
     def _report(self, handle: Any, line: _Line, duration: float) -> None:
-        newest = self._feedback.read()
-        if newest is None or newest[1].goal != line.number or not handle.is_active:
+        newest = [self._control.buffers[side].tool_path.read() for side in line.sides]
+        ways = [each[1] for each in newest if each is not None and each[1].goal == line.number]
+        if len(ways) < len(newest) or not handle.is_active:
             return
-        time, scale = min(max(newest[1].progress, 0.0), duration), newest[1].scale
-        feedback = MoveLinear.Feedback(pose=self._pose(), progress=time / duration if duration else 1.0)
+        time = min(max(min(way.progress for way in ways), 0.0), duration)
+        scale = min(way.scale for way in ways)
+        feedback = self.type.Feedback(progress=time / duration if duration else 1.0)
         feedback.remaining = (duration - time) / scale if scale > 0.0 else inf
+        self._fill(feedback, line)
         handle.publish_feedback(feedback)
 
     def _finish(self, handle: Any, line: _Line, result: Any) -> None:
-        end = line.end
-        if end is None:
+        failed = [(side, end) for side, end in line.ends.items() if end.outcome is not Outcome.SUCCEEDED]
+        if not failed and not line.sides <= set(line.ends):
             raise RobotNotReady("The line was ended: the controller was unloaded, or the control process has ended.")
-        result.message, result.success = end.sentence, end.outcome is Outcome.SUCCEEDED
-        if result.success:
+        if not failed:
+            result.message, result.success = next(iter(line.ends.values())).sentence, True
             handle.succeed()
-        elif end.outcome is Outcome.CANCELED and line.is_cancelled:
+            return
+        if len(line.sides) > 1:
+            self._stop(line)
+        side, end = failed[0]
+        result.message = end.sentence if len(line.sides) == 1 else f"{side.word.capitalize()} arm: {end.sentence}"
+        held = self._control.snapshot(side).limited_by
+        if held:
+            result.message += f" The arm is limited by {held}."
+        if end.outcome is Outcome.CANCELED and line.is_cancelled:
             self._end_cancelled(handle)
         else:
             handle.abort()
@@ -486,39 +547,152 @@ class MoveLinearAction:
     def _end_cancelled(self, handle: Any) -> None:
         (handle.canceled if is_cancelled(handle, SystemClock()) else handle.abort)()
 
-    def _pose(self) -> Any:
-        """Of the tool, in the robot's base; empty where it is not known."""
-        message, state = PoseStamped(), self._frames.measured(self._side)
+    def _pose(self, side: Side, line: _Line) -> Any:
+        """Of what is moved, in the robot's base; empty where it is not known."""
+        message, state = PoseStamped(), self._frames.measured(side)
         if state is not None:
             message.header.frame_id, message.header.stamp = self._base, self._ros_clock.now().to_msg()
-            pose = tool0_to_body(self._side, state.position, self._frames.tcp(self._side))
+            pose = tool0_to_body(side, state.position, line.tools.get(side) or self._frames.tcp(side))
             place, turn = message.pose.position, message.pose.orientation
             place.x, place.y, place.z = pose.position
             turn.w, turn.x, turn.y, turn.z = pose.orientation
         return message
 
 
+class MoveLinearAction(_LineAction):
+    """Serves ``<controller>/move_linear`` of one arm; the arguments as above, and ``side``, which arm."""
+
+    type = MoveLinear
+
+    def __init__(self, side: Side, *args: Any) -> None:
+        self._side = side
+        super().__init__(*args)
+
+    def _goals(self, request: Any) -> Mapping[Side, LineGoal]:
+        poses = [*request.through, request.target_pose]
+        angle = request.arm_angle if request.turn_elbow else None
+        tool = self._tool(self._side, request.tool_frame)
+        return {self._side: LineGoal(poses, request.speed, angle, request.zone, tool)}
+
+    def _fill(self, message: Any, line: _Line) -> None:
+        message.pose = self._pose(self._side, line)
+
+
+class MoveBothLinearAction(_LineAction):
+    """Serves ``cartesian_controller/move_linear`` of both arms."""
+
+    type = MoveBothLinear
+
+    def _goals(self, request: Any) -> Mapping[Side, LineGoal]:
+        if not (len(request.right) and len(request.left)):
+            raise CommandRefused(
+                f"Target refused: one arm has no pose; for one alone take its own {CARTESIAN_CONTROLLER}/move_linear."
+            )
+        return {
+            side: LineGoal(poses, request.speed, None, request.zone, self._tool(side, frame))
+            for side, poses, frame in (
+                (Side.RIGHT, request.right, request.right_tool_frame),
+                (Side.LEFT, request.left, request.left_tool_frame),
+            )
+        }
+
+    def _fill(self, message: Any, line: _Line) -> None:
+        message.right, message.left = self._pose(Side.RIGHT, line), self._pose(Side.LEFT, line)
+
+
+class KinematicsServices:
+    """Serves ``<controller>/inverse_kinematics`` and ``<controller>/jacobian`` of one arm.
+
+    Args:
+        node: the controller's.
+        side: which arm.
+        controller: its name.
+        frames: of the robot.
+    """
+
+    def __init__(self, node: Any, side: Side, controller: str, frames: RobotFrames) -> None:
+        self._node, self._side, self._frames = node, side, frames
+        self._services = [
+            node.create_service(kind, f"{controller}/{name}", partial(_answered, answer), qos_profile=SERVICES)
+            for kind, name, answer in (
+                (InverseKinematics, "inverse_kinematics", self._postures),
+                (Jacobian, "jacobian", self._jacobian),
+            )
+        ]
+
+    def destroy(self) -> None:
+        """Serve no longer."""
+        for service in self._services:
+            self._node.destroy_service(service)
+
+    def _now(self) -> Joints:
+        state = self._frames.measured(self._side)
+        if state is None:
+            raise RobotNotReady(f"Where the {self._side.word} arm is, is not known; start EGM first.")
+        return state.position
+
+    def _postures(self, request: Any, response: Any) -> None:
+        side, pose = self._side, request.target_pose
+        target = compose(self._frames.to_base(pose.header.frame_id), checked_pose(pose_of(pose.pose)))
+        tool0 = compose(target, inverse(self._frames.tool(side, request.tool_frame)))
+        now = self._now()
+        angle = request.arm_angle if request.turn_elbow else arm_angle(side, now)
+        if not isfinite(angle):
+            raise CommandRefused(f"The arm angle is {angle}; give radians.")
+        found = sorted(postures(side, tool0, angle, YUMI_LIMITS), key=lambda each: largest_difference(each, now))
+        response.postures = [JointState(name=joint_names(side), position=each) for each in found]
+        response.success = bool(found)
+        if not found:
+            reason = f"No posture of the {side.word} arm has this pose with this arm angle; try others."
+            response.message = str(unreachable(side, tool0, reason, now))
+
+    def _jacobian(self, request: Any, response: Any) -> None:
+        position = request.position if len(request.position) else self._now()
+        if len(position) != JOINT_COUNT or not all(map(isfinite, position)):
+            raise CommandRefused(f"Give {JOINT_COUNT} finite joint positions [rad], in chain order, or none.")
+        tool = self._frames.tool(self._side, request.tool_frame)
+        response.jacobian = jacobian(self._side, joints(position), tool).ravel()
+        response.success = True
+
+
+def _answered(answer: Callable[[Any, Any], None], request: Any, response: Any) -> Any:
+    """A response that says why where a request is refused."""
+    try:
+        answer(request, response)
+    except YumiError as error:
+        response.message = str(error)
+    return response
+
+
 class CartesianTopics:
     """All topics of one Cartesian controller, and its action; the ends of other lines are logged."""
 
-    def __init__(self, node: Any, action: MoveLinearAction, topics: tuple[_ToolTopic, ...]) -> None:
+    def __init__(
+        self,
+        node: Any,
+        side: Side,
+        actions: tuple[_LineAction, ...],
+        parts: tuple[_LineAction | _ToolTopic | KinematicsServices, ...],
+        on_end: Callable[[], None],
+    ) -> None:
         self._log = node.get_logger()
-        self._action = action
-        self._topics = topics
+        self._side, self._actions, self._parts, self._on_end = side, actions, parts, on_end
 
     def on_event(self, event: Any) -> None:
-        if not self._action.on_event(event) and isinstance(event, TrajectoryEnded):
+        is_known = [each.on_arm_event(self._side, event) for each in self._actions]
+        if not any(is_known) and isinstance(event, TrajectoryEnded):
             (self._log.info if event.outcome is Outcome.SUCCEEDED else self._log.warning)(str(event))
         if isinstance(event, ToolLimited):
             self._log.info(str(event))
 
     def destroy(self) -> None:
-        self._action.destroy()
-        for topic in self._topics:
-            topic.destroy()
+        self._on_end()
+        for part in self._parts:
+            part.destroy()
 
 
 def cartesian_interfaces(
+    dual: Any,
     streams: Mapping[Side, Any],
     control: ControlProcess,
     now: Callable[[], float],
@@ -527,16 +701,29 @@ def cartesian_interfaces(
     base: str,
     within: ToolLimits,
 ) -> Mapping[str, MakeInterface]:
-    """What Cartesian controllers offer, by their type; ``streams`` are nodes for streams alone, ``base`` a frame.
+    """What Cartesian controllers offer, by their type.
 
-    Lines keep ``limits`` of the joints, and are planned ``within`` those of the tool.
+    ``dual`` is the node of the action of both arms, ``streams`` are nodes for streams alone, ``base`` is a frame. Lines
+    keep ``limits`` of the joints, and are planned ``within`` those of the tool.
     """
+    targets: dict[Side, TargetPoseTopic] = {}
+    frames.listen(dual)
+    both = MoveBothLinearAction(dual, f"{CARTESIAN_CONTROLLER}/move_linear", control, now, targets, frames, base)
 
     def make(node: Any, side: Side, name: str) -> CartesianTopics:
         target = TargetPoseTopic(node, side, control, now, name, frames)
         target.limits, target.within = limits, within
         streamed = (kind(streams[side], side, control, now, name, frames) for kind in (ServoPoseTopic, ServoTwistTopic))
-        action = MoveLinearAction(node, side, control, target, frames, base)
-        return CartesianTopics(node, action, (target, *streamed))
+        action = MoveLinearAction(side, node, f"{name}/move_linear", control, now, {side: target}, frames, base)
+        services = KinematicsServices(node, side, name, frames)
+        if name == CARTESIAN_CONTROLLER:
+            targets[side] = target
+
+        def end() -> None:
+            if targets.get(side) is target:
+                del targets[side]
+                both.end_open_goals()
+
+        return CartesianTopics(node, side, (action, both), (action, target, *streamed, services), end)
 
     return {CartesianController.kind: make}

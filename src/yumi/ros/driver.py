@@ -7,12 +7,13 @@ r/controller_manager           the services of ros2_control, activity, joint_sta
 r/<controller>                 the parameters of each controller
 r/joint_trajectory_controller  follow_joint_trajectory, joint_trajectory, controller_state,
                                speed_scaling_input
-r/cartesian_controller         move_linear, target_pose, servo_pose, servo_twist
+r/cartesian_controller         move_linear, target_pose, servo_pose, servo_twist, inverse_kinematics, jacobian
 r/yumi_topics                  the command topics of controllers, egm_state, gripper/joint_states,
                                gripper/state, gripper/vacuum_1/pressure and object_picked
 r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog_open, jog_close, stop,
                                clear_error, vacuum_1, blow_1 … (and all of these for l)
-dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew
+dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew;
+                               cartesian_controller/move_linear
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
                                set_speed_scale, speed_scale, set_tool, set_payload, gpio_states, state, /diagnostics
 robot_state_publisher          /tf, /tf_static, robot_description (topic and parameter)
@@ -46,11 +47,11 @@ from yumi.driver.settings import CalibrateWhen, ControllerSettings, Settings, co
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
-from yumi.ros.cartesian import RobotFrames, cartesian_interfaces
+from yumi.ros.cartesian import cartesian_interfaces
 from yumi.ros.controller_manager import ArmManager
 from yumi.ros.controllers import ArmHardware
 from yumi.ros.executors import Executors, TimerThread
-from yumi.ros.frames import NAME, FramePublisher
+from yumi.ros.frames import NAME, FramePublisher, RobotFrames
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import (
@@ -131,16 +132,29 @@ class RosDriver:
             manager.monitor,
             base,
         )
+        self._grippers = Grippers(
+            grippers,
+            gripper_nodes,
+            self._streams,
+            self.info,
+            self._timers,
+            self._why_no_grip,
+            manager.calibrate,
+            settings.ros.frames,
+        )
         frames = RobotFrames(
             robot_description(limits, {side: grippers.settings.modules(side) for side in Side}, _meshes()),
             settings.ros.frames,
             manager.tcp,
             lambda side: newest_state(buffers[side], polled(side)),
+            self._grippers.fingers,
+            clock.now,
         )
         interfaces = {
             **self._trajectories.interfaces,
             **forward_interfaces(self._streams, control, clock.now),
             **cartesian_interfaces(
+                dual,
                 self._streams,
                 control,
                 clock.now,
@@ -164,16 +178,6 @@ class RosDriver:
             for side, own in controllers.items()
         }
 
-        self._grippers = Grippers(
-            grippers,
-            gripper_nodes,
-            self._streams,
-            self.info,
-            self._timers,
-            self._why_no_grip,
-            manager.calibrate,
-            settings.ros.frames,
-        )
         self._gripper_setup = GripperSetup(
             grippers.grippers,
             manager.step,

@@ -1,4 +1,4 @@
-"""The frames of the robot: ``/tf``, ``/tf_static``, ``tcp_pose`` of each arm and ``robot_description``.
+"""The frames of the robot: ``/tf``, ``/tf_static``, ``tcp_pose`` of each arm, ``robot_description``; where they are.
 
 The node ``robot_state_publisher`` takes the place of ROS's own program of that name, with its parameters: tools read
 ``robot_description`` from it, as a latched topic or as a parameter.
@@ -6,27 +6,33 @@ The node ``robot_state_publisher`` takes the place of ROS's own program of that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from math import inf
 from typing import Any
 
 from geometry_msgs.msg import PoseStamped, TransformStamped
 from rcl_interfaces.msg import ParameterDescriptor
-from rclpy.qos import QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from yumi.clock import Clock
+from yumi.control.tool_path import checked_pose
 from yumi.driver.settings import RosSettings
+from yumi.errors import CommandRefused
 from yumi.robot.description import Frame, read_frames
 from yumi.robot.joints import Pose, Side, finger_names, joint_names, prefixed
-from yumi.robot.kinematics import tool0_to_body
+from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import LATCHED, Stamps, stamp
 from yumi.ros.topics import STALE, MeasuredState
 
 NAME = "robot_state_publisher"
 _TF = QoSProfile(depth=100)  # as tf2's own broadcaster
+_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as tf2's own listener
+_LONGEST_CHAIN = 100  # frames from the root on; more are a loop
+_HERE = Pose((0.0, 0.0, 0.0), IDENTITY)
 
 
 class FramePublisher:
@@ -148,6 +154,150 @@ class FramePublisher:
         transform.header.frame_id = before + frame.parent
         _fill(transform.transform.translation, transform.transform.rotation, frame.to_parent())
         return transform
+
+
+class RobotFrames:
+    """Where frames are in the robot's base: those of the robot, and those that others have fixed to them.
+
+    Args:
+        urdf: the robot's description.
+        prefix: before the names of frames on ``/tf``.
+        tcp: the tool in use of an arm.
+        measured: the newest measured state of an arm; None where there has been none.
+        fingers: position [m] and speed [m/s] of each gripper's fingers by side, as far as they are known.
+        now: the time of the clock of the states' times [s].
+
+    Attributes:
+        urdf: as above, as ``tcp`` and ``measured``.
+    """
+
+    def __init__(
+        self,
+        urdf: str,
+        prefix: str,
+        tcp: Callable[[Side], Pose],
+        measured: MeasuredState,
+        fingers: Callable[[], Mapping[Side, tuple[float, float]]],
+        now: Callable[[], float],
+    ) -> None:
+        self.urdf = urdf
+        self._frames = {frame.name: frame for frame in read_frames(urdf)}
+        self._root = prefixed("yumi_base_link")
+        self._others: dict[str, Frame] = {}  # by the name on /tf
+        self._prefix = prefix
+        self.tcp = tcp
+        self.measured = measured
+        self._fingers = fingers
+        self._now = now
+
+    def listen(self, node: Any) -> None:
+        """Know the frames that others publish on ``/tf_static``: work objects, tools on a flange, the robot's place."""
+        node.create_subscription(TFMessage, "/tf_static", self.take, _STATIC)
+
+    def take(self, message: Any) -> None:
+        """Fixed frames of others. The robot's own are known; what is not a transform is left out."""
+        for each in message.transforms:
+            name, place, turn = self._name(each.child_frame_id), each.transform.translation, each.transform.rotation
+            if name == self._root or self._own(name) is None:
+                with suppress(CommandRefused):
+                    origin = checked_pose(Pose((place.x, place.y, place.z), (turn.w, turn.x, turn.y, turn.z)))
+                    self._others[name] = Frame(name, self._name(each.header.frame_id), origin)
+
+    def _name(self, frame_id: str) -> str:
+        """Without what stands before the names of this robot's frames."""
+        return frame_id.lstrip("/").removeprefix(self._prefix)
+
+    def _own(self, name: str) -> Frame | None:
+        """A frame of the robot in its parent."""
+        for side in Side:
+            if name == prefixed(f"yumi_tcp_{side.value}"):
+                return Frame(name, prefixed(f"yumi_tool0_{side.value}"), self.tcp(side))
+        return self._frames.get(name)
+
+    def _way_up(self, frame_id: str) -> Iterator[Frame]:
+        """A frame in its parent, that in its own, and so on as far as they are known.
+
+        Raises:
+            CommandRefused: there is no such frame.
+        """
+        name = self._name(frame_id) or prefixed("yumi_base")
+        others = list(self._others.values())
+        if self._own(name) is None and name != self._root and not any(name in (it.name, it.parent) for it in others):
+            raise CommandRefused(
+                f"there is no frame {frame_id[:60]!r}; take {prefixed('yumi_base')}, {prefixed('yumi_tcp_r')}, another "
+                "frame of the robot, or one on /tf_static that is fixed to one of them."
+            )
+        for _ in range(_LONGEST_CHAIN):  # others may publish a loop
+            frame = self._own(name) or self._others.get(name)
+            if frame is None:
+                return
+            yield frame
+            name = frame.parent
+
+    def to_base(self, frame_id: str) -> Pose:
+        """Where a frame is now.
+
+        Raises:
+            CommandRefused: there is none, or what moves it has not been measured lately.
+        """
+        positions: dict[str, float] = {}
+        for side in Side:
+            state = self.measured(side)
+            if state is not None and self._now() - state.time < STALE:
+                positions.update(zip(joint_names(side), state.position, strict=True))
+        for side, (place, _) in self._fingers().items():
+            positions.update(dict.fromkeys(finger_names(side), place))
+
+        def seen_from_above(name: str) -> dict[str, Pose]:
+            pose, found = _HERE, {self._name(name) or prefixed("yumi_base"): _HERE}
+            for frame in self._way_up(name):
+                if frame.joint and frame.joint not in positions:
+                    what = "gripper" if frame.slides else "arm"
+                    raise CommandRefused(f"where frame {frame_id[:60]!r} is, is not known: its {what} is not heard.")
+                pose = compose(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
+                found[frame.parent] = pose
+            return found
+
+        base = seen_from_above(self._root)
+        for name, pose in seen_from_above(frame_id).items():
+            if name in base:
+                return compose(inverse(base[name]), pose)
+        raise CommandRefused(f"frame {frame_id[:60]!r} is not connected to the robot; see /tf_static.")
+
+    def in_tool(self, side: Side, frame_id: str) -> Pose | None:
+        """A frame that is fixed to an arm's flange, seen from its tool in use; None for any other frame.
+
+        Raises:
+            CommandRefused: there is no such frame.
+        """
+
+        def on_link(name: str) -> tuple[str, Pose]:
+            pose = _HERE
+            for frame in self._way_up(name):
+                if frame.joint:
+                    return frame.name, pose
+                pose = compose(frame.to_parent(), pose)
+            return "", pose
+
+        tool_link, tool = on_link(prefixed(f"yumi_tcp_{side.value}"))
+        link, pose = on_link(frame_id)
+        return compose(inverse(tool), pose) if link == tool_link else None
+
+    def tool(self, side: Side, frame_id: str) -> Pose:
+        """A frame on an arm's flange in tool0; empty is the tool in use.
+
+        Raises:
+            CommandRefused: there is no such frame, or it is not fixed to the flange.
+        """
+        if not frame_id:
+            return self.tcp(side)
+        found = self.in_tool(side, frame_id)
+        if found is None:
+            raise CommandRefused(
+                f"frame {frame_id[:60]!r} is not fixed to the flange of the {side.word} arm; take one that is, such as "
+                f"{prefixed(f'gripper_{side.value}_fingertips')}, or leave it empty for the tool in use."
+            )
+        return compose(self.tcp(side), found)
 
 
 def _fill(position: Any, rotation: Any, pose: Pose) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, inf, nan, pi
+from math import degrees, hypot, inf, nan, pi
 
 import pytest
 
@@ -15,6 +15,7 @@ from yumi.api.cartesian import (
     FINGERTIPS,
     Frames,
     boxes_from,
+    checked_angle,
     planned,
     pose,
     pose_from,
@@ -49,8 +50,12 @@ def test_a_pose_has_a_quaternion_or_angles() -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (lambda: pose(nan, 0, 0), "not finite"),
-        (lambda: pose(inf, 0, 0), "not finite"),
+        (lambda: pose(nan, 0, 0), "its place is .nan, 0, 0.; give 3 finite numbers"),
+        (lambda: pose(inf, 0, 0), "give 3 finite numbers"),
+        (lambda: pose("a", 0, 0), "its place is .'a', 0, 0.; give 3 numbers"),
+        (lambda: pose_from(Pose((nan, 0, 0), IDENTITY)), "not finite"),
+        (lambda: checked_angle(inf), r"the arm angle \[rad\] is .inf,.; give 1 finite number"),
+        (lambda: checked_angle("x"), "give 1 number"),
         (lambda: pose(400, 0, 0), "positions are in metres"),
         (lambda: pose(0, 0, 0, (0, 0, 0, 0)), "quaternion has no direction"),
         (lambda: pose(0, 0, 0, (1, 0, 0)), "give 4 finite numbers"),
@@ -70,6 +75,40 @@ def test_the_posture_for_a_pose_is_the_nearest() -> None:
     assert tool0_to_body(Side.RIGHT, found).position == pytest.approx(HERE.position, abs=1e-9)
     every = postures_of(Side.RIGHT, HERE, arm_angle(Side.RIGHT, POSTURE), POSTURE, YUMI_LIMITS)
     assert every[0] == pytest.approx(POSTURE, abs=1e-6)
+
+
+@pytest.mark.parametrize("given", [(1, 2), "abcd", (0, 0.5, 0, 0), (0, 0, 0, nan)])
+def test_what_is_no_configuration_is_refused(given) -> None:
+    with pytest.raises(CommandRefused, match="Pose refused: configuration is"):
+        posture_for(Side.RIGHT, HERE, None, given, POSTURE, YUMI_LIMITS)
+
+
+@pytest.mark.parametrize("call", [lambda arm: arm.jacobian([1, 2]), lambda arm: arm.jacobian([nan] * 7)])
+def test_a_jacobian_of_no_posture_is_refused(call) -> None:
+    with pytest.raises(CommandRefused, match=r"Pose refused: position is .* give 7 finite numbers"):
+        call(Arm(Side.RIGHT, lambda: None, None))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("angle", [inf, nan, "up"])
+def test_a_stream_with_no_arm_angle_is_refused(angle) -> None:
+    with pytest.raises(CommandRefused, match="the arm angle"):
+        Arm(Side.RIGHT, lambda: None, None).servo_pose(HERE, arm_angle=angle)  # type: ignore[arg-type]
+
+
+def test_a_pose_out_of_reach_is_refused_with_the_nearest() -> None:
+    far = Pose((HERE.position[0] + 1.0, *HERE.position[1:]), HERE.orientation)
+    with pytest.raises(
+        Unreachable, match=r"Choose a pose within reach. The nearest that was found is tool0 at"
+    ) as error:
+        posture_for(Side.RIGHT, far, None, None, POSTURE, YUMI_LIMITS)
+    assert error.value.nearest is not None
+    assert tool0_to_body(Side.RIGHT, error.value.nearest).position[0] > HERE.position[0]
+
+
+def test_an_orientation_that_was_rounded_is_of_length_1() -> None:
+    rounded = pose_from([0.1, 0.2, 0.3, 0.707, 0, 0.707, 0])
+    assert hypot(*rounded.orientation) == pytest.approx(1.0, abs=1e-15)
+    assert pose_from(Pose((0.1, 0.2, 0.3), (0.707, 0.0, 0.707, 0.0))) == rounded
 
 
 def test_a_configuration_says_which_posture_is_meant() -> None:

@@ -313,6 +313,18 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
         assert str(motion.future.exception()) == "The right arm did not reach its goal: It is over."
 
 
+def test_motion_that_the_limiter_holds_says_which_parts(robot: FakeRobot) -> None:
+    robot.control.on_command = robot.rest
+    (motion,) = robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)]})
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(
+        limited_part="right gripper", limited_other="body"
+    )
+    notice = TrajectoryEnded(motion.identity, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
+    robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
+    with pytest.raises(GoalNotReached, match=r"its goal: It is late; it is limited by right gripper - body, 0 mm\.$"):
+        motion.wait()
+
+
 @pytest.mark.parametrize(
     ("points", "sentence"),
     [

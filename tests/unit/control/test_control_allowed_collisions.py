@@ -83,6 +83,13 @@ def test_parts_touch_slowly_until_it_is_ended(bench: Bench) -> None:
     assert bench.state == ((), FULL, [])
 
 
+def test_the_end_of_parts_that_do_not_exist_is_refused(bench: Bench) -> None:
+    bench.allowed.allow(RIGHT, LEFT, 10.0)
+    with pytest.raises(CommandRefused, match="Nothing was changed: there are no two parts 'right gripper' and 'shelf'"):
+        bench.allowed.end(RIGHT, "shelf")
+    assert bench.state[0] == ((LEFT, RIGHT),)
+
+
 def test_each_pair_has_its_own_time(bench: Bench) -> None:
     bench.allowed.allow(RIGHT, LEFT, 2.0)
     bench.allowed.allow(RIGHT, TABLE, 5.0)

@@ -15,7 +15,7 @@ from soak import long, short, tell
 from yumi.control.collisions import BODY_MARGIN
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
 from yumi.errors import CommandRefused, PlanNotFound
-from yumi.planning.planner import Goal, Plan, Planner
+from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
 from yumi.planning.scene import disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
@@ -126,6 +126,17 @@ def test_way_of_both_arms_is_found_where_the_straight_one_is_not_free(planner: P
             )
     assert missed <= 0.05 * count
     assert min(distances) > -0.002  # between two checked postures
+
+
+def test_way_is_found_from_where_the_limiter_holds_an_arm_at_the_body(planner: Planner) -> None:
+    held = joints([0.046, -1.469, -2.442, 0.799, 0.127, 0.832, -0.171])
+    start = {Side.RIGHT: held, Side.LEFT: home(Side.LEFT)}
+    before = SHAPES.nearest(start)[0]
+    assert (before.part, before.other) == ("right gripper", "body")
+    assert before.distance < -0.002
+    plan = planner.plan(start, {Side.RIGHT: home(Side.RIGHT)}, timeout=30.0)
+    assert plan.clearance == CLEARANCES[-1]
+    assert nearest(plan) > CLEARANCES[-1] - 0.002
 
 
 def test_plan_keeps_speed_acceleration_and_jerk(planner: Planner, problem) -> None:

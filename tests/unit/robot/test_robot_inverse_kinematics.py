@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import degrees, pi, radians
+from math import degrees, dist, pi, radians
 from time import perf_counter
 
 import numpy as np
@@ -14,11 +14,13 @@ from yumi.robot.inverse_kinematics import (
     Unreachable,
     arm_angle,
     arm_angle_from,
+    closest_posture,
     configuration,
     jacobian,
     nearest_posture,
     postures,
     postures_of_each,
+    unreachable,
 )
 from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
 from yumi.robot.kinematics import matrix, tool0_to_body
@@ -149,6 +151,30 @@ def test_a_pose_out_of_reach_has_no_posture() -> None:
     assert postures(Side.LEFT, far, 0.0) == ()
     with pytest.raises(Unreachable, match="left arm does not reach the pose"):
         nearest_posture(Side.LEFT, far, 0.0, home(Side.LEFT))
+
+
+@pytest.mark.parametrize("side", Side)
+def test_the_posture_that_is_nearest_to_a_pose_out_of_reach_is_found(side: Side) -> None:
+    reached, out = [], []
+    for _, position in random_postures(7, 5):
+        pose = tool0_to_body(side, position)
+        far = Pose((1.6 * pose.position[0], 1.6 * pose.position[1], 1.6 * pose.position[2]), pose.orientation)
+        reached.append(dist(closest_posture(side, pose, home(side))[1].position, pose.position))
+        found, there = closest_posture(side, far, home(side))
+        assert YUMI_LIMITS.outside(found) is None
+        assert there == tool0_to_body(side, found)
+        others = [tool0_to_body(side, each).position for _, each in random_postures(8, 500)]
+        out.append((dist(there.position, far.position), min(dist(each, far.position) for each in others)))
+    assert max(reached) < 1e-6
+    assert all(found < other + 0.02 for found, other in out)  # of those, none has the orientation
+
+
+def test_a_pose_that_is_reached_with_another_arm_angle_says_with_which() -> None:
+    position = random_postures(9, 1)[0][1]
+    error = unreachable(Side.RIGHT, tool0_to_body(Side.RIGHT, position), "No posture.", home(Side.RIGHT))
+    assert error.nearest is not None
+    angle = degrees(arm_angle(Side.RIGHT, error.nearest))
+    assert str(error) == f"No posture. With arm angle {angle:.0f}° there is one."
 
 
 def test_a_posture_out_of_range_is_refused_with_its_joint() -> None:

@@ -206,7 +206,7 @@ class _Stream:
         self._filter.begin(self._target, self._rates)
         self.predictor.rest_at(self._target)
         self._twist: Joints = ZERO
-        self._is_twist = False
+        self._is_twist = self._is_at_rest = False
         self._given_at = -inf
         self._period, self.silence = 0.0, 0.0
         self._was_behind = 0.0
@@ -295,7 +295,8 @@ class _Stream:
                 target = self.predictor.at(state.time, delay)
                 self._target, self._rates, _ = self._filter.step(target, dt, scale)
                 self._target = self._behind_walls(self._target, before[0].position, dt)
-            velocity = self._within_limits(self._follow(before, dt, scale), dt, scale)
+            is_at_rest = self._is_twist and self._is_at_rest
+            velocity = ZERO if is_at_rest else self._within_limits(self._follow(before, dt, scale), dt, scale)
         else:
             velocity = self._velocity
         command = self._joints.step(state, velocity, 1.0)
@@ -380,6 +381,10 @@ class _Stream:
         here = self._numbers(tool0_to_body(self._side, self._joints.position, self._tool), self._now.angle)
         leads = zip(target, here, _LEAD, strict=True)
         self._target = joints([max(at - most, min(at + most, to)) for to, at, most in leads])
+        # What is left to make up when the target stands is given up: near a singularity the joints would go on for it.
+        self._is_at_rest = self._twist == ZERO == wanted
+        if self._is_at_rest:
+            self._target = here
         self._rates = self._twist
 
     def _follow(self, before: tuple[Pose, float], dt: float, scale: float) -> Joints:
