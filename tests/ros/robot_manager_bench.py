@@ -47,6 +47,7 @@ class FakeManager:
         self.monitor = self.panel = self
         self.may_go_on = Event()
         self.may_go_on.set()
+        self.runs_routine = Event()
         self.heard: list[str] | None = None
 
     def __getattr__(self, name: str) -> Callable[..., str]:
@@ -64,6 +65,11 @@ class FakeManager:
             assert self.may_go_on.wait(10.0)
             self._wait_until_heard(count)
         return self._note("go_to", mode)
+
+    def run_routine(self, side: Side, name: str) -> str:
+        self.runs_routine.set()
+        assert self.may_go_on.wait(30.0)
+        return self._note("run_routine", side, name)
 
     def recover(self, report: Report, check: Callable[[], None], confirmed: str = "") -> str:
         report("read the event log")
@@ -113,6 +119,7 @@ class RobotManagerRig:
         self.manager.refusals.clear()
         self.manager.robot = READY
         self.manager.may_go_on.set()
+        self.manager.runs_routine.clear()
         self.manager.heard = None
         self.inactive.clear()
         self.manager.calls.clear()

@@ -29,11 +29,12 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from yumi.clock import SystemClock
-from yumi.control.controller import Controller, MemoryBuffer
+from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.events import (
     ControllerFailed,
     ControllerReport,
+    ControlProcessEnded,
     ProblemOver,
     RobotFollows,
     RobotStoppedFollowing,
@@ -51,6 +52,7 @@ from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager
+from yumi.ros.controllers import ControllerNodes
 from yumi.ros.executors import TimerThread
 from yumi.ros.topics import DescriptionWait
 from yumi.settings import Entry, Parameter, Values
@@ -60,6 +62,7 @@ pytestmark = pytest.mark.ros
 KIND = "tests/Watcher"
 P = ParamSpec("P")
 T = TypeVar("T")
+RATE = 250  # [Hz]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -374,3 +377,22 @@ def test_manager_without_the_control_process_lists_nothing_refuses_all_and_is_fi
     assert manager.switch(["watcher"], []).message == sentence
     assert manager.set_hardware("ROB_R", 3, "active").state.label == "finalized"
     rig.line.is_gone = False
+
+
+def test_event_of_all_reaches_every_controller_although_the_first_one_fails(
+    ros: None, caplog: pytest.LogCaptureFixture
+) -> None:
+    interfaces = {name: Mock() for name in ("first", "second")}
+    interfaces["first"].on_event.side_effect = ValueError("a fault of ours")
+    control = Mock()
+    control.call.return_value = ()
+    nodes = ControllerNodes(
+        Side.RIGHT, "/apart", control, Mock(), {KIND: lambda node, side, name: interfaces[name]}, RATE
+    )
+    for name in interfaces:
+        nodes.add(ControllerInfo(name, KIND, State.ACTIVE, (), ()))
+    ended = ControlProcessEnded(Side.RIGHT, 1)
+    nodes.on_event_of_all(ended)
+    nodes.destroy()
+    interfaces["second"].on_event.assert_called_once_with(ended)
+    assert caplog.messages == ["Handling ControlProcessEnded of first failed with ValueError: a fault of ours"]

@@ -66,6 +66,31 @@ def test_trigger_calls_its_method_and_passes_on_what_it_says(rig: RobotManagerRi
 
 
 @pytest.mark.parametrize(
+    ("kind", "service", "fields"),
+    [
+        (WriteSignal, "write_signal", {"name": "lamp", "value": "1"}),
+        (WriteVariable, "write_variable", {"task": "T_ROB_L", "module": "m", "name": "n", "value": "1"}),
+        (AllowCollision, "allow_collision", {"part": "right gripper", "other": "left gripper", "seconds": 5.0}),
+    ],
+)
+def test_request_that_moves_nothing_is_answered_while_a_routine_runs(
+    rig: RobotManagerRig, kind: Any, service: str, fields: dict[str, Any]
+) -> None:
+    rig.manager.may_go_on.clear()
+    client = rig.client.node.create_client(RunRoutine, "/yumi_robot_manager/run_routine")
+    rig.client.until(client.service_is_ready)
+    routine = client.call_async(RunRoutine.Request(**ROUTINE))
+    rig.client.until(rig.manager.runs_routine.is_set)
+    try:
+        assert rig.call(kind, service, **fields).success
+        assert not routine.done()
+    finally:
+        rig.manager.may_go_on.set()
+        rig.client.until(routine.done)
+        rig.client.node.destroy_client(client)
+
+
+@pytest.mark.parametrize(
     ("kind", "service", "fields", "call"),
     [
         (SetSpeedRatio, "set_speed_ratio", {"percent": 50}, (50,)),

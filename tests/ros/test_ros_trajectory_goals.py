@@ -100,7 +100,8 @@ def send(caller: Client, goals: ActionClient, names: list[str], positions: list[
 def test_joints_that_a_goal_leaves_out_get_where_they_are_commanded_to_be(lone: Lone, caller: Client) -> None:
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
     names, here = joint_names(Side.RIGHT), home(Side.RIGHT)
-    assert send(caller, goals, [names[6]], [here[6] + 0.1]).result().accepted
+    handle = send(caller, goals, [names[6]], [here[6] + 0.1]).result()
+    assert handle.accepted
     (follow,) = [
         each.message
         for each in lone.commands
@@ -108,6 +109,8 @@ def test_joints_that_a_goal_leaves_out_get_where_they_are_commanded_to_be(lone: 
     ]
     assert follow.plan.first.position == (*here[:6], here[6] + 0.1)
     assert follow.plan.left_out == names[:6]
+    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    caller.until(handle.get_result_async().done)
     goals.destroy()
 
 

@@ -14,6 +14,7 @@ import pytest
 from system.virtual_time_bench import DriverArm, System
 from yumi.control.events import AllowedCollisionsChanged
 from yumi.control.shared_state import Problem, Snapshot
+from yumi.driver import panel
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
@@ -255,6 +256,25 @@ def test_manager_runs_a_routine_by_name(system: System) -> None:
     told = system.manager.run_routine(Side.LEFT, "runMoveToCalibrationPosition")
     assert told == "Routine runMoveToCalibrationPosition of T_ROB_L has run"
     assert system.world.arms[Side.LEFT].position[2] == pytest.approx(2.35619, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("percent", "why"),
+    [
+        (0, ": the speed ratio is 0 %, with which no RAPID motion goes on; .* then raise the speed ratio"),
+        (1, "; look at the robot"),
+    ],
+)
+def test_routine_that_does_not_end_is_explained(
+    system: System, monkeypatch: pytest.MonkeyPatch, percent: int, why: str
+) -> None:
+    monkeypatch.setattr(panel, "LONGEST_ROUTINE", 0.5)
+    system.manager.make_ready()
+    goal = "[[20,-130,30,0,40,0],[135,9E+09,9E+09,9E+09,9E+09,9E+09]]"
+    system.manager.panel.write_variable("T_ROB_L", "TRobRAPID", "move_jointtarget_input", goal)
+    system.manager.set_speed_ratio(percent)
+    with pytest.raises(RobotNotReady, match=rf"Routine runMoveAbsJ of T_ROB_L has not ended after 0\.5 s{why}"):
+        system.manager.run_routine(Side.LEFT, "runMoveAbsJ")
 
 
 def test_manager_refuses_a_routine_while_egm_runs(system: System) -> None:

@@ -439,6 +439,24 @@ def test_end_of_egm_is_explained_within_half_a_second(
     assert bool(causes[0].stop) is has_stop
 
 
+def test_stop_is_explained_to_all_who_wait_although_one_of_them_fails(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(cause: Cause) -> None:
+        raise ValueError("a fault of ours")
+
+    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
+    causes: list[Cause] = []
+    monitored.system.faults.inject(Fault.COLLISION)
+    monitored.monitor.explain(fail)
+    monitored.monitor.explain(causes.append)
+    with caplog.at_level(logging.ERROR):
+        monitored.wait(1.0)
+    (cause,) = causes
+    assert cause.text.startswith("50204 Motion supervision")
+    assert caplog.messages == ["Reporting what stopped the robot failed with ValueError: a fault of ours"]
+
+
 def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> None:
     """Whatever keeps the monitor from making its steps, a hung thread or one that is gone."""
     assert monitored.monitor.state().is_connected

@@ -26,6 +26,7 @@ from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import RobotNotReady, YumiError
+from yumi.process.supervision import Failures
 from yumi.robot.joints import YUMI_LIMITS, Side
 
 log = logging.getLogger(__name__)
@@ -67,6 +68,7 @@ class Connection:
         self._stops = StopLog(SystemClock())  # a stop that kept it from being opened is confirmed when it is opened
         self._speed: SpeedSetting | None = None
         self._note: Callable[[Event], None] = lambda event: None
+        self._failures = Failures()
 
     def open(self, confirm: str = "") -> None:
         """Connect, bring the robot to ready, calibrate grippers that need it and start EGM on its arms.
@@ -260,9 +262,9 @@ class Connection:
         stack.close()
 
     def _on_event(self, event: Event) -> None:
-        self.manager.note(event)
-        self._motions.note(event)
-        self._note(event)
+        what = f"Handling {type(event).__name__} of the {event.side.word} arm"
+        for listener in (self.manager.note, self._motions.note, self._note):
+            self._failures.attempt(what, listener, event)
 
     def _end_motion(self) -> None:
         self._come_to_rest()

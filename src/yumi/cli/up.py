@@ -49,7 +49,7 @@ from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_rob
 from yumi.errors import YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.single_instance import Only
-from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, SupervisedThread, start_thread
+from yumi.process.supervision import DRIVER_READY, DRIVER_RUNNING, Failures, SupervisedThread, start_thread
 from yumi.recording.mcap import STATE, Recorder, Source
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
@@ -169,12 +169,13 @@ def run_driver(
         front.log(level, sentence)
         endpoint.note(level, sentence)
 
+    failures = Failures()
+
     def on_event(event: Event) -> None:
-        records.on_event(event, clock.now(), time.time())
-        parts.manager.note(event)
-        front.on_event(event)
-        motions.note(event)
-        endpoint.note_event(event)
+        record_event = partial(records.on_event, now=clock.now(), time_of_day=time.time())
+        what = f"Handling {type(event).__name__} of the {event.side.word} arm"
+        for listener in (record_event, parts.manager.note, front.on_event, motions.note, endpoint.note_event):
+            failures.attempt(what, listener, event)
 
     with short_switch_interval(), ExitStack() as stack:
         stack.callback(release_process)

@@ -764,20 +764,17 @@ class EndpointServer:
             lambda motions: client.send_soon(Answer(id=request.id, motions=motions)),
             lambda: client.is_gone or self._is_over.is_set(),
         )
-        allows = request if isinstance(request, AllowCollision) and request.seconds else None
-        is_new = allows is not None and (allows.part, allows.other) not in client.allowed
-        if allows is not None:
-            client.call_soon(self._note_allowed, client, allows)  # it may be served although no answer comes in time
+        is_refused = False
         try:
             result = msgspec.Raw(msgspec.json.encode(self._handlers.handle(request, caller)))
             answer = Answer(id=request.id, result=result)
         except Exception as error:  # a fault of ours, too: the client must not wait for ever
-            answer = _failed(request, error)
+            answer, is_refused = _failed(request, error), isinstance(error, CommandRefused)
         if isinstance(request, Jog | JogTool):
             client.call_soon(self._hold_jog, client, request.arm)
-        if allows is not None:  # the client may have gone meanwhile
-            is_refused = answer.error is not None and answer.error.kind == CommandRefused.__name__
-            client.call_soon(self._forget_allowed if is_refused and is_new else self._note_allowed, client, allows)
+        # What was refused is not the client's own to end; what has failed otherwise may have been served all the same.
+        if isinstance(request, AllowCollision) and request.seconds and not is_refused:
+            client.call_soon(self._note_allowed, client, request)
         client.send_soon(answer)
 
     def _hold_jog(self, client: _Client, arm: Arm) -> None:
@@ -790,14 +787,10 @@ class EndpointServer:
             client.jogs[arm] = asyncio.get_running_loop().call_later(JOG_HOLDS, self._end_jog, client, arm)
 
     def _note_allowed(self, client: _Client, request: AllowCollision) -> None:
+        """The parts may touch no longer than the client is there; it may have gone meanwhile."""
         client.allowed.add((request.part, request.other))
         if client.is_gone:
             self._end_allowed(client)
-
-    def _forget_allowed(self, client: _Client, request: AllowCollision) -> None:
-        """What a client was refused is not its own to end, unless it may have been granted the same meanwhile."""
-        if client.pending <= 1:
-            client.allowed.discard((request.part, request.other))
 
     def _end_allowed(self, client: _Client) -> asyncio.Future[None]:
         """Keep apart what a client has let touch."""

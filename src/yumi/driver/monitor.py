@@ -26,7 +26,7 @@ from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotStat
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
 from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
-from yumi.process.supervision import SupervisedThread
+from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Side, joints
 from yumi.rws.client import RwsClient
 from yumi.rws.events import (
@@ -266,6 +266,7 @@ class RobotMonitor:
         self._stops = stops
         self._speed = speed
         self._seen_stop: Stop | None = None
+        self._failures = Failures()
         self._unexplained: list[tuple[float, Callable[[Cause], None]]] = []  # and when they are answered at the latest
         self._client = client
         self._loop = loop
@@ -596,7 +597,7 @@ class RobotMonitor:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]
         for _, then in due:
-            then(Cause(state.cause, state.stop))
+            self._failures.attempt("Reporting what stopped the robot", then, Cause(state.cause, state.stop))
 
 
 def changed(state: RobotState, change: Change) -> RobotState:

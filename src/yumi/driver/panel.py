@@ -286,6 +286,16 @@ class RapidRoutines:
         if not _ROUTINE.fullmatch(name):
             raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
         self._check_free(side, Request.RUN_ROUTINE)
+
+        def why_not_ended() -> str:
+            what = f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s"
+            if self._client.speed_ratio() > 0:
+                return f"{what}; look at the robot."
+            return (
+                f"{what}: the speed ratio is 0 %, with which no RAPID motion goes on; look at the robot, then raise "
+                "the speed ratio (set_speed_ratio, or at the FlexPendant)."
+            )
+
         self.is_running = True
         try:
             self._write(side, "routine_name_input", name)
@@ -295,7 +305,7 @@ class RapidRoutines:
                 self._clock,
                 lambda: self._is_over(side),
                 LONGEST_ROUTINE,
-                f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s; look at the robot.",
+                why_not_ended,
             )
         finally:
             self.is_running = False

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from math import hypot, isclose
+from math import hypot, isclose, isfinite
 from threading import Lock
 from typing import Any, cast
 
@@ -199,7 +199,7 @@ class EgmMotionSettings:
         offset: pose, for poses.
 
     Raises:
-        SettingsError: a text is not a RAPID value of its type.
+        SettingsError: a text is not a RAPID value of its type, or the tool is one that an arm cannot carry.
     """
 
     use_filtering: bool = False
@@ -224,7 +224,21 @@ class EgmMotionSettings:
             text = getattr(self, name)
             if text and not _is_value(text, layout):  # the controller would refuse it in the middle of a start
                 example = rapid_values.encode(layout)
-                raise SettingsError(f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {example}.")
+                raise SettingsError(
+                    f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {example}, with finite numbers."
+                )
+        try:
+            self.own_tool()
+        except CommandRefused as refusal:
+            raise SettingsError(f"egm_motion: tool is {self.tool!r}: {refusal}") from refusal
+
+    def own_tool(self) -> Tool | None:
+        """The :attr:`tool` with its load; None where that is empty."""
+        if not self.tool:
+            return None
+        _, _, (mass, centre, axes, *moments) = cast("tuple[Any, ...]", rapid_values.decode(self.tool))
+        load = Mass(mass, tuple(value * 1e-3 for value in centre), inertia_of(axes, moments))
+        return Tool(self.tool_to_tool0, load)
 
     @property
     def tool_to_tool0(self) -> Pose:
@@ -253,7 +267,7 @@ def _has_layout(value: RapidValue, layout: RapidValue) -> bool:
             return False
         parts = all(_has_layout(part, like) for part, like in zip(value, layout, strict=True))
         return parts and (layout != _UPRIGHT or isclose(hypot(*cast("tuple[float, ...]", value)), 1.0, abs_tol=1e-3))
-    return type(value) is type(layout)
+    return type(value) is type(layout) and (not isinstance(value, float) or isfinite(value))
 
 
 def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allowed: bool) -> RapidValue:
@@ -341,15 +355,8 @@ class StateMachines:
 
         What the robot has is no answer: its load may be that of a tool together with what an earlier driver had it
         carry, and outlives that driver.
-
-        Raises:
-            CommandRefused: the tool of the settings is one that an arm cannot carry.
         """
-        if side in self._tools or not self._motion.tool:
-            return self._tools.get(side)
-        _, _, (mass, centre, axes, *moments) = cast("tuple[Any, ...]", rapid_values.decode(self._motion.tool))
-        load = Mass(mass, tuple(value * 1e-3 for value in centre), inertia_of(axes, moments))
-        return Tool(self._motion.tool_to_tool0, load)
+        return self._tools.get(side) or self._motion.own_tool()
 
     def read_tools(self) -> None:
         """Read once which tool each arm has on the robot, for :meth:`tcp`: an earlier driver may have set it.

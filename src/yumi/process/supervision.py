@@ -39,6 +39,13 @@ class Failures:
     def __init__(self) -> None:
         self._counts: Counter[tuple[type[Exception], str, int]] = Counter()
 
+    def attempt(self, what: str, call: Callable[..., object], *args: object) -> None:
+        """Call something on which nothing that follows depends; ``what`` says in the log what failed."""
+        try:
+            call(*args)
+        except Exception as error:  # whatever it is: the others must be called
+            self.note(what, error)
+
     def note(self, what: str, error: Exception) -> bool:
         """Log that ``what`` failed with ``error``; whether that was logged, or has been too often already."""
         trace = error.__traceback__

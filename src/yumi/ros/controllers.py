@@ -23,6 +23,7 @@ from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import CommandPort, Commands
 from yumi.driver.settings import ControllerSettings
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.process.supervision import Failures
 from yumi.robot.joints import Side
 from yumi.ros.parameters import ManagerParameters, Presets, common_parameters, declare, pass_on_changes, remarks_on
 from yumi.settings import Values
@@ -70,6 +71,7 @@ class ControllerNodes:
         self._make_interface = interfaces
         self._rate = rate
         self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
+        self._failures = Failures()
 
     def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
         """Make the node of a loaded controller.
@@ -129,7 +131,7 @@ class ControllerNodes:
     def on_event_of_all(self, event: object) -> None:
         """Pass on what concerns all controllers; from any thread."""
         for name in tuple(self._nodes):
-            self.on_event(name, event)
+            self._failures.attempt(f"Handling {type(event).__name__} of {name}", self.on_event, name, event)
 
     def destroy(self) -> None:
         """Destroy all; when nothing spins any more."""

@@ -1,8 +1,9 @@
 """The robot manager's services, actions and ``speed_scale`` in ROS, see :mod:`yumi.driver.robot_manager`.
 
-What only reads, and what brings the robot to a stop, is served beside what takes its time. The actions ``set_mode``
-and ``recover`` run one at a time, but for the mode ``motors_off``, with one sentence of feedback for each step. A goal
-that cannot be met is not rejected, since a rejection has no text: it is aborted at once, with the reason.
+What only reads, what brings the robot to a stop, and what writes a signal or variable or allows a collision is served
+beside what takes its time. The actions ``set_mode`` and ``recover`` run one at a time, but for the mode ``motors_off``,
+with one sentence of feedback for each step. A goal that cannot be met is not rejected, since a rejection has no text:
+it is aborted at once, with the reason.
 """
 
 from __future__ import annotations
@@ -64,6 +65,8 @@ class _Group(Enum):
     READ = auto()
     STOP = auto()
     CHANGE = auto()
+    WRITE = auto()  # signals and variables, for which a routine may wait
+    CONTACT = auto()
 
 
 class RobotManagerServices:
@@ -125,8 +128,9 @@ class RobotManagerServices:
                 lambda ask: manager.set_tool(side_of(ask.arm), pose_of(ask.tcp), mass_of(ask.load)),
             ),
             "set_payload": (SetPayload, lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload))),
+        }
+        writes: dict[str, tuple[Any, Callable[[Any], str]]] = {
             "write_signal": (WriteSignal, write_signal),
-            "allow_collision": (AllowCollision, allow_collision),
             "write_variable": (WriteVariable, write_variable),
         }
         reads: dict[str, tuple[Any, Callable[[Any], str]]] = {
@@ -135,6 +139,9 @@ class RobotManagerServices:
         }
         for name, (kind, call) in changes.items():
             self._serve(kind, name, _Group.CHANGE, call)
+        for name, (kind, call) in writes.items():
+            self._serve(kind, name, _Group.WRITE, call)
+        self._serve(AllowCollision, "allow_collision", _Group.CONTACT, allow_collision)
         for name, (kind, call) in reads.items():
             self._serve(kind, name, _Group.READ, call, answer_field="value")
 

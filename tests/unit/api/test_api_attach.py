@@ -668,6 +668,28 @@ def test_collision_that_was_allowed_without_an_answer_in_time_ends_with_the_conn
         poll_until(lambda: not other.state.allowed_collisions)
 
 
+def test_collision_that_was_refused_is_not_ended_with_the_connection_whatever_else_the_client_waits_for(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended: list[set[tuple[str, str]]] = []
+    driver.manager.blocks = threading.Event()
+    monkeypatch.setattr(driver.server._handlers, "end_allowed_collisions", ended.append)
+    connection, file = raw()
+    with connection, file:
+        for line in (
+            b'{"method": "start_egm", "id": 1}',
+            b'{"method": "allow_collision", "id": 2, "part": "shelf", "other": "left arm", "seconds": 1.0}',
+            b'{"method": "allow_collision", "id": 3, "part": "right gripper", "other": "table", "seconds": 60.0}',
+        ):
+            file.write(line + b"\n")
+            file.flush()
+            if b"allow" in line:
+                file.readline()
+    driver.manager.blocks.set()
+    poll_until(lambda: bool(ended))
+    assert ended == [{("right gripper", "table")}]
+
+
 def test_each_collision_that_a_client_has_allowed_ends_although_one_cannot(
     driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,9 +14,12 @@ import pytest
 from click.testing import CliRunner, Result
 
 from yumi.cli.main import main
-from yumi.driver.settings import Settings
+from yumi.cli.up import run_driver
+from yumi.control.events import SessionLost
+from yumi.driver.settings import Settings, override, read_settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
+from yumi.robot.joints import Side
 
 
 def run(*arguments: str) -> Result:
@@ -154,6 +157,32 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
     (said,) = [line for line in order if line.startswith("speed_scale is ")]
     assert said.startswith(f"speed_scale is {value}")
     assert said.endswith("Change it with yumi speed-scale or the setting robot.speed_scale.")
+
+
+def test_event_reaches_all_who_take_it_although_the_first_one_fails(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    parts, over = Mock(), Event()
+    parts.manager.speed = SpeedSetting()
+    parts.control.started_as = "the control process has started"
+    over.set()
+    for name in ("RobotConnection", "GripperSetup", "SupervisedThread", "settle_memory"):
+        monkeypatch.setattr(f"yumi.cli.up.{name}", Mock())
+    records, motions, endpoint = Mock(), Mock(), Mock()
+    records.on_event.side_effect = ValueError("a fault of ours")
+    make_parts = Mock(return_value=parts)
+    event = SessionLost(Side.LEFT, 0.08, ())
+    monkeypatch.setattr("yumi.cli.up.Recorder", lambda *_: records)
+    monkeypatch.setattr("yumi.cli.up.MotionRegistry", lambda **_: motions)
+    monkeypatch.setattr("yumi.cli.up._endpoint_of", lambda *_: endpoint)
+    monkeypatch.setattr("yumi.cli.up.make_parts", make_parts)
+    monkeypatch.setattr("yumi.cli.up.bring_up", lambda *_, **__: make_parts.call_args.args[2](event) or "")
+    with caplog.at_level("ERROR", logger="yumi"):
+        settings = override(read_settings(), {"robot": {"address": "192.0.2.1"}}, "test")
+        run_driver(settings, {}, over, print, with_ros=False)
+    for listener in (parts.manager.note, motions.note, endpoint.note_event):
+        listener.assert_called_once_with(event)
+    assert caplog.messages == ["Handling SessionLost of the left arm failed with ValueError: a fault of ours"]
 
 
 def commands(group: click.Group) -> Iterator[click.Command]:

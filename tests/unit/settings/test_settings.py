@@ -69,6 +69,12 @@ def test_speed_scale_is_a_number_or_left_to_the_address(file: Path, text: str, s
     assert read_settings(file).robot.speed_scale == scale
 
 
+def egm_tool(mass: str) -> str:
+    return (
+        f'egm_motion: {{tool: "[TRUE,[[0,0,114.2],[1,0,0,0]],[{mass},[8.2,11.7,52],[1,0,0,0],0.0002,0.0002,0.0001]]"}}'
+    )
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
@@ -84,6 +90,10 @@ def test_speed_scale_is_a_number_or_left_to_the_address(file: Path, text: str, s
         ("robot: {rws_port: '80'}", "mine.yaml: robot: rws_port is '80'; it must be a whole number."),
         ("egm_motion: {max_speed_deviation: .nan}", "max_speed_deviation is nan; allowed is 0.1 to 400 deg/s."),
         ("gripper: {force: 21}", "gripper: force is 21; allowed is 0.1 to 20 N."),
+        (egm_tool("-0.2"), "]]': The tool has -0.2 kg at 0.0539271 m from the flange; give a mass from 0 to 0.5 kg"),
+        (egm_tool("0.6"), "Tool and payload have 0.6 kg together; an arm carries up to 0.5 kg"),
+        (egm_tool("1E+999"), "it must be a RAPID tooldata such as [TRUE,"),
+        (egm_tool("0.2").replace("52", "1E+999"), "with finite numbers."),
         ("egm_motion: {use_filtering: 1}", "use_filtering is 1; it must be true or false."),
         ("egm: {wake: now}", "egm: wake is 'now'; choose from: auto, blocking."),
         ("robot: {password: 1234}", "mine.yaml: robot: password must be a text; put it in quotes."),
