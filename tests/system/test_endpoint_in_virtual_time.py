@@ -308,10 +308,11 @@ def test_motors_are_switched_off_for_a_client_that_is_gone(driver: Driver) -> No
         connection = socket.socket(socket.AF_UNIX)
         connection.connect(str(find_driver()))
         connection.sendall(b'{"method": "set_mode", "mode": "motors_off"}\n')
-        poll_until(lambda: driver.server._work == 1)
+        poll_until(lambda: [client.pending for client in driver.server._clients] == [1])
+        (client,) = driver.server._clients
         connection.close()
         poll_until(lambda: driver.server.client_count == 0)
-    poll_until(lambda: driver.server._work == 0)
+    poll_until(lambda: client.pending == 0)
     assert "motoroff" in driver.done("state")
 
 
