@@ -143,7 +143,7 @@ class _OpenGoal:
         handle: the action's; None until it has one.
         ends: each arm's report of its end.
         is_over: set when it has ended.
-        reason: why, where no arm has reported it.
+        reason: why, where the arms have not reported it.
         feedback_due: when the next feedback is given [s].
     """
 
@@ -378,7 +378,8 @@ class TrajectoryAction:
 
     def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
         result = FollowJointTrajectory.Result()
-        if not goal.ends:
+        # One arm's success says nothing of the other arm, whose end will not be reported any more.
+        if not goal.ends or (goal.end.outcome is Outcome.SUCCEEDED and len(goal.ends) < len(self._sides)):
             result.error_code = int(ResultCode.INVALID_GOAL)
             result.error_string = goal.reason
             handle.abort()
