@@ -16,9 +16,11 @@ from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import INTERRUPTED, Snapshot
 from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
+from yumi.driver.control_process import ENDED
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.ros import cartesian
@@ -145,6 +147,26 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
     follow, cancel = bench.target.commands
     assert isinstance(follow, FollowTrajectory)
     assert cancel == CancelTrajectory(follow.goal)
+
+
+@pytest.mark.parametrize(
+    ("event", "sentence"),
+    [
+        (ControlProcessEnded(Side.RIGHT, 1), ENDED),
+        (ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))),
+    ],
+)
+def test_line_whose_end_cannot_be_reported_says_why(bench: Bench, event: object, sentence: str) -> None:
+    handle, worker = Handle(), ThreadPoolExecutor(1)
+    ended = worker.submit(bench.action._execute, handle)
+    try:
+        assert bench.is_followed.wait(WAIT)
+        bench.action.on_arm_event(Side.RIGHT, event)
+        result = ended.result(WAIT)
+    finally:
+        bench.action.destroy()
+        worker.shutdown()
+    assert (handle.end, result.message) == ("aborted", sentence)
 
 
 def test_line_that_the_limiter_holds_says_which_parts(bench: Bench) -> None:

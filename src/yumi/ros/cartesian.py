@@ -46,14 +46,14 @@ from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
 from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING, largest_difference
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched, time_to_start
-from yumi.driver.control_process import ControlProcess
+from yumi.driver.control_process import ENDED, ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
@@ -280,6 +280,7 @@ class _Line:
         is_over: set when it has ended, or must.
         is_cancelled: whether its client wants no more of it.
         ends: how the controllers ended it, as far as they have.
+        reason: why it has ended, where they have not reported it.
         sides: the arms that follow it.
         tools: what is moved, in tool0, where that is not the tool in use.
     """
@@ -289,6 +290,7 @@ class _Line:
         self.is_over = Flag()
         self.is_cancelled = False
         self.ends: dict[Side, TrajectoryEnded] = {}
+        self.reason = "The line was ended: the controller was unloaded."
         self.sides: frozenset[Side] = frozenset()
         self.tools: Mapping[Side, Pose] = {}
 
@@ -358,9 +360,11 @@ class _LineAction(ABC):
     def on_arm_event(self, side: Side, event: object) -> bool:
         """An event of an arm's controller; whether it was about a goal of the action."""
         with self._lock:
-            if isinstance(event, ControlProcessEnded):
+            if isinstance(event, ControlProcessEnded | ReportsDropped):
                 for line in self._open.values():
-                    line.is_over.set()
+                    if line.sides:  # else what it asks for is refused, with the reason
+                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else str(event)
+                        line.is_over.set()
             if not isinstance(event, TrajectoryEnded):
                 return False
             for line in self._open.values():
@@ -520,7 +524,7 @@ class _LineAction(ABC):
     def _finish(self, handle: Any, line: _Line, result: Any) -> None:
         failed = [(side, end) for side, end in line.ends.items() if end.outcome is not Outcome.SUCCEEDED]
         if not failed and not line.sides <= set(line.ends):
-            raise RobotNotReady("The line was ended: the controller was unloaded, or the control process has ended.")
+            raise RobotNotReady(line.reason)
         if not failed:
             result.message, result.success = next(iter(line.ends.values())).sentence, True
             handle.succeed()

@@ -41,6 +41,7 @@ from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
 from yumi.control.trajectory import JointTrajectory as Trajectory
+from yumi.driver.control_process import ENDED
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -122,7 +123,6 @@ class TrajectoryQuery:
 
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-_ENDED = "The control process has ended; call recover, which starts another one."
 
 
 class Causes(Protocol):
@@ -152,7 +152,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
-        self.reason = _ENDED
+        self.reason = ENDED
         self.feedback_due = 0.0
 
     @property
@@ -258,7 +258,7 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self, reason: str = _ENDED) -> None:
+    def _end_open_goals(self, reason: str = ENDED) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
