@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from itertools import count
 from threading import Event, Lock
 from types import SimpleNamespace
@@ -14,9 +16,11 @@ from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import INTERRUPTED, Snapshot
 from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
+from yumi.driver.control_process import ENDED
 from yumi.errors import CommandRefused
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
 from yumi.ros import cartesian
@@ -60,23 +64,21 @@ class Target:
         self.turn = Lock()
         self.commands: list[object] = []
         self.motion: Any = iter(lambda: HOME, None)
+        self.snapshot: Any = lambda: STANDS
 
     def check(self) -> Snapshot:
-        return STANDS
+        return self.snapshot()
 
     def commanded(self) -> Joints:
         position: Joints = next(self.motion)
         return position
 
-    def command(self, message: object) -> None:
+    def command(self, message: object, activation: int = 0) -> None:
         self.commands.append(message)
 
     def plan(self, *_: Any) -> ArmPlan:
         end = TrajectoryPoint(1.0, HOME)
         return ArmPlan(Side.RIGHT, end, smooth_spline_through([TrajectoryPoint(0.0, HOME), end]), None)
-
-    def check_not_stopped(self, snapshot: Snapshot) -> None:
-        assert snapshot == STANDS
 
 
 class Handle:
@@ -107,6 +109,7 @@ class Bench:
 
     def __init__(self) -> None:
         self.target, self.snapshot, self.is_followed = Target(), STANDS, Event()
+        self.target.snapshot = lambda: self.snapshot
         buffers = {Side.RIGHT: SimpleNamespace(tool_path=MemoryBuffer())}
         self.control: Any = SimpleNamespace(buffers=buffers, snapshot=lambda side: self.snapshot, call=self.call)
         targets, frames = {Side.RIGHT: self.target}, SimpleNamespace(measured=lambda side: None)
@@ -114,6 +117,9 @@ class Bench:
 
     def call(self, command: Any, *commands: ControllerCommand) -> None:
         assert command is Commands.send_commands
+        for each in commands:
+            if each.activation not in (0, self.snapshot.activation):  # as the control process has it
+                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
         self.target.commands += [each.message for each in commands]
         self.is_followed.set()
 
@@ -130,6 +136,7 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
     handle, worker = Handle(), ThreadPoolExecutor(1)
     ended = worker.submit(bench.action._execute, handle)
     try:
+        assert bench.is_followed.wait(WAIT)
         bench.snapshot = STANDS._replace(**change)
         result = ended.result(WAIT)
     finally:
@@ -140,6 +147,26 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
     follow, cancel = bench.target.commands
     assert isinstance(follow, FollowTrajectory)
     assert cancel == CancelTrajectory(follow.goal)
+
+
+@pytest.mark.parametrize(
+    ("event", "sentence"),
+    [
+        (ControlProcessEnded(Side.RIGHT, 1), ENDED),
+        (ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))),
+    ],
+)
+def test_line_whose_end_cannot_be_reported_says_why(bench: Bench, event: object, sentence: str) -> None:
+    handle, worker = Handle(), ThreadPoolExecutor(1)
+    ended = worker.submit(bench.action._execute, handle)
+    try:
+        assert bench.is_followed.wait(WAIT)
+        bench.action.on_arm_event(Side.RIGHT, event)
+        result = ended.result(WAIT)
+    finally:
+        bench.action.destroy()
+        worker.shutdown()
+    assert (handle.end, result.message) == ("aborted", sentence)
 
 
 def test_line_that_the_limiter_holds_says_which_parts(bench: Bench) -> None:
@@ -179,8 +206,33 @@ def test_line_that_is_cancelled_before_it_is_executed_does_not_move_the_arm(benc
     bench.action._cancel(handle)
     result = bench.action._execute(handle)
     assert (handle.end, result.message) == ("cancelled", "Cancelled before the arm moved.")
-    assert [type(each) for each in bench.target.commands] == [CancelTrajectory]
+    assert bench.target.commands == []
     assert not bench.action._open
+
+
+@pytest.mark.parametrize("meanwhile", ["waiting for its turn", "being planned"])
+def test_line_does_not_move_an_arm_that_was_stopped_and_follows_again_meanwhile(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, meanwhile: str
+) -> None:
+    def stop_and_recover(*_: Any) -> None:
+        bench.snapshot = STANDS._replace(session=2, activation=2)
+
+    if meanwhile == "being planned":
+        plan = bench.target.plan
+        monkeypatch.setattr(bench.target, "plan", lambda *given: stop_and_recover() or plan(*given))  # type: ignore[func-returns-value]
+    else:
+
+        @contextmanager
+        def turn() -> Iterator[None]:
+            stop_and_recover()
+            yield
+
+        monkeypatch.setattr(bench.target, "turn", turn())
+    handle = Handle()
+    result = bench.action._execute(handle)
+    assert handle.end == "aborted"
+    assert result.message == f"Goal refused: {INTERRUPTED.format('right')}"
+    assert bench.target.commands == []
 
 
 def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() -> None:
@@ -192,4 +244,4 @@ def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() 
     )
     target = TargetPoseTopic(Node(), Side.RIGHT, control, lambda: 0.0, "cartesian_controller", None)  # type: ignore[arg-type]
     with pytest.raises(CommandRefused, match=r"the right arm is held 0\.30 rad .* \(right fingers - table, 0 mm\)"):
-        target.plan(LineGoal((PoseStamped(),)), held)
+        target.plan(LineGoal((PoseStamped(),)))

@@ -14,6 +14,8 @@ from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.shared_state import INTERRUPTED
+from yumi.errors import CommandRefused
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
@@ -43,8 +45,11 @@ class Control:
             return tuple(ParameterInfo(each, each.default) for each in self.parameters)
         if command is Commands.commanded_positions:
             if self.is_stopped_meanwhile:
-                self.now = self.now._replace(session=self.now.session + 1)
+                self.now = self.now._replace(session=self.now.session + 1, activation=self.now.activation + 1)
             return {Side.RIGHT: POSTURE}
+        for each in args:
+            if each.activation not in (0, self.now.activation):  # as the control process has it
+                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
         self.commands += args
         return None
 
@@ -82,7 +87,7 @@ def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, contr
     control.is_stopped_meanwhile = is_stopped
     topic.take(pose(0.02))
     assert len(control.commands) == (not is_stopped)
-    assert all(each.startswith("Target refused: the right arm was stopped, or") for each in node.warnings)
+    assert all(each.startswith("Goal refused: the right arm was stopped, or") for each in node.warnings)
 
 
 @pytest.mark.parametrize(("kind", "noun"), [(ServoPoseTopic, "Pose"), (ServoTwistTopic, "Velocity")])

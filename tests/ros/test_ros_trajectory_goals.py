@@ -17,9 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
-from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory
+from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.trajectory import ResultCode
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.executors import TimerThread
@@ -40,11 +41,11 @@ UPSAMPLING = SimpleNamespace(parameter=SimpleNamespace(name="positions_upsamplin
 class Lone:
     """An action whose controllers take everything, unless there is a ``refusal``, and tell nothing."""
 
-    def __init__(self) -> None:
+    def __init__(self, sides: tuple[Side, ...] = (Side.RIGHT,)) -> None:
         self.commands: list[object] = []
         self.refusal = ""
         self.node: Any = rclpy.create_node("lone")
-        buffers = {Side.RIGHT: MemoryBuffer()}
+        buffers: dict[Side, Any] = {side: MemoryBuffer() for side in sides}
         timers = TimerThread(SystemClock(), print)
         self.action = TrajectoryAction(self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers)
         self._executor = MultiThreadedExecutor(4)
@@ -55,7 +56,7 @@ class Lone:
     def call(self, command: Any, /, *args: Any) -> Any:
         self.commands += args
         answers: dict[Any, Any] = {
-            Commands.commanded_positions: {Side.RIGHT: home(Side.RIGHT)},
+            Commands.commanded_positions: {side: home(side) for side in Side},
             Commands.list_controllers: (INACTIVE, ACTIVE),
             Commands.list_parameters: (UPSAMPLING,),
             Commands.check_commands: {Side.RIGHT: ACTIVATION},
@@ -164,3 +165,28 @@ def test_goal_is_aborted_when_its_end_cannot_be_reported(
     assert ended.result().status == GoalStatus.STATUS_ABORTED
     assert ended.result().result.error_string == sentence
     goals.destroy()
+
+
+@pytest.fixture
+def both(ros: None) -> Iterator[Lone]:
+    both = Lone(tuple(Side))
+    yield both
+    both.close()
+
+
+@pytest.mark.parametrize(("event", "sentence"), [ENDED, DROPPED])
+def test_goal_of_both_arms_does_not_succeed_where_only_one_has_reported_it(
+    both: Lone, event: object, sentence: str
+) -> None:
+    caller = Client(SingleThreadedExecutor())
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    names, here = [name for side in Side for name in joint_names(side)], [it for side in Side for it in home(side)]
+    ended = send(caller, goals, names, here).result().get_result_async()
+    sent = [each.message for each in both.commands if isinstance(each, ControllerCommand)]
+    (number,) = {each.goal for each in sent if isinstance(each, FollowTrajectory)}
+    both.action.on_arm_event(Side.RIGHT, TrajectoryEnded(number, Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, "There."))
+    both.action.on_arm_event(Side.LEFT, event)
+    caller.until(ended.done)
+    assert (ended.result().status, ended.result().result.error_string) == (GoalStatus.STATUS_ABORTED, sentence)
+    goals.destroy()
+    caller.close()

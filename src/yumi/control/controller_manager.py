@@ -482,7 +482,7 @@ class ControllerManager:
 
     Attributes:
         failures: sentences about controllers that failed; the reader removes them.
-        activation: number of the newest activation of a controller; a later one has a higher number.
+        activation: number of the newest activation of a controller that commands; a later one has a higher number.
         activity: counts every change of what is loaded and in which state it is.
         goal_kind: which goals those controllers take that command the arm.
         kinds: the types of controllers that can be loaded.
@@ -773,7 +773,8 @@ class ControllerManager:
                     break
             else:
                 begun.append(loaded)
-                self.activation = self.activity + 1
+                if loaded.controller.is_command:  # one that only watches ends no goal
+                    self.activation = self.activity + 1
         if failures:
             active = ", ".join(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
             raise SwitchFailed(f"{' '.join(failures)} Active now: {active or 'none'}.")

@@ -66,7 +66,8 @@ _STOOD_STILL = (
     f"this process stood still for {_ANSWER_TIMEOUT:g} s, and what it was asked for meanwhile, be it a motion or a "
     "stop, is dropped; the arm holds"
 )
-_ENDED = "The control process has ended; call recover, which starts another one."
+ENDED = "The control process has ended; call recover, which starts another one."
+"""Why nothing can be asked of it, nor is the end of a motion known."""
 
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
@@ -445,7 +446,7 @@ class ControlProcess:
         The robot's watchdog gets no heartbeat then: nothing controls the arms.
         """
         if not self._is_alive:
-            raise RobotNotReady(_ENDED)
+            raise RobotNotReady(ENDED)
         newest = [read_snapshot(each.snapshots) for each in self.buffers.values()]
         age = time.monotonic() - min((each.time for each in newest if each.is_streaming), default=inf)
         if age > HUNG:
@@ -494,14 +495,14 @@ class ControlProcess:
             try:
                 self._child.pipe.send(Call(self._number, command.__name__, args, kwargs))
             except PipeClosed as error:
-                raise RobotNotReady(_ENDED) from error
+                raise RobotNotReady(ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
                 self._given_up[0] = self._number
                 raise RobotNotReady(
                     f"The control process did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver."
                 )
             if not self._answers:
-                raise RobotNotReady(_ENDED)
+                raise RobotNotReady(ENDED)
             value = self._answers.pop()
         if isinstance(value, Refusal):
             raise CommandRefused(value.sentence)

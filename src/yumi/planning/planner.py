@@ -40,7 +40,8 @@ Array = NDArray[np.float64]
 CLEARANCES = (0.02, 0.01, 0.005, 0.0, BODY_MARGIN - 0.001)
 """Between any two shapes along a plan [m]: the first of them that start and goal leave. Twice the limiter's margin is
 passed unslowed; at home, the arms are nearer than that to the body, and within their padding where the limiter has
-stopped them there. The last one is for a way out from there: measured, they may be a little nearer than they were sent.
+stopped them there. The last one is only for a way out from there: measured, they may be a little nearer than they were
+sent.
 """
 
 _STEP = 0.01  # between two postures that are checked [rad]: 3 mm at half the reach of an arm either way
@@ -205,6 +206,8 @@ class Planner:
     ) -> tuple[float, list[Mapping[Side, Joints]]]:
         """The largest clearance that leaves the start and a target free, and the targets that are."""
         for clearance in CLEARANCES:
+            if clearance < 0.0 and self.is_free(start):
+                break  # a way out is not needed: no plan leads into what the limiter stops the arms at
             self._scene = self._with_clearance(clearance)
             free = [each for each in targets if self.is_free({**start, **each})] if self.is_free(start) else []
             if free:

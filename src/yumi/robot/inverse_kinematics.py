@@ -272,7 +272,9 @@ _SAME_POSE = 1e-4  # [m], [rad]
 _SMALLEST_GAIN = 1e-6  # of what is missing; a step that saves less ends it
 
 
-def closest_posture(side: Side, tool0: Pose, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> tuple[Joints, Pose]:
+def nearest_reachable_posture(
+    side: Side, tool0: Pose, seed: Joints, limits: JointLimits = YUMI_LIMITS
+) -> tuple[Joints, Pose]:
     """The posture within the limits whose tool0 is nearest to a pose out of reach; takes some tenths of a second.
 
     Found by damped least squares from the seed and other postures; a nearer one that those miss may exist.
@@ -329,7 +331,7 @@ def _descended(
 
 def unreachable(side: Side, tool0: Pose, reason: str, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> Unreachable:
     """The error of a pose that no posture has: with the posture that is nearest to it, and where that is."""
-    position, there = closest_posture(side, tool0, seed, limits)
+    position, there = nearest_reachable_posture(side, tool0, seed, limits)
     w, i, j, k = there.orientation
     turn = np.linalg.norm(rotation_vector(multiply(tool0.orientation, (w, -i, -j, -k))))
     away = np.linalg.norm(np.subtract(there.position, tool0.position))

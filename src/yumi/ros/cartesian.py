@@ -46,14 +46,14 @@ from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
 from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import ControlProcessEnded
+from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING, largest_difference
-from yumi.control.shared_state import INTERRUPTED, Snapshot
+from yumi.control.shared_state import Snapshot
 from yumi.control.tool_limits import ToolLimited, ToolLimits
 from yumi.control.tool_path import ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched, time_to_start
-from yumi.driver.control_process import ControlProcess
+from yumi.driver.control_process import ENDED, ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
@@ -193,11 +193,10 @@ class TargetPoseTopic(_ToolTopic):
                 f"Target refused: the {side.word} arm still moved; it stops now. Send the target again when it stands, "
                 "or a stream to servo_pose."
             )
-        plan = self.plan(LineGoal((message,)), snapshot)
-        self.check_not_stopped(snapshot)
-        self.command(FollowTrajectory(plan, next(_numbers)))
+        plan = self.plan(LineGoal((message,)))
+        self.command(FollowTrajectory(plan, next(_numbers)), snapshot.activation)
 
-    def plan(self, goal: LineGoal, snapshot: Snapshot) -> ArmPlan:
+    def plan(self, goal: LineGoal) -> ArmPlan:
         """Lines through poses, from where the arm stands.
 
         Raises:
@@ -220,11 +219,6 @@ class TargetPoseTopic(_ToolTopic):
             within=self.within,
         )
 
-    def check_not_stopped(self, snapshot: Snapshot) -> None:
-        """See that the arm was not stopped since ``snapshot``: planning takes a while. Raises CommandRefused."""
-        if self._snapshot().command_epoch != snapshot.command_epoch:
-            raise CommandRefused(f"Target refused: {INTERRUPTED.format(self._side.word)}")
-
     def _check_not_held(self) -> None:
         """A line begins where the controller commands the arm to be: refuse one where the arm does not come to."""
         now = self._snapshot()
@@ -240,9 +234,9 @@ class TargetPoseTopic(_ToolTopic):
         """Where the arm is commanded to be [rad], (7,)."""
         return self._control.call(Commands.commanded_positions, self._side)[self._side]
 
-    def command(self, message: FollowTrajectory | CancelTrajectory) -> None:
-        """Have the controller take a command; raises CommandRefused."""
-        self._control.call(Commands.send_commands, ControllerCommand(self._side, self.controller, message))
+    def command(self, message: FollowTrajectory | CancelTrajectory, activation: int = 0) -> None:
+        """Have the controller take a command, as long as that ``activation`` lasts; raises CommandRefused."""
+        self._control.call(Commands.send_commands, ControllerCommand(self._side, self.controller, message, activation))
 
 
 class ServoPoseTopic(_StreamTopic):
@@ -286,6 +280,7 @@ class _Line:
         is_over: set when it has ended, or must.
         is_cancelled: whether its client wants no more of it.
         ends: how the controllers ended it, as far as they have.
+        reason: why it has ended, where they have not reported it.
         sides: the arms that follow it.
         tools: what is moved, in tool0, where that is not the tool in use.
     """
@@ -295,6 +290,7 @@ class _Line:
         self.is_over = Flag()
         self.is_cancelled = False
         self.ends: dict[Side, TrajectoryEnded] = {}
+        self.reason = "The line was ended: the controller was unloaded."
         self.sides: frozenset[Side] = frozenset()
         self.tools: Mapping[Side, Pose] = {}
 
@@ -364,9 +360,11 @@ class _LineAction(ABC):
     def on_arm_event(self, side: Side, event: object) -> bool:
         """An event of an arm's controller; whether it was about a goal of the action."""
         with self._lock:
-            if isinstance(event, ControlProcessEnded):
+            if isinstance(event, ControlProcessEnded | ReportsDropped):
                 for line in self._open.values():
-                    line.is_over.set()
+                    if line.sides:  # else what it asks for is refused, with the reason
+                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else str(event)
+                        line.is_over.set()
             if not isinstance(event, TrajectoryEnded):
                 return False
             for line in self._open.values():
@@ -444,18 +442,15 @@ class _LineAction(ABC):
             raise CommandRefused(
                 f"Target refused: the {error.args[0].word} arm has no {CARTESIAN_CONTROLLER}; load it first."
             ) from error
+        # Its turn and planning take a while: a stop meanwhile drops the goal, also where the arms follow again.
+        snapshots = {side: target.check() for side, target in targets.items()}
         for target in targets.values():
             turns.enter_context(target.turn)
         if line.is_cancelled:  # while it waited for its turn
             raise _Cancelled
-        for target in targets.values():
-            target.check()
-        self._bring_to_rest(line, targets)
-        snapshots = {side: target.check() for side, target in targets.items()}
-        plans = {side: target.plan(goals[side], snapshots[side]) for side, target in targets.items()}
+        self._bring_to_rest(line, targets, snapshots)
+        plans = {side: target.plan(goals[side]) for side, target in targets.items()}
         longest = max(plan.spline.end for plan in plans.values())
-        for side, target in targets.items():
-            target.check_not_stopped(snapshots[side])
         if line.is_cancelled:
             raise _Cancelled
         start = None  # at once
@@ -468,7 +463,7 @@ class _LineAction(ABC):
         self._control.call(
             Commands.send_commands,
             *(
-                ControllerCommand(side, target.controller, command)
+                ControllerCommand(side, target.controller, command, snapshots[side].activation)
                 for (side, target), command in zip(targets.items(), commands, strict=True)
             ),
         )
@@ -476,7 +471,9 @@ class _LineAction(ABC):
             self._stop(line)
         return plans, {side: snapshot.command_epoch for side, snapshot in snapshots.items()}
 
-    def _bring_to_rest(self, line: _Line, targets: Mapping[Side, TargetPoseTopic]) -> None:
+    def _bring_to_rest(
+        self, line: _Line, targets: Mapping[Side, TargetPoseTopic], snapshots: Mapping[Side, Snapshot]
+    ) -> None:
         """Raises CommandRefused where an arm goes on moving."""
 
         def commanded() -> Mapping[Side, Joints]:
@@ -491,8 +488,8 @@ class _LineAction(ABC):
                 raise CommandRefused(
                     f"Target refused: the {arms} arm did not come to rest; end the stream that leads it first."
                 )
-            for target in targets.values():
-                target.command(CancelTrajectory())
+            for side, target in targets.items():
+                target.command(CancelTrajectory(), snapshots[side].activation)
             before = now
 
     def _end_unreported(self, line: _Line, epochs: Mapping[Side, tuple[int, int]]) -> None:
@@ -527,7 +524,7 @@ class _LineAction(ABC):
     def _finish(self, handle: Any, line: _Line, result: Any) -> None:
         failed = [(side, end) for side, end in line.ends.items() if end.outcome is not Outcome.SUCCEEDED]
         if not failed and not line.sides <= set(line.ends):
-            raise RobotNotReady("The line was ended: the controller was unloaded, or the control process has ended.")
+            raise RobotNotReady(line.reason)
         if not failed:
             result.message, result.success = next(iter(line.ends.values())).sentence, True
             handle.succeed()

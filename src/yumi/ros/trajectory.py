@@ -41,6 +41,7 @@ from yumi.control.motion import Setpoint
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
 from yumi.control.trajectory import JointTrajectory as Trajectory
+from yumi.driver.control_process import ENDED
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controllers import MakeInterface
@@ -122,7 +123,6 @@ class TrajectoryQuery:
 
 
 _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
-_ENDED = "The control process has ended; call recover, which starts another one."
 
 
 class Causes(Protocol):
@@ -143,7 +143,7 @@ class _OpenGoal:
         handle: the action's; None until it has one.
         ends: each arm's report of its end.
         is_over: set when it has ended.
-        reason: why, where no arm has reported it.
+        reason: why, where the arms have not reported it.
         feedback_due: when the next feedback is given [s].
     """
 
@@ -152,7 +152,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
-        self.reason = _ENDED
+        self.reason = ENDED
         self.feedback_due = 0.0
 
     @property
@@ -258,7 +258,7 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self, reason: str = _ENDED) -> None:
+    def _end_open_goals(self, reason: str = ENDED) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():
@@ -378,7 +378,8 @@ class TrajectoryAction:
 
     def _finish(self, handle: Any, goal: _OpenGoal) -> Any:
         result = FollowJointTrajectory.Result()
-        if not goal.ends:
+        # One arm's success says nothing of the other arm, whose end will not be reported any more.
+        if not goal.ends or (goal.end.outcome is Outcome.SUCCEEDED and len(goal.ends) < len(self._sides)):
             result.error_code = int(ResultCode.INVALID_GOAL)
             result.error_string = goal.reason
             handle.abort()

@@ -91,6 +91,21 @@ def test_manager_asks_active_controllers_only(manager: ControllerManager) -> Non
     assert manager.reference == THERE
 
 
+def test_activation_that_commands_the_arm_goes_on_while_a_controller_that_watches_begins(
+    manager: ControllerManager, pusher: Pusher
+) -> None:
+    """What a client has planned for it still counts, and its goals do not end."""
+    manager.load("watcher", Watcher())
+    for name in ("pusher", "watcher"):
+        manager.configure(name)
+    manager.switch(["pusher"], [], RUNNING)
+    before = manager.activation
+    manager.switch(["watcher"], [], RUNNING)
+    assert manager.activation == before
+    manager.switch(["pusher"], ["pusher"], RUNNING)
+    assert manager.activation > before
+
+
 def test_manager_refuses_a_second_owner_of_an_interface(manager: ControllerManager) -> None:
     manager.load("rival", Pusher())
     for name in ("pusher", "rival"):

@@ -165,6 +165,13 @@ def test_arm_that_is_in_the_body_must_be_moved_away_first(planner: Planner) -> N
         planner.plan(start, {Side.RIGHT: HOME[Side.RIGHT]})
 
 
+def test_arm_that_is_free_is_not_led_to_where_the_limiter_stops_it(planner: Planner) -> None:
+    with pytest.raises(
+        CommandRefused, match=r"The goal is not free: nearest are right .* and body.*; take another one"
+    ):
+        planner.plan(HOME, {Side.RIGHT: joints(np.array(HOME[Side.RIGHT]) + TO_BODY)})
+
+
 def test_pose_is_reached_in_a_posture_that_is_free(planner: Planner) -> None:
     there = tool0_to_body(Side.RIGHT, joints([0.3, -1.0, -0.3, 0.3, 0.2, 0.7, 0.1]))
     plan = planner.plan(HOME, {Side.RIGHT: there})

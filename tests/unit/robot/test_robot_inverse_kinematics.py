@@ -14,10 +14,10 @@ from yumi.robot.inverse_kinematics import (
     Unreachable,
     arm_angle,
     arm_angle_from,
-    closest_posture,
     configuration,
     jacobian,
     nearest_posture,
+    nearest_reachable_posture,
     postures,
     postures_of_each,
     unreachable,
@@ -159,8 +159,8 @@ def test_the_posture_that_is_nearest_to_a_pose_out_of_reach_is_found(side: Side)
     for _, position in random_postures(7, 5):
         pose = tool0_to_body(side, position)
         far = Pose((1.6 * pose.position[0], 1.6 * pose.position[1], 1.6 * pose.position[2]), pose.orientation)
-        reached.append(dist(closest_posture(side, pose, home(side))[1].position, pose.position))
-        found, there = closest_posture(side, far, home(side))
+        reached.append(dist(nearest_reachable_posture(side, pose, home(side))[1].position, pose.position))
+        found, there = nearest_reachable_posture(side, far, home(side))
         assert YUMI_LIMITS.outside(found) is None
         assert there == tool0_to_body(side, found)
         others = [tool0_to_body(side, each).position for _, each in random_postures(8, 500)]
