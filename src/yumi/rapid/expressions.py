@@ -35,6 +35,8 @@ from yumi.rapid.program import (
 )
 from yumi.rapid.types import (
     ABSENT,
+    ANY_NUM,
+    ANY_VALUE,
     BOOL,
     DNUM,
     NUM,
@@ -192,7 +194,7 @@ class Expressions:
             return Compiled(lambda frame: value, BOOL)
         if isinstance(value, str):
             return Compiled(lambda frame: value, STRING)
-        if wanted is not None and isinstance(resolved(wanted), OpenType) and not _fits_num(value):
+        if wanted in (ANY_NUM, ANY_VALUE) and not _fits_num(value):
             # The manual's ValToStr(1.234567890123456789) has 15 digits.
             return Compiled(lambda frame: value, DNUM)
         return Compiled(lambda frame: value, NUM, is_literal=True)

@@ -42,6 +42,7 @@ from yumi.rapid.types import (
     ANY_NUM,
     ANY_SIGNAL,
     ANY_TYPE,
+    ANY_VALUE,
     BOOL,
     DNUM,
     NUM,
@@ -368,7 +369,7 @@ class Library:
 def core_library() -> Library:
     """The atomic types, signals and error numbers: what RAPID's own instructions are written in."""
     core = Library()
-    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_SIGNAL, SENSED):
+    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_VALUE, ANY_SIGNAL, SENSED):
         core.add_type(type_)
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
         core.add_type(SignalType(kind))

@@ -168,7 +168,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class OpenType:
-    """A parameter type that takes several types: ABB's `anytype#`, and here `anynum` for num and dnum, `SENSED`."""
+    """A parameter type that takes several types: ABB's `anytype#`, and those of ours below."""
 
     name: str
 
@@ -188,6 +188,8 @@ STRING = AtomicType("string", "", _string)
 SWITCH = AtomicType("switch", True, bool)
 ANY_TYPE = OpenType("anytype")
 ANY_NUM = OpenType("anynum")
+ANY_VALUE = OpenType("anyvalue")
+"""ABB's `anytype` where a literal keeps all its digits; elsewhere it is a num, as the data it is written to."""
 SENSED = OpenType("signaldi_or_bool")
 """What a search watches: a digital input, or a persistent bool."""
 ANY_SIGNAL = SignalType("signal")
@@ -230,7 +232,7 @@ def is_assignable(wanted: Type, given: Type) -> bool:
     if wanted is SENSED:
         return given is BOOL or is_assignable(SignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
-        return wanted is ANY_TYPE or is_numeric(given)
+        return wanted is not ANY_NUM or is_numeric(given)
     if isinstance(wanted, SignalType) and isinstance(given, SignalType):
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):
