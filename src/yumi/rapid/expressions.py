@@ -38,9 +38,9 @@ from yumi.rapid.types import (
     ANY_NUM,
     ANY_VALUE,
     BOOL,
+    DI_OR_BOOL,
     DNUM,
     NUM,
-    SENSED,
     STRING,
     SWITCH,
     UNSET,
@@ -561,7 +561,7 @@ class Calls:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
         wanted = resolved(parameter.type)
-        is_signal = wanted is SENSED and isinstance(resolved(self.expressions.any(value).type), SignalType)
+        is_signal = wanted is DI_OR_BOOL and isinstance(resolved(self.expressions.any(value).type), SignalType)
         if is_signal or isinstance(wanted, (SignalType, ObjectType)):
             # A signal or an object such as a mechanical unit; predefined ones count as variables.
             compiled = self.expressions.value(value, parameter.type)

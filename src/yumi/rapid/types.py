@@ -190,7 +190,7 @@ ANY_TYPE = OpenType("anytype")
 ANY_NUM = OpenType("anynum")
 ANY_VALUE = OpenType("anyvalue")
 """ABB's `anytype` where a literal keeps all its digits; elsewhere it is a num, as the data it is written to."""
-SENSED = OpenType("signaldi_or_bool")
+DI_OR_BOOL = OpenType("signaldi_or_bool")
 """What a search watches: a digital input, or a persistent bool."""
 ANY_SIGNAL = SignalType("signal")
 
@@ -229,7 +229,7 @@ def is_numeric(type_: Type) -> bool:
 def is_assignable(wanted: Type, given: Type) -> bool:
     """Whether a value of `given` may stand where `wanted` is declared, without any conversion."""
     wanted, given = resolved(wanted), resolved(given)
-    if wanted is SENSED:
+    if wanted is DI_OR_BOOL:
         return given is BOOL or is_assignable(SignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
         return wanted is not ANY_NUM or is_numeric(given)

@@ -118,8 +118,8 @@ async function ask(message, button) {
   if (button) button.setAttribute("aria-busy", "true");
   try {
     const result = await end;
-    const told = typeof result === "string" ? result : describe(result);
-    if (told) toast(sentence(told), "info");
+    const outcome = typeof result === "string" ? result : describe(result);
+    if (outcome) toast(sentence(outcome), "info");
     return result;
   } catch (error) {
     toast(error.message);
@@ -150,8 +150,8 @@ function toast(message, level = "error") {
 // ---- showing
 
 /** A sentence of the driver, with the page's buttons in place of the methods to call. */
-function withButtons(text) {
-  return model.buttons.reduce((told, [method, button]) => told.replace(new RegExp(method, "g"), button), text);
+function withButtons(message) {
+  return model.buttons.reduce((named, [method, button]) => named.replace(new RegExp(method, "g"), button), message);
 }
 
 /** What to do about a reason, with the button that does it where there is one. */
@@ -230,8 +230,8 @@ function text(element, value) {
 
 function show() {
   if (!model) return;
-  const [level, ...told] = verdict();
-  const [head, remedy] = view.is_recording ? told : told.map(withButtons); // a recording is shown as it was
+  const [level, ...sentences] = verdict();
+  const [head, remedy] = view.is_recording ? sentences : sentences.map(withButtons); // a recording is shown as it was
   at("banner").dataset.level = level;
   text(at("verdict"), head);
   text(at("remedy"), remedy);
