@@ -41,7 +41,7 @@ _BUTTONS = (
     (r"\(recover\)", "(“Recover…”)"),
     (r", then recover( with the id of the stop)?", ", then press “Recover…”"),
     (r", or recover\b", ", or press “Recover…”"),
-    (r"\b[Rr]ecover(?= (?:switches|starts) )", "“Recover…”"),
+    (r"\b[Rr]ecover(?= (?:switches|starts) |; if )", "“Recover…”"),
     (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
     (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
     (r"end EGM, or wait", "press “Stop EGM”, or wait"),

@@ -88,6 +88,7 @@ def test_sentences_of_the_driver_name_the_buttons_of_the_page() -> None:
     assert on_page(IDLE_OR_IN_EGM.remedy).endswith("routine, or press “Recover…”")
     assert on_page(EVENT_TEXTS[10013].remedy).endswith("pressed, then press “Recover…”")
     assert on_page(EVENT_TEXTS[10125].remedy) == "“Recover…” starts it"
+    assert on_page(EVENT_TEXTS[50452].remedy).startswith("“Recover…”; if")
     asked = "confirmed this stop: call recover with the id 10013-4-8175c9."
     assert on_page(asked) == "confirmed this stop: press “Recover…”."
     assert on_page("EGM is not running; call robot.recover().") == (
