@@ -199,7 +199,7 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     # A field without a number sends nothing, and what the page says covers no button.
     page.tab.fill("#part-width", "")
     page.press("#put-part")
-    page.wait("#toast", "Nothing was sent: the width .* is a number from 1 to 50")
+    page.wait("#toast", "Nothing was sent: the width must be a number from 1 to 50 mm")
     message, panels = (page.tab.locator(each).bounding_box() for each in ("#toast", ".panels"))
     assert message["x"] + message["width"] < panels["x"]  # it covers no button
     assert page.errors == []

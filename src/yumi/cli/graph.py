@@ -221,10 +221,14 @@ def _ask(node: Any, kind: Any, name: str, request: Any, timeout: float = DISCOVE
     return future.result()
 
 
+_VERBS = {"list": "NODE", "get": "NODE NAME", "set": "NODE NAME VALUE"}
+"""Of ``ros2 param``, and what each takes."""
+
+
 @click.command(context_settings={"ignore_unknown_options": True})  # negative numbers are none
 @click.argument("words", nargs=-1, required=True, metavar="[list|get|set] NODE [NAME [VALUE]]")
 @click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-def param(words: tuple[str, ...], is_json: bool) -> None:
+def param(words: Sequence[str], is_json: bool) -> None:
     """List the parameters of NODE, show one, or set it to VALUE.
 
     The verbs of `ros2 param` may be left out.
@@ -235,8 +239,10 @@ def param(words: tuple[str, ...], is_json: bool) -> None:
       yumi param r/joint_position_controller p
       yumi param r/joint_position_controller p 1.3
     """
-    if words[0] in {"list", "get", "set"} and len(words) > 1:
-        words = words[1:]
+    if words[0] in _VERBS:  # none may do what another one is for, as set what was only to be read
+        verb, *words = words
+        if len(words) != len(_VERBS[verb].split()):
+            raise click.UsageError(f"{verb} takes {_VERBS[verb]}, not {' '.join(words) or 'nothing'}.")
     if len(words) > 3:
         raise click.UsageError(f"Give NODE, NAME and VALUE, not {' '.join(words)}.")
     node_name = words[0]

@@ -20,7 +20,7 @@ from yumi.rapid.errors import (
     UnresolvedTrap,
 )
 from yumi.rapid.expressions import Expressions, Scope, caller
-from yumi.rapid.library import SHOWN, Deadline, LibraryRoutine
+from yumi.rapid.library import VISUALIZE, Deadline, LibraryRoutine
 from yumi.rapid.program import (
     Code,
     CodeBuilder,
@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 MOST_VALUES = 500_000  # of a task's data: 2 MB of num, less than a controller has
 CONSTANT_FRAME: Any = None  # constant expressions do not look at the frame
-WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate, " + SHOWN
+WAIT_UNTIL = r"\switch InPos, bool Cond, \num MaxTime, \VAR bool TimeFlag, \num PollRate, " + VISUALIZE
 
 
 def compile_program(program: Program) -> None:
@@ -329,7 +329,7 @@ class Statements:
         condition = self.expressions.condition(conditions[0].value)
 
         def until_next_poll(deadline: Deadline) -> Generator[float | None, None, None]:
-            with deadline.shown("a condition"):
+            with deadline.visualized("a condition"):
                 yield deadline.due
 
         def decide(machine: Machine, frame: Frame) -> None:

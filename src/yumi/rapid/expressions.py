@@ -35,10 +35,12 @@ from yumi.rapid.program import (
 )
 from yumi.rapid.types import (
     ABSENT,
+    ANY_NUM,
+    ANY_VALUE,
     BOOL,
+    DI_OR_BOOL,
     DNUM,
     NUM,
-    SENSED,
     STRING,
     SWITCH,
     UNSET,
@@ -192,7 +194,7 @@ class Expressions:
             return Compiled(lambda frame: value, BOOL)
         if isinstance(value, str):
             return Compiled(lambda frame: value, STRING)
-        if wanted is not None and isinstance(resolved(wanted), OpenType) and not _fits_num(value):
+        if wanted in (ANY_NUM, ANY_VALUE) and not _fits_num(value):
             # The manual's ValToStr(1.234567890123456789) has 15 digits.
             return Compiled(lambda frame: value, DNUM)
         return Compiled(lambda frame: value, NUM, is_literal=True)
@@ -559,7 +561,7 @@ class Calls:
         if not isinstance(value, (s.Name, s.Element, s.Field)):
             self.scope.refuse(node, f"'{parameter.name}' needs a datum, not an expression")
         wanted = resolved(parameter.type)
-        is_signal = wanted is SENSED and isinstance(resolved(self.expressions.any(value).type), SignalType)
+        is_signal = wanted is DI_OR_BOOL and isinstance(resolved(self.expressions.any(value).type), SignalType)
         if is_signal or isinstance(wanted, (SignalType, ObjectType)):
             # A signal or an object such as a mechanical unit; predefined ones count as variables.
             compiled = self.expressions.value(value, parameter.type)

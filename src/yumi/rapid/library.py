@@ -42,10 +42,11 @@ from yumi.rapid.types import (
     ANY_NUM,
     ANY_SIGNAL,
     ANY_TYPE,
+    ANY_VALUE,
     BOOL,
+    DI_OR_BOOL,
     DNUM,
     NUM,
-    SENSED,
     STRING,
     SWITCH,
     AliasType,
@@ -103,11 +104,11 @@ class Call:
         return self._arguments[name.lower()]
 
 
-SHOWN = (
+VISUALIZE = (
     r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
     r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber"
 )
-"""What the instructions that wait take to show the operator what they wait for."""
+"""What the instructions that wait take, to show the operator what they wait for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +142,7 @@ class Deadline:
             self.call["TimeFlag"] = False
 
     @contextmanager
-    def shown(self, what: str) -> Iterator[None]:
+    def visualized(self, what: str) -> Iterator[None]:
         r"""Meanwhile \Visualize shows the operator what is waited for, `what` without \Message."""
         if not self.call.present("Visualize"):
             yield
@@ -368,7 +369,7 @@ class Library:
 def core_library() -> Library:
     """The atomic types, signals and error numbers: what RAPID's own instructions are written in."""
     core = Library()
-    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_SIGNAL, SENSED):
+    for type_ in (NUM, DNUM, BOOL, STRING, SWITCH, ANY_TYPE, ANY_NUM, ANY_VALUE, ANY_SIGNAL, DI_OR_BOOL):
         core.add_type(type_)
     for kind in ("signaldi", "signaldo", "signalgi", "signalgo", "signalai", "signalao"):
         core.add_type(SignalType(kind))

@@ -168,7 +168,7 @@ class Signal:
 
 @dataclass(frozen=True, slots=True)
 class OpenType:
-    """A parameter type that takes several types: ABB's `anytype#`, and here `anynum` for num and dnum, `SENSED`."""
+    """A parameter type that takes several types: ABB's `anytype#`, and those of ours below."""
 
     name: str
 
@@ -188,7 +188,9 @@ STRING = AtomicType("string", "", _string)
 SWITCH = AtomicType("switch", True, bool)
 ANY_TYPE = OpenType("anytype")
 ANY_NUM = OpenType("anynum")
-SENSED = OpenType("signaldi_or_bool")
+ANY_VALUE = OpenType("anyvalue")
+"""ABB's `anytype` where a literal keeps all its digits; elsewhere it is a num, as the data it is written to."""
+DI_OR_BOOL = OpenType("signaldi_or_bool")
 """What a search watches: a digital input, or a persistent bool."""
 ANY_SIGNAL = SignalType("signal")
 
@@ -227,10 +229,10 @@ def is_numeric(type_: Type) -> bool:
 def is_assignable(wanted: Type, given: Type) -> bool:
     """Whether a value of `given` may stand where `wanted` is declared, without any conversion."""
     wanted, given = resolved(wanted), resolved(given)
-    if wanted is SENSED:
+    if wanted is DI_OR_BOOL:
         return given is BOOL or is_assignable(SignalType("signaldi"), given)
     if isinstance(wanted, OpenType):
-        return wanted is ANY_TYPE or is_numeric(given)
+        return wanted is not ANY_NUM or is_numeric(given)
     if isinstance(wanted, SignalType) and isinstance(given, SignalType):
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):

@@ -12,8 +12,8 @@ import pytest
 import yumi.robot
 from yumi.control.events import RobotStoppedFollowing
 from yumi.driver.gripper import how_to_calibrate
-from yumi.driver.readiness import CONNECTED, NO_EMERGENCY_STOP
-from yumi.driver.stops import demand_confirmation
+from yumi.driver.readiness import CONFIRMED, CONNECTED, IDLE_OR_IN_EGM, NO_EMERGENCY_STOP
+from yumi.driver.stops import EVENT_TEXTS, demand_confirmation
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
 from yumi.web import server
@@ -84,6 +84,11 @@ def test_sentences_of_the_driver_name_the_buttons_of_the_page() -> None:
         "cartesian_controller deactivated. Press “Start EGM” to go on."
     )
     assert on_page(demand_confirmation("10013-4-8175c9")).endswith("the stop 10013-4-8175c9 (“Recover…”).")
+    assert on_page(CONFIRMED.remedy) == "look at the robot, then press “Recover…”"
+    assert on_page(IDLE_OR_IN_EGM.remedy).endswith("routine, or press “Recover…”")
+    assert on_page(EVENT_TEXTS[10013].remedy).endswith("pressed, then press “Recover…”")
+    assert on_page(EVENT_TEXTS[10125].remedy) == "“Recover…” starts it"
+    assert on_page(EVENT_TEXTS[50452].remedy).startswith("“Recover…”; if")
     asked = "confirmed this stop: call recover with the id 10013-4-8175c9."
     assert on_page(asked) == "confirmed this stop: press “Recover…”."
     assert on_page("EGM is not running; call robot.recover().") == (

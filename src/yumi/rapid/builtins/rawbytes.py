@@ -92,7 +92,7 @@ _WAYS = r"\switch Hex1 | \num IntX | \switch Float4 | \switch Float8"
 
 
 @RAWBYTES.instruction(
-    "PackRawBytes", rf"anytype Value, VAR rawbytes RawData, \switch Network, num StartIndex, {_WAYS} | \switch ASCII"
+    "PackRawBytes", rf"anyvalue Value, VAR rawbytes RawData, \switch Network, num StartIndex, {_WAYS} | \switch ASCII"
 )
 def pack_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from yumi.rapid.builtins.constants import CONSTANTS
 from yumi.rapid.devices import IoDevices
 from yumi.rapid.errors import RapidRuntimeError
-from yumi.rapid.library import SHOWN, Call, Deadline, Library, Wait
+from yumi.rapid.library import VISUALIZE, Call, Deadline, Library, Wait
 from yumi.rapid.types import Signal
 
 SIGNALS = Library(CONSTANTS)
@@ -125,7 +125,7 @@ def _wait_for_level(call: Call) -> Wait:
     r"""Until the signal has the value, or the relation to it; \ValueAtTimeout gets what it has when time is up."""
     deadline, value = Deadline.of(call), call["Value"]
     relation = next((holds for name, holds in _RELATIONS if call.get(name)), operator.eq)
-    with deadline.shown(call["Signal"].name):
+    with deadline.visualized(call["Signal"].name):
         while not relation(_level(call), value):
             if call.task.now >= deadline.time and call.get("ValueAtTimeout") is not None:
                 call["ValueAtTimeout"] = _level(call)
@@ -144,7 +144,7 @@ for _name, _type, _value, _relation in (
     ("WaitAO", "signalao", "num Value", r"\switch LT | \switch GT, "),
 ):
     _out = r", \VAR num ValueAtTimeout" if _relation else ""
-    _signature = rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, \VAR bool TimeFlag, {SHOWN}"
+    _signature = rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, \VAR bool TimeFlag, {VISUALIZE}"
     SIGNALS.instruction(_name, _signature)(_wait_for_level)
 
 # Devices, networks and other names for signals ----------------------------------------------------------------------

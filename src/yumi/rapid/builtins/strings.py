@@ -25,7 +25,7 @@ def number_text(call: Call) -> str:
     return f"{call['Val']:.{int(decimals)}{'E' if call.present('Exp') else 'f'}}"
 
 
-@STRINGS.function("ValToStr", "anytype Val", "string")
+@STRINGS.function("ValToStr", "anyvalue Val", "string")
 def value_to_string(call: Call) -> str:
     type_, value = call.reference("Val").type, call["Val"]
     if value_count(type_) > LONGEST_STRING:

@@ -118,8 +118,8 @@ async function ask(message, button) {
   if (button) button.setAttribute("aria-busy", "true");
   try {
     const result = await end;
-    const told = typeof result === "string" ? result : describe(result);
-    if (told) toast(sentence(told), "info");
+    const outcome = typeof result === "string" ? result : describe(result);
+    if (outcome) toast(sentence(outcome), "info");
     return result;
   } catch (error) {
     toast(error.message);
@@ -150,8 +150,8 @@ function toast(message, level = "error") {
 // ---- showing
 
 /** A sentence of the driver, with the page's buttons in place of the methods to call. */
-function withButtons(text) {
-  return model.buttons.reduce((told, [method, button]) => told.replace(new RegExp(method, "g"), button), text);
+function withButtons(message) {
+  return model.buttons.reduce((named, [method, button]) => named.replace(new RegExp(method, "g"), button), message);
 }
 
 /** What to do about a reason, with the button that does it where there is one. */
@@ -230,8 +230,8 @@ function text(element, value) {
 
 function show() {
   if (!model) return;
-  const [level, ...told] = verdict();
-  const [head, remedy] = view.is_recording ? told : told.map(withButtons); // a recording is shown as it was
+  const [level, ...sentences] = verdict();
+  const [head, remedy] = view.is_recording ? sentences : sentences.map(withButtons); // a recording is shown as it was
   at("banner").dataset.level = level;
   text(at("verdict"), head);
   text(at("remedy"), remedy);
@@ -877,21 +877,21 @@ function bind() {
     const activate = at("controller").value;
     request("switch_controllers", { arm: shownArm, activate: [activate], deactivate: leading.filter((name) => name !== activate) }, button);
   });
-  const withNumber = (id, what, action) => (button) => {
+  const withNumber = (id, what, unit, action) => (button) => {
     const value = numberOf(at(id));
     if (value !== null) action(value, button);
-    else toast(`Nothing was sent: ${what} is a number from ${at(id).min} to ${at(id).max}.`);
+    else toast(`Nothing was sent: the ${what} must be a number from ${at(id).min} to ${at(id).max} ${unit}.`);
   };
   const grip = (asked, button) => request("grip", { arm: shownArm, ...asked }, button);
-  press("open", withNumber("open-width", "the width [mm]", (width, button) => grip({ action: "open", width: width / 1000 }, button)));
-  press("close", withNumber("grip-force", "the force [N]", (force, button) => grip({ action: "close", force }, button)));
+  press("open", withNumber("open-width", "width", "mm", (width, button) => grip({ action: "open", width: width / 1000 }, button)));
+  press("close", withNumber("grip-force", "force", "N", (force, button) => grip({ action: "close", force }, button)));
   press("press-stop", (button) => inject("emergency-stop", {}, button));
   press("release-stop", (button) => inject("emergency-stop-reset", {}, button));
   press("key", (button) => inject(state.operating_mode === "AUTO" ? "manual-mode" : "auto-mode", {}, button));
-  press("put-part", withNumber("part-width", "the width [mm]", (by, button) => inject("object-placed", { side: shownArm, by: `${by}` }, button)));
+  press("put-part", withNumber("part-width", "width", "mm", (by, button) => inject("object-placed", { side: shownArm, by: `${by}` }, button)));
   press("put-cup", (button) => inject("object-under-cups", { side: shownArm }, button));
   press("take-part", (button) => inject("object-lost", { side: shownArm }, button));
-  press("push", withNumber("push-by", "the angle [°]", (by, button) => inject("arm-pushed", { side: shownArm, by: `${by}` }, button)));
+  press("push", withNumber("push-by", "angle", "degrees", (by, button) => inject("arm-pushed", { side: shownArm, by: `${by}` }, button)));
   at("fault").addEventListener("change", explainFault);
   press("inject", (button) => {
     const fault = view.faults.find((each) => each.name === at("fault").value);
