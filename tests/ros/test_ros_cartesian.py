@@ -268,7 +268,7 @@ def both(egm_running: Client) -> Iterator[Goals]:
     managers = [Manager(egm_running, f"/{side.value}/controller_manager") for side in Side]
     for manager in managers:
         manager.switch([CARTESIAN], [POSITION])
-    own = Goals(egm_running, MoveBothLinear, f"/{CARTESIAN}/move_linear")
+    own = Goals(egm_running, MoveBothLinear, f"/dual_arm_{CARTESIAN}/move_linear")
     yield own
     own.destroy()
     for manager in managers:
@@ -322,7 +322,7 @@ ARMS = ((Side.RIGHT, 0), (Side.LEFT, 7))  # where joints of an arm begin in join
 
 
 def test_both_arms_are_refused_where_one_is_commanded_by_another_controller(egm_running: Client) -> None:
-    own = Goals(egm_running, MoveBothLinear, f"/{CARTESIAN}/move_linear")
+    own = Goals(egm_running, MoveBothLinear, f"/dual_arm_{CARTESIAN}/move_linear")
     status, result = own.end(own.send(**{side.word: [in_tool(side, -0.01)] for side in Side}))
     assert status == GoalStatus.STATUS_ABORTED
     assert "no Cartesian controller is active on the left arm; activate one first" in result.message

@@ -10,8 +10,8 @@ topic, action or service  type                        what it does
 …/servo_twist             geometry_msgs/TwistStamped  the next velocity of a stream; without one the tool stops
 …/inverse_kinematics      InverseKinematics           all postures of a pose
 …/jacobian                Jacobian                    how the tool moves with the joints
-cartesian_controller/     MoveBothLinear              moves both tools as one motion
-move_linear
+dual_arm_cartesian_       MoveBothLinear              moves both tools as one motion
+controller/move_linear
 ========================= =========================== =================================================================
 
 ``…`` is the controller, such as ``r/cartesian_controller``; types without a package are of ``yumi_interfaces``. The
@@ -576,7 +576,7 @@ class MoveLinearAction(_LineAction):
 
 
 class MoveBothLinearAction(_LineAction):
-    """Serves ``cartesian_controller/move_linear`` of both arms."""
+    """Serves ``dual_arm_cartesian_controller/move_linear`` of both arms."""
 
     type = MoveBothLinear
 
@@ -705,7 +705,9 @@ def cartesian_interfaces(
     """
     targets: dict[Side, TargetPoseTopic] = {}
     frames.listen(dual)
-    both = MoveBothLinearAction(dual, f"{CARTESIAN_CONTROLLER}/move_linear", control, now, targets, frames, base)
+    both = MoveBothLinearAction(
+        dual, f"dual_arm_{CARTESIAN_CONTROLLER}/move_linear", control, now, targets, frames, base
+    )
 
     def make(node: Any, side: Side, name: str) -> CartesianTopics:
         target = TargetPoseTopic(node, side, control, now, name, frames)

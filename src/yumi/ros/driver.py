@@ -13,7 +13,7 @@ r/yumi_topics                  the command topics of controllers, egm_state, gri
 r/gripper                      gripper_cmd, parallel_gripper_cmd, calibrate, jog_open, jog_close, stop,
                                clear_error, vacuum_1, blow_1 … (and all of these for l)
 dual_arm_trajectory_controller what the trajectory controllers have, for both arms; inter_arm_skew;
-                               cartesian_controller/move_linear
+                               dual_arm_cartesian_controller/move_linear
 yumi_robot_manager             start_egm, stop_egm, robot_is_ready, get_state … set_mode, recover,
                                set_speed_scale, speed_scale, set_tool, set_payload, gpio_states, state, /diagnostics
 robot_state_publisher          /tf, /tf_static, robot_description (topic and parameter)
