@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, SupportsFloat
 
 from yumi.control.tool_limits import ToolLimits
@@ -195,7 +195,13 @@ def _furthest(posture: Joints, now: Joints) -> float:
 
 def checked_angle(angle: SupportsFloat) -> float:
     """An arm angle as a number [rad]; raises CommandRefused when it is none."""
-    return numbers_from((angle,), 1, "the arm angle [rad]")[0]
+    try:
+        number = float(angle)
+    except (TypeError, ValueError):
+        number = nan
+    if not isfinite(number):
+        raise CommandRefused(f"Pose refused: the arm angle is {repr(angle)[:100]}; give radians.")
+    return number
 
 
 def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
