@@ -451,3 +451,14 @@ def test_motors_go_off_and_motion_ends_while_a_stop_is_open(system: MovingSystem
     stop(system, Fault.COLLISION)
     assert system.manager.stop_egm()
     assert system.manager.motors_off() == "The motors are off"
+
+
+def test_stop_soon_after_egm_was_started_again_is_not_explained_by_what_had_ended_it(system: MovingSystem) -> None:
+    system.manager.start_egm()
+    system.faults.inject(Fault.COMM_TIMEOUT)
+    system.until(lambda: not system.control.snapshot(Side.RIGHT).is_running, 2.0)
+    system.wait(0.5)  # its event is read
+    system.manager.start_egm()
+    system.faults.inject(Fault.PROGRAM_STOP)
+    system.wait(0.3)
+    assert "10125" in system.manager.state().cause

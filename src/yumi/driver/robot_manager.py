@@ -234,7 +234,13 @@ class RobotManager:
         """
         with self._moving(), self._bringup.reporting(report):
             check()
-            return self._egm.start(tuple(arms) if arms else self._arms)
+            return self._start_egm(tuple(arms) if arms else self._arms)
+
+    def _start_egm(self, arms: tuple[Side, ...]) -> str:
+        began = self._clock.now()
+        done = self._egm.start(arms)
+        self._stops.settle(began)
+        return done
 
     def stop_egm(self) -> str:
         """Deactivate what commands the arms and stop EGM; they come to rest. Raises YumiError."""
@@ -253,7 +259,7 @@ class RobotManager:
         with self._moving(), self._bringup.reporting(report):
             check()
             if mode.arms:
-                return self._egm.start(mode.arms)
+                return self._start_egm(mode.arms)
             self._egm.stop_if_running()
             self._bringup.make_ready()
             return "The robot is ready, EGM does not run"

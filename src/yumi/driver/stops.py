@@ -388,10 +388,10 @@ class StopLog:
                 self.is_complete = True
                 self._known = _Known()
 
-    def settle(self) -> None:
-        """The robot works: what came a while ago has not stopped it."""
+    def settle(self, began: float = -inf) -> None:
+        """The robot works: what came a while ago, or before somebody ``began`` to start EGM [s], has not stopped it."""
         with self._lock:
-            limit = self._clock.now() - HISTORY
+            limit = max(began, self._clock.now() - HISTORY)
             while self._recent and self._recent[-1][1] <= limit:
                 self._recent.pop()
             self.is_complete = True
