@@ -457,7 +457,6 @@ def test_stop_soon_after_egm_was_started_again_is_not_explained_by_what_had_ende
     system.manager.start_egm()
     system.faults.inject(Fault.COMM_TIMEOUT)
     system.until(lambda: not system.control.snapshot(Side.RIGHT).is_running, 2.0)
-    system.wait(0.5)  # its event is read
     system.manager.start_egm()
     system.faults.inject(Fault.PROGRAM_STOP)
     system.wait(0.3)

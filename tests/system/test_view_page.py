@@ -189,6 +189,7 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     page.wait("#remedy", "The right arm follows no commands; press “Start EGM”")
     page.wait("#events", "joint_position_controller deactivated. Press “Start EGM” to go on")
     page.mend("Start EGM")
+    page.wait("#toast", "EGM runs on both arms")  # a stop before would be one of its start
     page.wait("#verdict", "EGM holds both arms")
 
     page.tab.select_option("#fault", "program-stop")

@@ -237,9 +237,8 @@ class RobotManager:
             return self._start_egm(tuple(arms) if arms else self._arms)
 
     def _start_egm(self, arms: tuple[Side, ...]) -> str:
-        began = self._clock.now()
         done = self._egm.start(arms)
-        self._stops.settle(began)
+        self._stops.settle_egm(self._client)
         return done
 
     def stop_egm(self) -> str:

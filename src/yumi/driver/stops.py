@@ -388,14 +388,26 @@ class StopLog:
                 self.is_complete = True
                 self._known = _Known()
 
-    def settle(self, began: float = -inf) -> None:
-        """The robot works: what came a while ago, or before somebody ``began`` to start EGM [s], has not stopped it."""
+    def settle(self) -> None:
+        """The robot works: what came a while ago has not stopped it."""
         with self._lock:
-            limit = max(began, self._clock.now() - HISTORY)
+            limit = self._clock.now() - HISTORY
             while self._recent and self._recent[-1][1] <= limit:
                 self._recent.pop()
             self.is_complete = True
             self._known = replace(self._known, cause=cause_among(event for event, _ in self._recent))
+
+    def settle_egm(self, client: EventSource) -> None:
+        """EGM runs again: what ended it before has not stopped the robot. Where a person was involved, it may yet have.
+
+        Raises:
+            YumiError: the controller does not answer.
+        """
+        with self._lock:
+            self.read(client)  # the event of a time-out may come after the request to start again
+            kept = [each for each in self._recent if not is_without_person(each[0])]
+            self._recent = deque(kept, self._recent.maxlen)
+            self._known = replace(self._known, cause=cause_among(event for event, _ in kept))
 
     def take_news(self) -> tuple[Event, ...]:
         """Events that came since the first reading and were not taken yet, oldest first."""
