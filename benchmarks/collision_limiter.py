@@ -20,7 +20,7 @@ sys.path[:0] = [str(_TESTS), str(_TESTS / "unit" / "control")]
 
 from test_control_collisions import BEFORE_MEETING, FORWARD, MEETING  # noqa: E402
 
-from apart_arms import ApartArms, Drive, at_speed, random_drive, to  # noqa: E402
+from apart_arms import ApartArms, Drive, at_speed, renew_drive, to  # noqa: E402
 from yumi.robot.joints import Side, home, named_pose  # noqa: E402
 
 HOME = {side: home(side) for side in Side}
@@ -73,10 +73,7 @@ def adversarial() -> list[float]:
         arms, drives, left = ApartArms(READY), dict[Side, Drive](), dict.fromkeys(Side, 0)
         for _ in range(400):
             for side in Side:
-                left[side] -= 1
-                if left[side] < 0:
-                    left[side] = int(generator.integers(5, 120))
-                    drives[side] = random_drive(generator, arms, side) or (lambda *_: None)
+                renew_drive(generator, arms, side, drives, left)
             arms.cycle(drives)
         costs += arms.costs[1:]
     return costs

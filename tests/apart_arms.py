@@ -152,6 +152,18 @@ def random_position(generator: np.random.Generator) -> Joints:
     return joints(list(generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper)))
 
 
+def renew_drive(
+    generator: np.random.Generator, arms: ApartArms, side: Side, drives: dict[Side, Drive], left: dict[Side, int]
+) -> bool:
+    """One cycle less is ``left`` for what drives an arm; when that is over it is driven otherwise, and this is true."""
+    left[side] -= 1
+    if left[side] >= 0:
+        return False
+    left[side] = int(generator.integers(5, 120))
+    drives[side] = random_drive(generator, arms, side) or (lambda *_: None)
+    return True
+
+
 def random_drive(generator: np.random.Generator, arms: ApartArms, side: Side) -> Drive | None:
     """One of the ways in which an arm may be driven into something."""
     kind = generator.integers(8)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import Any, SupportsFloat
 
+from yumi.control.motion import largest_difference
 from yumi.control.tool_limits import ToolLimits
 from yumi.control.tool_path import SPEED, TURNING, ZONE, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
@@ -147,7 +148,7 @@ def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> P
 def postures_of(side: Side, tool0: Pose, angle: float | None, now: Joints, limits: JointLimits) -> tuple[Joints, ...]:
     """All postures of a pose of tool0 with an arm angle, None for the present one; the nearest to ``now`` first."""
     found = postures(side, tool0, arm_angle(side, now) if angle is None else checked_angle(angle), limits)
-    return tuple(sorted(found, key=lambda each: _furthest(each, now)))
+    return tuple(sorted(found, key=lambda each: largest_difference(each, now)))
 
 
 def posture_for(
@@ -170,13 +171,13 @@ def posture_for(
             near = nearest_posture(side, tool0, with_angle, now, limits)
         except Unreachable:
             near = None
-        if near is not None and _furthest(near, now) < 1.0:
+        if near is not None and largest_difference(near, now) < 1.0:
             return near
     for angles in ([with_angle], [with_angle + turn for turn in _FURTHER_ANGLES] if angle is None else []):
         for own in postures_of_each(side, [tool0] * len(angles), angles, limits):
             found = [each for each in own if wanted is None or configuration(each) == wanted]
             if found:
-                return min(found, key=lambda each: _furthest(each, now))
+                return min(found, key=lambda each: largest_difference(each, now))
     x, y, z = tool0.position
     which = "" if wanted is None else f" with configuration {wanted}"
     how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
@@ -187,10 +188,6 @@ def posture_for(
     if wanted is None:
         raise unreachable(side, tool0, reason, now, limits)
     raise Unreachable(f"{reason} Or leave the configuration out: it takes the nearest posture then.")
-
-
-def _furthest(posture: Joints, now: Joints) -> float:
-    return max(abs(a - b) for a, b in zip(posture, now, strict=True))
 
 
 def checked_angle(angle: SupportsFloat) -> float:

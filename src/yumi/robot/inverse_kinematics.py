@@ -293,14 +293,19 @@ def nearest_reachable_posture(
 
     def missing_at(position: Array) -> Array:
         here = tool0_to_body(side, joints(position.tolist()))
-        w, x, y, z = here.orientation
-        turn = rotation_vector(multiply(tool0.orientation, (w, -x, -y, -z)))
-        return np.asarray(np.array([*np.subtract(tool0.position, here.position), *turn]) * weights)
+        return np.asarray(np.concatenate(_difference(tool0, here)) * weights)
 
     starts = [np.clip(seed, lower, upper), *np.random.default_rng(0).uniform(lower, upper, (_DESCENTS - 1, 7))]
     found = [_descended(side, each, missing_at, (lower, upper), weights) for each in starts]
     best = joints(min(found, key=lambda each: float(np.linalg.norm(missing_at(each)))).tolist())
     return best, tool0_to_body(side, best)
+
+
+def _difference(pose: Pose, here: Pose) -> tuple[Array, Array]:
+    """The way [m] and the turn [rad] from here to a pose."""
+    w, x, y, z = here.orientation
+    turn = rotation_vector(multiply(pose.orientation, (w, -x, -y, -z)))
+    return np.subtract(pose.position, here.position), np.array(turn)
 
 
 def _descended(
@@ -332,9 +337,7 @@ def _descended(
 def unreachable(side: Side, tool0: Pose, reason: str, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> Unreachable:
     """The error of a pose that no posture has: with the posture that is nearest to it, and where that is."""
     position, there = nearest_reachable_posture(side, tool0, seed, limits)
-    w, i, j, k = there.orientation
-    turn = np.linalg.norm(rotation_vector(multiply(tool0.orientation, (w, -i, -j, -k))))
-    away = np.linalg.norm(np.subtract(there.position, tool0.position))
+    away, turn = map(np.linalg.norm, _difference(tool0, there))
     x, y, z = there.position
     where = (
         f"The nearest that was found is tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {away * 1e3:.0f} mm and "

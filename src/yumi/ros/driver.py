@@ -205,7 +205,7 @@ class RosDriver:
         self._executors.add_multi_threaded("services-grippers", *gripper_nodes.values())
         self._executors.add_single_threaded("streams", *streams)
 
-        manager.monitor.reads_joints = True
+        manager.monitor.read_joints()
         self._states = [
             JointStatePublisher(arm.node, side, buffers[side], clock, polled, base) for side, arm in self._arms.items()
         ]

@@ -9,7 +9,7 @@ from math import dist, inf, radians
 import numpy as np
 import pytest
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, random_drive, scaled_by, to
+from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.control.braking import ArmMotion, Segment
@@ -524,10 +524,7 @@ def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
     drives, left = {}, dict.fromkeys(Side, 0)
     for cycle in range(120):
         for side in Side:
-            left[side] -= 1
-            if left[side] < 0:
-                left[side] = int(generator.integers(5, 120))
-                drives[side] = random_drive(generator, arms, side) or (lambda *_: None)
+            renew_drive(generator, arms, side, drives, left)
         arms.cycle(drives)
         if cycle % 4 == 0:
             assert least_kept(arms, arms.commanded())

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from apart_arms import POST, TABLE, ApartArms, random_drive
+from apart_arms import POST, TABLE, ApartArms, renew_drive
 from soak import COLLISION_CYCLES, long, short, tell
 from yumi.control.collisions import BODY_MARGIN, MARGIN
 from yumi.robot.joints import Side, home, named_pose
@@ -39,12 +39,8 @@ def test_nothing_touches_in_adversarial_cycles(cycles: int) -> None:
                 f"{nearest_measured * 1e3:.1f} mm as moved; shapes {worst * 1e3:.1f} mm beyond their margins"
             )
         for side in Side:
-            left[side] -= 1
-            if left[side] < 0:
-                left[side] = int(generator.integers(5, 120))
-                drives[side] = random_drive(generator, arms, side) or (lambda *_: None)
-                if generator.integers(12) == 0:
-                    arms.silent[side] = int(generator.integers(1, 60))
+            if renew_drive(generator, arms, side, drives, left) and generator.integers(12) == 0:
+                arms.silent[side] = int(generator.integers(1, 60))
         was_lost = any(arms.silent.values())
         arms.cycle(drives)
         if cycle % EVERY:
