@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -19,6 +19,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from trajectories import dual_arm_message
+from yumi.control.motion import STANDING
 from yumi.robot.joints import Side, joint_names
 
 # A machine that stands still for 100 ms ends EGM in the middle of a motion.
@@ -75,7 +76,7 @@ def right(egm: Client) -> Iterator[Goals]:
     goals = Goals(egm, f"r/{SINGLE}")
     yield goals
     goals.close()
-    switch(egm, {})
+    stop(egm)
 
 
 @pytest.fixture
@@ -84,15 +85,30 @@ def both(egm: Client) -> Iterator[Goals]:
     goals = Goals(egm, DUAL)
     yield goals
     goals.close()
-    switch(egm, {})
+    stop(egm)
+
+
+def stop(client: Client) -> None:
+    """Deactivate all; an arm that still moves takes no goal, so wait until both stand."""
+    switch(client, {})
+    for arm in ("r", "l"):
+        newest_state(client, arm, is_standing)
+
+
+def is_standing(state: JointState) -> bool:
+    return bool(max(map(abs, state.velocity)) <= STANDING)
+
+
+def newest_state(client: Client, arm: str, is_wanted: Callable[[JointState], bool] = bool) -> JointState:
+    states: list[JointState] = []
+    subscription = client.node.create_subscription(JointState, f"{arm}/joint_states", states.append, 10)
+    client.until(lambda: any(map(is_wanted, states)))
+    client.node.destroy_subscription(subscription)
+    return states[-1]
 
 
 def position(client: Client) -> list[float]:
-    states: list[Any] = []
-    subscription = client.node.create_subscription(JointState, "r/joint_states", states.append, 10)
-    client.until(lambda: bool(states))
-    client.node.destroy_subscription(subscription)
-    return list(states[-1].position)
+    return list(newest_state(client, "r").position)
 
 
 def point(positions: list[float], seconds: float) -> JointTrajectoryPoint:
