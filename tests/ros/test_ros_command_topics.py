@@ -2,9 +2,11 @@ from __future__ import annotations
 
 import re
 from math import inf, isnan, nan, pi
+from time import time_ns
 from typing import Any
 
 import pytest
+import rclpy
 from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -13,6 +15,7 @@ from yumi.clock import ManualClock
 from yumi.control.controller import GoalKind, MemoryBuffer, read_goal
 from yumi.control.shared_state import CAUSES, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
+from yumi.ros.messages import RefusalLog
 from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
 
 pytestmark = pytest.mark.ros
@@ -396,3 +399,28 @@ def test_stream_of_invented_names_cannot_flood_the_log(node: Node, buffers: Boxe
     assert max(map(len, node.warnings)) < 300
     counts = [int(found[1]) for found in re.finditer(r"\((\d+) more", " ".join(node.warnings))]
     assert sum(counts) + len(node.warnings) == pytest.approx(6400, abs=3200)
+
+
+@pytest.mark.parametrize("waited", [0.0, 2.0])
+def test_command_that_waited_for_long_in_a_busy_driver_is_refused(
+    ros: None, buffers: Boxes, monkeypatch: pytest.MonkeyPatch, waited: float
+) -> None:
+    monkeypatch.setattr("yumi.ros.messages.time_ns", lambda: time_ns() + int(waited * 1e9))
+    driver = rclpy.create_node("driver")
+    topic = JointCommandTopic(driver, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots))
+    log = Node()
+    monkeypatch.setattr(topic, "_refusals", RefusalLog(log, lambda: 0.0))
+    publisher = driver.create_publisher(JointState, "joint_commands", 1)
+    publisher.publish(goal(list(NAMES), [0.1] * 7))
+    deadline = time_ns() + 10_000_000_000
+    while not log.warnings and newest(buffers, 3) is None:
+        assert time_ns() < deadline
+        rclpy.spin_once(driver, timeout_sec=0.1)
+    driver.destroy_node()
+    assert (newest(buffers, 3) is None) == bool(log.warnings) == (waited > 0.0)
+    if waited:
+        assert re.fullmatch(
+            r"Goal refused: it waited for 2\.\d s in the driver and may be from before a stop, "
+            r"at most 0\.5 s are allowed; send it again\.",
+            *log.warnings,
+        )

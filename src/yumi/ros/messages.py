@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
 from enum import Enum
 from math import degrees, isfinite, isnan
+from time import time_ns
 from typing import Any
 
 from builtin_interfaces.msg import Duration, Time
@@ -629,6 +630,25 @@ MOST = 10
 
 _REASONS = 50  # remembered; the oldest make room
 _NUMBER = re.compile(r"(?<![\w'])-?\d[\d.e+-]*")  # a number of its own; digits in a joint's name are part of the reason
+
+
+LONGEST_WAIT = 0.5
+"""A command that waited for longer in the driver may be from before a stop that was recovered from meanwhile [s]."""
+
+
+def check_wait(noun: str, info: Mapping[str, Any]) -> None:
+    """Raise CommandRefused if a message was received too long ago, because the driver was busy.
+
+    Args:
+        noun: what it is, e.g. ``Goal``.
+        info: what rclpy knows of the message; the middleware may not say when it was received.
+    """
+    waited = (time_ns() - info["received_timestamp"]) * 1e-9
+    if info["received_timestamp"] and waited > LONGEST_WAIT:
+        raise CommandRefused(
+            f"{noun} refused: it waited for {waited:.1f} s in the driver and may be from before a stop, "
+            f"at most {LONGEST_WAIT} s are allowed; send it again."
+        )
 
 
 class RefusalLog:

@@ -47,6 +47,7 @@ from yumi.ros.messages import (
     LATCHED,
     RefusalLog,
     Stamps,
+    check_wait,
     egm_status,
     goal_of,
     goal_speeds_of,
@@ -103,11 +104,19 @@ class CommandTopic(ABC):
         self._now = now
         self._given_in = (0, 0)  # session and activation
         self.why_stopped: Callable[[], object] = lambda: ""  # a sentence with a blank before it, or nothing
-        self._subscription = node.create_subscription(self.type, self.name, self.take, _QOS)
+        self._subscription = node.create_subscription(self.type, self.name, self._receive, _QOS)
 
     def destroy(self) -> None:
         """Take no more commands."""
         self._node.destroy_subscription(self._subscription)
+
+    def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
+        try:
+            check_wait(self.noun, info)
+        except CommandRefused as error:
+            self._refusals.warn(str(error))
+        else:
+            self.take(message)
 
     def take(self, message: Any) -> None:
         """Pass a command on, or say why not."""

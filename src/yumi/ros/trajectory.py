@@ -50,6 +50,7 @@ from yumi.ros.messages import (
     LATCHED,
     SERVICES,
     Stamps,
+    check_wait,
     feedback_message,
     how_to_activate,
     stamp_of,
@@ -396,10 +397,15 @@ class TrajectoryAction:
             handle.abort()
         return result
 
-    def _take(self, message: Any) -> None:
+    def _take(self, message: Any, info: Mapping[str, Any]) -> None:
         """A trajectory without a result; the goal whose motion it replaces ends as preempted."""
         own = {side: Tolerances() for side in self._sides}
-        self._try(lambda: self._send(message, own, None))
+
+        def send() -> None:
+            check_wait("Trajectory", info)
+            self._send(message, own, None)
+
+        self._try(send)
 
     def _scale(self, message: Any) -> None:
         self._try(lambda: self._command({side: ScaleSpeed(float(message.factor)) for side in self._sides}))
