@@ -75,6 +75,8 @@ _GRID = (128, 72)  # cells over the ranges of axes 1 and 2: 2.7° a cell
 _GRID_MARGIN = 0.02  # [rad] beyond the ranges: a root on the edge lies inside a cell
 _CELL_MARGIN = 0.75  # a cell may hold a root if zero is nearer to its values than this share of their spread
 _STARTS = np.array([(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)])  # in a cell, where an equation is steep
+_DAMPING = 0.1  # of a step by the squares of what is missing
+_NEAR_ROOT = 0.1  # of either equation; what is no root after all, polishing leaves out
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
 _CONVERGED = 1e-12  # [m], [rad]: near a singularity a joint is off by a million times more
 _SAME = 1e-7  # [rad]
@@ -548,14 +550,18 @@ def _candidates(targets: _Targets) -> tuple[Array, Rows]:
         near = _TwoEquations(targets.of(np.tile(of, 3)), places[:, 0], places[:, 1], np.tile(sense, 3))
         (f, f_right, f_up), (g, g_right, g_up) = near.first.reshape(3, -1), near.second.reshape(3, -1)
         f_1, g_1, f_2, g_2 = (f_right - f) / step, (g_right - g) / step, (f_up - f) / step, (g_up - g) / step
-        determinant = f_1 * g_2 - f_2 * g_1
-        determinant = np.where(np.abs(determinant) < 1e-12, np.copysign(1e-12, determinant), determinant)
-        change = np.stack([f_2 * g - g_2 * f, g_1 * f - f_1 * g], 1) / determinant[:, None]
+        # Levenberg's step: where both equations say nearly the same, Newton's leads far away.
+        damping = _DAMPING * (f * f + g * g)
+        in_1, in_2, across = f_1 * f_1 + g_1 * g_1 + damping, f_2 * f_2 + g_2 * g_2 + damping, f_1 * f_2 + g_1 * g_2
+        slope_1, slope_2 = f_1 * f + g_1 * g, f_2 * f + g_2 * g
+        determinant = np.maximum(in_1 * in_2 - across * across, 1e-300)
+        change = np.stack([across * slope_2 - in_2 * slope_1, across * slope_1 - in_1 * slope_2], 1)
+        change /= determinant[:, None]
         at = at + change * np.minimum(1.0, 1.0 / np.maximum(np.max(np.abs(change) / cell, 1), 1e-30))[:, None]
         kept = np.all(np.abs(at - start) < 3.0 * cell, 1)  # what goes further away belongs to another cell
         at, start, sense, of = at[kept], start[kept], sense[kept], of[kept]
     end = _TwoEquations(targets.of(of), at[:, 0], at[:, 1], sense)
-    good = (np.abs(end.first) < 1e-2) & (np.abs(end.second) < 1e-2) & (end.side_of_plane > -1e-3)
+    good = (np.abs(end.first) < _NEAR_ROOT) & (np.abs(end.second) < _NEAR_ROOT) & (end.side_of_plane > -1e-3)
     at, sense, of = at[good], sense[good], of[good]
     _, first = np.unique(np.round(np.column_stack([of, at, sense]), 5), axis=0, return_index=True)
     at, sense, of = at[first], sense[first], of[first]

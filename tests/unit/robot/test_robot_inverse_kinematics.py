@@ -116,6 +116,11 @@ NEARLY_SINGULAR = [
     (Side.LEFT, (10.0, -70.0, 20.0, -89.99, 40.0, 30.0, 60.0)),
     # Not singular, but one of the two equations is so steep there that not every start in its cell leads to it.
     (Side.LEFT, (-80.312626, -142.084747, -163.557562, 76.396862, -190.617711, 72.754817, -29.889153)),
+    # Nor this one, but both equations say nearly the same there: Newton's steps lead away.
+    (
+        Side.RIGHT,
+        (-142.043481916, -1.068310123, -57.032862458, -66.398821082, -103.923956598, 83.402974991, -196.967971122),
+    ),
 ]
 
 
