@@ -9,6 +9,7 @@ to operate it and the page is opened on the same machine.
 from __future__ import annotations
 
 import asyncio
+import platform
 import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
@@ -38,6 +39,7 @@ _STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _messages = msgspec.json.Decoder(AnyMessage)
 _COOKIE = "yumi_view_token"
+_ALL_ADDRESSES = ("0.0.0.0", "::")
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
 _ANSWER = 5.0  # [s] a page that has control and shows no state for so long loses it
@@ -172,8 +174,9 @@ class ViewServer:
 
     @property
     def url(self) -> str:
-        """Where a browser finds it."""
-        host = self._settings.host if ":" not in self._settings.host else f"[{self._settings.host}]"
+        """Where a browser finds it; by this machine's name where it listens on all addresses."""
+        host = platform.node() if self._settings.host in _ALL_ADDRESSES else self._settings.host
+        host = f"[{host}]" if ":" in host else host
         token = f"?token={self._settings.token}" if self._settings.token else ""
         return f"http://{host}:{self.port}/{token}"
 
