@@ -7,7 +7,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, Query, gripper_parts, link_parts
+from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
 from yumi.robot.description import (
     FINGER_ORIGINS,
     FINGER_SHAPES,
@@ -138,10 +138,8 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
         both = np.concatenate([positions[side] for side in Side])
         found: dict[tuple[int, int], float] = {}
         for alone in (None, *Side):
-            near = model.contacts(Query(both, 0.3, alone))
-            for (first, second), distance in zip(near.parts.tolist(), near.distances, strict=True):
-                pair = min(first, second), max(first, second)
-                found[pair] = min(float(distance), found.get(pair, np.inf))
+            near = model.contacts(both, 0.3, alone)
+            found |= {(first, second): distance for distance, _, _, _, _, (first, second) in near.tolist()}
         (right, left), fixed = (placed(side, positions[side], parts[side]) for side in Side), len(model.names) - 1
         radii = {side: np.array([part.radius + PADDING for part in parts[side]]) for side in Side}
         for i in range(len(parts[Side.RIGHT])):
@@ -175,28 +173,23 @@ def test_slopes_say_how_distances_change(side: Side, is_alone: bool) -> None:
     first, compared = 0 if side is Side.RIGHT else 7, 0
 
     def distances(postures: Array) -> dict[tuple[int, int], float]:
-        near = model.contacts(Query(postures, 0.3, alone))
-        pairs = list(map(tuple, near.parts.tolist()))
-        return {
-            pair: distance
-            for pair, distance in zip(pairs, near.distances.tolist(), strict=True)
-            if pairs.count(pair) == 1 and distance > 1e-3
-        }
+        near = model.contacts(postures, 0.3, alone)
+        rows = zip(near["parts"].tolist(), near["distance"].tolist(), strict=True)
+        return {(first, second): distance for (first, second), distance in rows if distance > 1e-3}
 
     for _ in range(4):
         postures = generator.uniform([*YUMI_LIMITS.lower] * 2, [*YUMI_LIMITS.upper] * 2)
-        # That of another posture before it does not change what is found.
-        near = model.contacts(Query(0.5 * postures, 0.3, side), Query(postures, 0.3, alone))
+        near = model.contacts(postures, 0.3, alone)
         concerned, which = np.array(
             [
                 (index, part)
-                for index, pair in enumerate(near.parts.tolist())
+                for index, pair in enumerate(near["parts"].tolist())
                 for part in (0, 1)
-                if near.queries[index] == 1 and model.names[pair[part]].startswith(side.word)
+                if model.names[pair[part]].startswith(side.word)
             ]
         ).T
-        behind, slopes = model.slopes(near, concerned, which)
-        pairs = list(map(tuple, near.parts[concerned].tolist()))
+        behind, slopes = near["behind"][concerned, which], near["slopes"][concerned, which]
+        pairs = list(map(tuple, near["parts"][concerned].tolist()))
         for joint in range(7):
             step = np.zeros(14)
             step[first + joint] = 1e-5
