@@ -25,6 +25,7 @@ constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led alon
 constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
 constexpr double SPARE = 5e-4;             // [m] so far within its margin a part may turn round
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
+constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of the other's is cut, too
 
@@ -163,7 +164,7 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
 struct Placed {
     Frame frames[FRAMES];
     Vec moments[JOINTS];            // of the joints' axes
-    std::vector<Vec> starts, ends;  // of its capsules
+    std::vector<Vec> starts, ends, centres;  // of its capsules
 };
 
 // Two parts that are near each other, as in collision.py.
@@ -201,10 +202,12 @@ struct Model {
         placed.frames[JOINTS] = frame * its.origins[JOINTS];
         placed.starts.resize(its.parts.size());
         placed.ends.resize(its.parts.size());
+        placed.centres.resize(its.parts.size());
         for (std::size_t i = 0; i < its.parts.size(); ++i) {
             const Frame& of = placed.frames[int(its.parts[i].frame)];
             placed.starts[i] = of * its.parts[i].start;
             placed.ends[i] = of * its.parts[i].end;
+            placed.centres[i] = 0.5 * (placed.starts[i] + placed.ends[i]);
         }
     }
 
@@ -218,11 +221,9 @@ struct Model {
 
     // Whether the balls around a part and around the other one, or the box, are further apart than this.
     bool is_far(int arm, const Placed& placed, int part, const Placed* others, int other, double within) const {
-        const Vec centre = 0.5 * (placed.starts[part] + placed.ends[part]);
-        const double radius = arms[arm].balls[part].radius;
-        if (!others) return is_far({centre, radius}, boxes[other], within);
-        const Ball its = {0.5 * (others->starts[other] + others->ends[other]), arms[1 - arm].balls[other].radius};
-        return is_far({centre, radius}, its, within);
+        const Ball ball = {placed.centres[part], arms[arm].balls[part].radius};
+        if (!others) return is_far(ball, boxes[other], within);
+        return is_far(ball, Ball{others->centres[other], arms[1 - arm].balls[other].radius}, within);
     }
 
     static bool is_far(const Ball& ball, const Ball& other, double within) {
@@ -487,11 +488,10 @@ struct Finding {
     bool is_certain;  // that parts come too near: smaller segments would say the same
     std::size_t first, last;
     int mine, theirs;  // numbers of the segments' spans; -1 for what stands still
-    int part, other;   // those that may be nearest, and their distance in the middle
-    double distance;
+    int part, other;   // those that may be nearest
 };
 
-constexpr Finding NOTHING = {INF, false, 0, 0, 0, -1, -1, -1, 0.0};
+constexpr Finding NOTHING = {INF, false, 0, 0, 0, -1, -1, -1};
 
 struct Limiter {
     const Model& model;
@@ -597,11 +597,17 @@ struct Limiter {
         Finding finding = NOTHING;
         finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
         double worst = INF;
+        const bool can_cut = path.can_cut(own.segment) || (!is_still && others.can_cut(its->segment));
         --budget, ++decision->postures;
         auto examine = [&](int part, int other) {
             const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
             const double kept = margin(part, other, is_still), within = kept + std::max(off - TOLERANCE, least);
             if (kept == -INF || model.is_far(arm, own.placed, part, placed, other, within)) return;
+            if (off > COARSE && can_cut) {
+                pairs.push_back({part, other});
+                if (-off < finding.free) finding.free = -off, finding.part = part, finding.other = other;
+                return;
+            }
             const Near near = model.near(arm, own.placed, part, placed, other);
             double beyond = near.distance - kept;
             if (steers && beyond < BOUNDARY_WITHIN && off < SHORT) note_boundary(own, part, other, is_still, near, beyond);
@@ -628,8 +634,7 @@ struct Limiter {
             const double severity = is_certain ? certain : free;
             if (finding.is_certain ? is_certain && severity < worst : is_certain || severity < worst) {
                 worst = severity;
-                finding.part = model.arms[arm].first + part, finding.other = number(other, is_still);
-                finding.distance = near.distance;
+                finding.part = part, finding.other = other;
             }
             finding.is_certain = finding.is_certain || is_certain;
         };
@@ -663,7 +668,10 @@ struct Limiter {
     }
 
     bool refuse(const Finding& finding) {
-        decision->part = finding.part, decision->other = finding.other, decision->distance = finding.distance;
+        const bool is_still = finding.theirs < 0;
+        const Placed* theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        decision->part = model.arms[arm].first + finding.part, decision->other = number(finding.other, is_still);
+        decision->distance = model.near(arm, spans[finding.mine].placed, finding.part, theirs, finding.other).distance;
         return false;
     }
 
@@ -740,15 +748,14 @@ struct Limiter {
             span(1 - arm, 1, others.whole);
         }
         Finding found[2] = {NOTHING, NOTHING};
-        bool is_open = false;
-        for (int tries = 0; tries < 2; ++tries) {
-            pairs.clear();
-            found[0] = compare(0, -1, nullptr);
-            if (its) found[1] = compare(0, 1, nullptr);
+        found[0] = compare(0, -1, nullptr);
+        if (its) found[1] = compare(0, 1, nullptr);
+        bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
+        if (is_open) find_floors(last, its);
+        if (!floored.empty()) {
+            for (Finding& each : found)
+                if (each.free < 0.0) each = compare(0, each.theirs, &each);
             is_open = found[0].free < 0.0 || found[1].free < 0.0;
-            if (!is_open || tries) break;
-            find_floors(last, its);
-            if (floored.empty()) break;
         }
         if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free)) std::swap(found[0], found[1]);
         const bool is_clear_of_all = !is_open || (is_clear(found[0], 2) && is_clear(found[1], 2));
