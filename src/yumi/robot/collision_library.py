@@ -13,6 +13,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -20,7 +21,7 @@ from pathlib import Path
 from yumi.errors import MissingPrerequisite
 
 SOURCE = Path(__file__).with_name("collision.cpp")
-PACKAGED = SOURCE.with_suffix(".so")
+PACKAGED = SOURCE.with_name("libcollision.so")
 """Where a wheel has the library."""
 
 COMPILERS = ("c++", "g++", "clang++")
@@ -103,7 +104,8 @@ def load() -> ctypes.PyDLL:
 
 def compiled() -> Path:
     """The library compiled for this machine, from this edition of the source; compiles it where there is none."""
-    digest = hashlib.sha256(SOURCE.read_bytes() + " ".join(FLAGS).encode()).hexdigest()[:16]
+    made_of = SOURCE.read_bytes() + " ".join((*FLAGS, sysconfig.get_platform())).encode()
+    digest = hashlib.sha256(made_of).hexdigest()[:16]
     library = _cache(os.environ) / f"collision-{digest}.so"
     if not library.exists():
         compile_to(library)
@@ -119,10 +121,10 @@ def compile_to(library: Path) -> None:
             f"{_PURPOSE} must be compiled, and no C++ compiler was found: install one (Debian, Ubuntu: apt install "
             "g++), name one in CXX, or install yumi-ros2 from a wheel, which contains it compiled."
         )
-    library.parent.mkdir(parents=True, exist_ok=True)
     own = library.with_name(f"{library.name}.{os.getpid()}")
     command = [*compiler, *FLAGS, "-o", str(own), str(SOURCE)]
     try:
+        library.parent.mkdir(parents=True, exist_ok=True)
         done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {shlex.join(command)}\n{done.stderr}")
