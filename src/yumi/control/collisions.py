@@ -35,7 +35,7 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_POSTURES = 1000  # compared for an arm in a cycle at most; what needs more is left to slower commands
+_DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
@@ -324,7 +324,7 @@ class ArmCollisionLimiter:
         # Its motion, the other arm's and the margins that were found to be clear last.
         self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
         self._progress = ProgressCheck()
-        self._postures_left = _POSTURES  # in this cycle
+        self._distances_left = _DISTANCES  # in this cycle
         self._decision = collision_library.Decision()
 
     @property
@@ -334,7 +334,7 @@ class ArmCollisionLimiter:
 
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
-        before, self.limited, self._postures_left = self.limited, None, _POSTURES
+        before, self.limited, self._distances_left = self.limited, None, _DISTANCES
         if self.motion is None:
             return False
         its = self.other
@@ -423,7 +423,7 @@ class ArmCollisionLimiter:
             motion: its motion, should the command be sent.
             last: that of the command before.
         """
-        if self._postures_left <= 0:
+        if self._distances_left <= 0:
             return False
         both, found, its = self._both, self._decision, self.other.motion
         is_clear = both.library.limiter_is_clear(
@@ -432,10 +432,10 @@ class ArmCollisionLimiter:
             motion.packed,
             last.packed,
             its.packed if its is not None else None,
-            self._postures_left,
+            self._distances_left,
             byref(found),
         )
-        self._postures_left -= found.postures
+        self._distances_left -= found.distances
         self.boundaries = [
             Boundary(each, self._limited_by(each.part, each.other, each.distance))
             for each in found.boundaries[: found.boundary_count]

@@ -26,6 +26,7 @@ constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within i
 constexpr double SPARE = 5e-4;             // [m] so far within its margin a part may turn round
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
 constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
+constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of the other's is cut, too
 
@@ -53,6 +54,10 @@ struct Frame {
         return {c * x + s * y, c * y - s * x, z, at};
     }
 };
+
+bool are_finite(const double* values, int count) {
+    return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
+}
 
 // ---- shapes
 
@@ -89,19 +94,19 @@ Vec perpendicular(Vec a, Vec b) {  // to both, or to one of them
 }
 
 // The nearest points of the lines, moved into the segments one after the other (C. Ericson, Real-Time Collision
-// Detection, 5.1.9).
-Near between_capsules(const Vec& a, const Vec& b, double radius, const Vec& c, const Vec& d, double other_radius) {
-    const Vec along = b - a, other = d - c, apart = a - c;
-    const double size = dot(along, along), other_size = dot(other, other), both = dot(along, other);
-    const double offset = dot(along, apart), other_offset = dot(other, apart);
+// Detection, 5.1.9). Segments are given by their middles and halves.
+Near between_capsules(Vec middle, Vec half, double radius, Vec other_middle, Vec other, double other_radius) {
+    const Vec apart = middle - other_middle;
+    const double size = dot(half, half), other_size = dot(other, other), both = dot(half, other);
+    const double offset = dot(half, apart), other_offset = dot(other, apart);
     const double denominator = size * other_size - both * both;
-    auto inside = [](double share) { return std::min(std::max(share, 0.0), 1.0); };
-    double s = denominator > TINY * size * other_size ? inside((both * other_offset - offset * other_size) / denominator) : 0.0;
+    auto inside = [](double share) { return std::min(std::max(share, -1.0), 1.0); };
+    double s = denominator > TINY * size * other_size ? inside((both * other_offset - offset * other_size) / denominator) : -1.0;
     const double t = other_size > 0.0 ? inside((both * s + other_offset) / other_size) : 0.0;
     s = size > 0.0 ? inside((both * t - offset) / size) : 0.0;
-    const Vec first = a + s * along, second = c + t * other, line = second - first;
+    const Vec first = middle + s * half, second = other_middle + t * other, line = second - first;
     const double axes = length(line);
-    const Vec normal = axes > TINY ? (1.0 / axes) * line : perpendicular(along, other);
+    const Vec normal = axes > TINY ? (1.0 / axes) * line : perpendicular(half, other);
     return {axes - radius - other_radius, normal, {first + radius * normal, second - other_radius * normal}};
 }
 
@@ -164,7 +169,7 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
 struct Placed {
     Frame frames[FRAMES];
     Vec moments[JOINTS];            // of the joints' axes
-    std::vector<Vec> starts, ends, centres;  // of its capsules
+    std::vector<Vec> centres, halves;  // of its capsules' axes; half of one leads to its end
 };
 
 // Two parts that are near each other, as in collision.py.
@@ -200,22 +205,21 @@ struct Model {
             placed.moments[joint] = cross(frame.at, frame.z);
         }
         placed.frames[JOINTS] = frame * its.origins[JOINTS];
-        placed.starts.resize(its.parts.size());
-        placed.ends.resize(its.parts.size());
         placed.centres.resize(its.parts.size());
+        placed.halves.resize(its.parts.size());
         for (std::size_t i = 0; i < its.parts.size(); ++i) {
             const Frame& of = placed.frames[int(its.parts[i].frame)];
-            placed.starts[i] = of * its.parts[i].start;
-            placed.ends[i] = of * its.parts[i].end;
-            placed.centres[i] = 0.5 * (placed.starts[i] + placed.ends[i]);
+            placed.centres[i] = of * its.balls[i].centre;
+            placed.halves[i] = of.turn(0.5 * (its.parts[i].end - its.parts[i].start));
         }
     }
 
     // How near a part is to the other arm's, or to a box.
     Near near(int arm, const Placed& placed, int part, const Placed* others, int other) const {
+        const Vec centre = placed.centres[part], half = placed.halves[part];
         const double radius = arms[arm].parts[part].radius;
-        if (!others) return between_capsule_and_box(placed.starts[part], placed.ends[part], radius, boxes[other]);
-        return between_capsules(placed.starts[part], placed.ends[part], radius, others->starts[other], others->ends[other],
+        if (!others) return between_capsule_and_box(centre - half, centre + half, radius, boxes[other]);
+        return between_capsules(centre, half, radius, others->centres[other], others->halves[other],
                                 arms[1 - arm].parts[other].radius);
     }
 
@@ -266,16 +270,18 @@ struct Model {
 
     // How both ends of a part move along a line of nearest distance, towards the other part.
     void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2], double slopes[2][JOINTS]) const {
-        const int frame = int(arms[arm].parts[part].frame);
-        const Vec ends[2] = {placed.starts[part], placed.ends[part]};
-        for (int end = 0; end < 2; ++end) {
-            behind[end] = std::max(dot(ends[1 - end] - ends[end], normal), 0.0);
-            // How fast a joint moves a point along a line is the product of the joint's screw and the line's.
-            const Vec moment = cross(ends[end], normal);
-            for (int joint = 0; joint < JOINTS; ++joint)
-                slopes[end][joint] =
-                    joint <= frame ? dot(placed.frames[joint].z, moment) + dot(placed.moments[joint], normal) : 0.0;
+        const int last = std::min(int(arms[arm].parts[part].frame), JOINTS - 1);
+        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const double tilt = dot(half, normal);
+        behind[0] = std::max(2.0 * tilt, 0.0), behind[1] = std::max(-2.0 * tilt, 0.0);
+        // How fast a joint moves a point along a line is the product of the joint's screw and the line's.
+        const Vec moment = cross(centre, normal), turns = cross(half, normal);
+        for (int joint = 0; joint <= last; ++joint) {
+            const double moves = dot(placed.frames[joint].z, moment) + dot(placed.moments[joint], normal);
+            const double tilts = dot(placed.frames[joint].z, turns);
+            slopes[0][joint] = moves - tilts, slopes[1][joint] = moves + tilts;
         }
+        for (int joint = last + 1; joint < JOINTS; ++joint) slopes[0][joint] = slopes[1][joint] = 0.0;
     }
 };
 
@@ -457,7 +463,7 @@ struct Boundary {
 
 // As Decision in collision_library.py.
 struct Decision {
-    std::int64_t postures;     // compared
+    std::int64_t distances;    // calculated
     std::int64_t part, other;  // of the pair that may be too near; -1 for none
     double distance;           // of these in the middle of their segments
     std::int64_t boundary_count;
@@ -504,7 +510,7 @@ struct Limiter {
     // Of one decision.
     int arm = 0;
     bool steers = false;
-    Path path, others;
+    Path path{}, others{};
     std::vector<Span> spans;
     std::vector<Pair> pairs;
     std::vector<Floor> floored;
@@ -598,8 +604,9 @@ struct Limiter {
         finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
         double worst = INF;
         const bool can_cut = path.can_cut(own.segment) || (!is_still && others.can_cut(its->segment));
-        --budget, ++decision->postures;
+        int seen = 0;
         auto examine = [&](int part, int other) {
+            ++seen;
             const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
             const double kept = margin(part, other, is_still), within = kept + std::max(off - TOLERANCE, least);
             if (kept == -INF || model.is_far(arm, own.placed, part, placed, other, within)) return;
@@ -608,6 +615,7 @@ struct Limiter {
                 if (-off < finding.free) finding.free = -off, finding.part = part, finding.other = other;
                 return;
             }
+            spend(1);
             const Near near = model.near(arm, own.placed, part, placed, other);
             double beyond = near.distance - kept;
             if (steers && beyond < BOUNDARY_WITHIN && off < SHORT) note_boundary(own, part, other, is_still, near, beyond);
@@ -648,6 +656,7 @@ struct Limiter {
             model.for_pairs(arm, own.placed, placed, within, examine);
         }
         finding.last = pairs.size();
+        spend(PLACING + seen / SEEN);
         return finding;
     }
 
@@ -666,6 +675,8 @@ struct Limiter {
             }
         boundaries.push_back(boundary);
     }
+
+    void spend(int distances) { budget -= distances, decision->distances += distances; }
 
     bool refuse(const Finding& finding) {
         const bool is_still = finding.theirs < 0;
@@ -747,6 +758,8 @@ struct Limiter {
             others.begin(*its, true, limits);
             span(1 - arm, 1, others.whole);
         }
+        for (const double* its_hull : {path.whole.middle, path.whole.half, others.whole.middle, others.whole.half})
+            if (!are_finite(its_hull, JOINTS)) return false;
         Finding found[2] = {NOTHING, NOTHING};
         found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
@@ -765,10 +778,6 @@ struct Limiter {
         return is_clear_of_all;
     }
 };
-
-bool are_finite(const double* values, int count) {
-    return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
-}
 
 constexpr int MOTION_SIZE = sizeof(Motion) / sizeof(double);
 static_assert(MOTION_SIZE == 58 && sizeof(Capsule) == 15 * sizeof(double) && sizeof(Box) == 16 * sizeof(double),

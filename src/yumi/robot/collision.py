@@ -219,6 +219,10 @@ class CollisionModel:
         self._found = np.empty(max(counts) * max(*counts, len(boxes)), dtype=CONTACT)
         self._library = load()
         arrays = [np.array(each, dtype=float) for each in (frames_of, capsules, boxes)]
+        if not (
+            np.isin(arrays[1][:, 0], range(TOOL_FRAME + 1)).all() and all(np.isfinite(each).all() for each in arrays)
+        ):
+            raise ValueError("a part is of a frame that is none, or its shape is not finite")
         origins, shapes, still = (each.ctypes.data for each in arrays)
         self.handle: int = self._library.model_new(origins, counts.ctypes.data, shapes, still, len(boxes))
         if not self.handle:

@@ -57,7 +57,7 @@ class Decision(ctypes.Structure):
     """Why a command is clear or not; as in ``collision.cpp``.
 
     Attributes:
-        postures: that were compared.
+        distances: that were calculated, or what took as long.
         part: the number of the arm's part that may come too near to another one; -1 where none is known.
         other: and of the other one.
         distance: of the parts in the posture that was compared last [m].
@@ -66,7 +66,7 @@ class Decision(ctypes.Structure):
     """
 
     _fields_ = (
-        ("postures", ctypes.c_int64),
+        ("distances", ctypes.c_int64),
         ("part", ctypes.c_int64),
         ("other", ctypes.c_int64),
         ("distance", ctypes.c_double),

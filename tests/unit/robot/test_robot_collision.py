@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -162,6 +163,84 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
                     assert found[model.arms[side].start + part, fixed] == pytest.approx(distance - radius, abs=1e-6)
                     compared += 1
     assert compared > 3000
+
+
+def test_distances_and_nearest_points_are_those_of_mujoco() -> None:
+    generator, compared = np.random.default_rng(9), 0
+    pose = Pose((0.45, 0.0, 0.2), (np.cos(0.4), 0.0, 0.0, np.sin(0.4)))
+    model = CollisionModel(SERVO_GRIPPERS, obstacles=[Obstacle("box", pose, (0.2, 0.1, 0.3))])
+    for _ in range(10):
+        positions = {side: joints(list(generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper))) for side in Side}
+        spec = mujoco.MjSpec()
+        for side in Side:
+            parts = (*link_parts(), *gripper_parts(SERVO_GRIPPERS[side]))
+            for part, start, end in zip(parts, *placed(side, positions[side], parts), strict=True):
+                size = (part.radius + PADDING, 0.0, 0.0)
+                spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=size)
+        boxes = (pose.position, pose.orientation, (0.1, 0.05, 0.15))
+        box = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=boxes[0], quat=boxes[1], size=boxes[2])
+        shapes, numbers = spec.compile(), {len(model.names) - 1: box.id}
+        data = mujoco.MjData(shapes)
+        mujoco.mj_kinematics(shapes, data)
+        for found in [model.contacts(np.concatenate([*positions.values()]), 0.2, alone) for alone in (None, *Side)]:
+            for distance, normal, points, _, _, (first, second) in found.tolist():
+                geometry = numbers.get(second, second)
+                if distance < 1e-3 or geometry > box.id or model.names[second] == "body":
+                    continue
+                line = np.zeros(6)
+                exact = mujoco.mj_geomDistance(shapes, data, first, geometry, 0.3, line)
+                assert distance == pytest.approx(exact, abs=1e-6)
+                assert np.subtract(points[1], points[0]) == pytest.approx(np.multiply(distance, normal), abs=1e-12)
+                compared += 1
+    assert compared > 200
+
+
+def test_segments_that_are_parallel_or_balls_have_a_distance() -> None:
+    """A rod along each tool's axis, the arms mirrored, with a ball at its end."""
+    rods = [Part("rod", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.01), Part("ball", 7, *[(0.0, 0.0, 0.3)] * 2, 0.02)]
+    model, generator = CollisionModel(SERVO_GRIPPERS, tools=dict.fromkeys(Side, rods)), np.random.default_rng(4)
+    for _ in range(20):
+        right = generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper)
+        left = right * (-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
+        ends = [placed(side, joints(list(each)), tuple(rods)) for side, each in zip(Side, (right, left), strict=True)]
+        found = {
+            tuple(model.names[number] for number in parts): distance
+            for distance, *_, parts in model.contacts(np.concatenate((right, left)), 5.0).tolist()
+        }
+        for i, j in product(range(2), repeat=2):
+            names = f"right {rods[i].name}", f"left {rods[j].name}"
+            (exact,) = segment_distances(
+                *(each[None] for each in (ends[0][0][i], ends[0][1][i], ends[1][0][j], ends[1][1][j]))
+            )
+            assert found[names] == pytest.approx(exact - rods[i].radius - rods[j].radius - 2.0 * PADDING, abs=1e-9)
+
+
+def test_axis_inside_a_box_is_as_deep_as_the_nearest_face() -> None:
+    """So an arm that was switched on there may leave."""
+    tip = tool0_to_body(Side.RIGHT, home(Side.RIGHT), Pose((0.0, 0.0, 0.2), UPRIGHT)).position
+    needle = Part("needle", 7, (0.0, 0.0, 0.199), (0.0, 0.0, 0.201), 0.001)
+    depths = []
+    for lower in (0.0, 0.002, 0.004):
+        box = Obstacle("box", Pose((tip[0], tip[1], tip[2] - lower), UPRIGHT), (0.3, 0.3, 0.1))
+        model = CollisionModel(SERVO_GRIPPERS, tools={Side.RIGHT: [needle]}, obstacles=[box])
+        (distance,) = (
+            each.distance for each in model.nearest(HOME, 10_000) if each.part == "right needle" and each.other == "box"
+        )
+        depths.append(distance)
+    assert -0.06 < depths[0] < -0.05
+    assert np.diff(depths) == pytest.approx([0.002, 0.002], abs=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_positions_and_shapes_that_are_no_numbers_are_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 7, (0.0, 0.0, value), (0.0, 0.0, 0.3), 0.003)]})
+    with pytest.raises(ValueError, match="positions of 14 joints"):
+        CollisionModel(SERVO_GRIPPERS).contacts(np.full(14, value), 0.1)
+    with pytest.raises(ValueError, match="positions of 14 joints"):
+        CollisionModel(SERVO_GRIPPERS).contacts(np.zeros(7), 0.1)
+    with pytest.raises(ValueError, match="of a frame that is none"):
+        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 8, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]})
 
 
 @pytest.mark.parametrize("is_alone", [False, True])
