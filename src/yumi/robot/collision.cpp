@@ -868,9 +868,10 @@ bool limiter_is_slow(const Limiter* limiter, const char* packed) {
     return is_slow(motion, limiter->limits);
 }
 
-// The smallest segments of a path: middles, lines from there to their ends, and how far the path may be off them,
-// (n, 3, 7), at most 5 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
-std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool is_reachable, double* smallest, double* whole) {
+// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far the
+// path may be off them, (n, 3, 7), at most 5 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool is_reachable, std::int64_t level, double* segments,
+                              double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
     Path& path = limiter->path;
@@ -880,10 +881,10 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool is_reac
     Segment parts[5];
     std::int64_t count = 0;
     for (int curve = path.cut(path.whole, limiter->limits, parts); curve--;)
-        for (int i = 0; i < SAMPLES; ++i, ++count) {
-            const Segment segment = path.part(curve, LEVELS, i);
+        for (int i = 0; i < 1 << level; ++i, ++count) {
+            const Segment segment = path.part(curve, int(level), i);
             for (const double* row : {segment.middle, segment.along, segment.off})
-                smallest = std::copy(row, row + JOINTS, smallest);
+                segments = std::copy(row, row + JOINTS, segments);
         }
     return count;
 }

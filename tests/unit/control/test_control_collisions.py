@@ -269,20 +269,21 @@ class Segments:
     """Those of a braking path, as they are compared; or with ``reachable``, of all where an arm may come.
 
     Attributes:
-        smallest: middle, line to the end, and how far off it each joint may be, (n, 3, 7) [rad].
+        lines: of the segments that are cut ``level`` times, up to 6: middle, line to the end, and how far off it each
+            joint may be, (n, 3, 7) [rad].
         middle, half: of the whole path [rad], (7,).
     """
 
-    def __init__(self, motion: ArmMotion, *, reachable: bool = False) -> None:
+    def __init__(self, motion: ArmMotion, *, reachable: bool = False, level: int = 6) -> None:
         both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
-        smallest, whole = np.empty((5 * 64, 3, 7)), np.empty((2, 7))
-        arrays = smallest.ctypes.data, whole.ctypes.data
-        self.smallest = smallest[: both.library.limiter_segments(both.handle, motion.packed, reachable, *arrays)]
+        lines, whole = np.empty((5 * 64, 3, 7)), np.empty((2, 7))
+        arguments = motion.packed, reachable, level, lines.ctypes.data, whole.ctypes.data
+        self.lines = lines[: both.library.limiter_segments(both.handle, *arguments)]
         self.middle, self.half = whole
 
     def off(self, postures: Array) -> float:
-        """By how much a joint is out of every smallest segment, in one of these postures (n, 7) [rad]."""
-        lines, worst = self.smallest, 0.0
+        """By how much a joint is out of every segment, in one of these postures (n, 7) [rad]."""
+        lines, worst = self.lines, 0.0
         for posture in postures:
             apart = posture - lines[:, 0]
             lengths = np.maximum(np.einsum("nj,nj->n", lines[:, 1], lines[:, 1]), 1e-15)
@@ -324,11 +325,51 @@ def test_braking_path_is_in_its_segments(seed: int) -> None:
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
         motion, postures = ArmMotion(READY[Side.RIGHT], sent, None), braking_postures(sent)
-        ahead, reachable = Segments(motion), Segments(motion, reachable=True)
-        assert ahead.off(postures) < 1e-4
-        assert reachable.off(postures) < 1e-4
+        for level in range(7):
+            ahead, reachable = Segments(motion, level=level), Segments(motion, reachable=True, level=level)
+            assert ahead.off(postures) < 1e-4
+            assert reachable.off(postures) < 1e-4
         assert ahead.covers(postures)
         assert reachable.covers(postures)
+
+
+def moving(generator: np.random.Generator, side: Side) -> Setpoint:
+    """Somewhere between where the arms are free and where they meet, at up to half of the joints' limits."""
+    share, top = generator.uniform(0.5, 1.0), np.array(YUMI_LIMITS.velocity)
+    near = (1.0 - share) * np.array(GOALS[side]) + share * np.array(MEETING[side])
+    position = np.clip(near + generator.normal(0.0, 0.1, 7), YUMI_LIMITS.lower, YUMI_LIMITS.upper)
+    speed, rate = generator.uniform(0.0, 0.5) * top, 0.5 * np.array(YUMI_LIMITS.acceleration)
+    ways = [generator.uniform(-1.0, 1.0, 7) * most for most in (speed, rate)]
+    return Setpoint(*(joints(row.tolist()) for row in (position, *ways)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes_near(seed: int) -> None:
+    """In postures sampled on both braking paths, and where the other robot still follows its command."""
+    generator, is_clear = np.random.default_rng(seed), []
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS, obstacles=(TABLE,)), YUMI_LIMITS, EGM_GAIN)
+    is_right = np.isin(np.arange(len(both.model.names)), np.arange(both.model.arms[Side.RIGHT].stop))
+    for _ in range(60):
+        right, left = (moving(generator, side) for side in Side)
+        planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
+        both.arm(Side.LEFT).sent(planned, left, None)
+        motions = [ArmMotion(each.position, each, None) for each in (right, left)]
+        both.arm(Side.RIGHT).begin_cycle(None, ZERO, CYCLE)
+        is_clear.append(both.arm(Side.RIGHT)._is_clear(motions[0], ArmMotion(ZERO, Setpoint(ZERO), None)))
+        mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
+        lines = np.linspace(planned, left.position, 5)
+        beyond = np.inf
+        for posture in mine:
+            for other in (*theirs, *lines):
+                near = both.model.contacts(np.concatenate((posture, other)), MARGIN + 0.01)
+                kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
+                beyond = min(beyond, *(near["distance"] - kept), np.inf)
+            near = both.model.contacts(np.concatenate((posture, ZERO)), MARGIN + 0.01, Side.RIGHT)
+            assert is_right[near["parts"][:, 0]].all()
+            kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
+            beyond = min(beyond, *(near["distance"] - kept), np.inf)
+        assert beyond > -6e-4 if is_clear[-1] else beyond < 1e-3
+    assert 10 < sum(is_clear) < 50
 
 
 class BesideArm:
