@@ -48,7 +48,8 @@ struct Frame {
     Vec turn(Vec v) const { return v.x * x + v.y * y + v.z * z; }
     Vec operator*(Vec v) const { return at + turn(v); }
     Frame operator*(const Frame& f) const { return {turn(f.x), turn(f.y), turn(f.z), *this * f.at}; }
-    Vec to_local(Vec v) const { return {dot(v - at, x), dot(v - at, y), dot(v - at, z)}; }
+    Vec turn_back(Vec v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
+    Vec to_local(Vec v) const { return turn_back(v - at); }
     Frame turned(double angle) const {  // about its z axis
         const double c = std::cos(angle), s = std::sin(angle);
         return {c * x + s * y, c * y - s * x, z, at};
@@ -223,24 +224,22 @@ struct Model {
                                 arms[1 - arm].parts[other].radius);
     }
 
-    // Whether the balls around a part and around the other one, or the box, are further apart than this.
+    // Whether a quick look shows that they are further apart than this: by how far both reach along the line between
+    // their middles, or along the edges of a box.
     bool is_far(int arm, const Placed& placed, int part, const Placed* others, int other, double within) const {
-        const Ball ball = {placed.centres[part], arms[arm].balls[part].radius};
-        if (!others) return is_far(ball, boxes[other], within);
-        return is_far(ball, Ball{others->centres[other], arms[1 - arm].balls[other].radius}, within);
+        const Vec half = placed.halves[part];
+        const double radius = arms[arm].parts[part].radius;
+        if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
+        const Vec apart = others->centres[other] - placed.centres[part];
+        const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
+        return far < 0.0 || size - std::abs(dot(half, apart)) - std::abs(dot(others->halves[other], apart)) > far * std::sqrt(size);
     }
 
-    static bool is_far(const Ball& ball, const Ball& other, double within) {
-        const Vec apart = ball.centre - other.centre;
-        const double far = ball.radius + other.radius + within;
-        return far < 0.0 || dot(apart, apart) > far * far;
-    }
-
-    static bool is_far(const Ball& ball, const Box& box, double within) {
-        const Vec at = box.pose.to_local(ball.centre);
-        const Vec out = {std::max(std::abs(at.x) - box.half.x, 0.0), std::max(std::abs(at.y) - box.half.y, 0.0),
-                         std::max(std::abs(at.z) - box.half.z, 0.0)};
-        const double far = ball.radius + within;
+    static bool is_far(Vec middle, Vec half, double far, const Box& box) {
+        const Vec at = box.pose.to_local(middle), along = box.pose.turn_back(half);
+        const Vec out = {std::max(std::abs(at.x) - std::abs(along.x) - box.half.x, 0.0),
+                         std::max(std::abs(at.y) - std::abs(along.y) - box.half.y, 0.0),
+                         std::max(std::abs(at.z) - std::abs(along.z) - box.half.z, 0.0)};
         return far < 0.0 || dot(out, out) > far * far;
     }
 
@@ -254,14 +253,15 @@ struct Model {
             const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
             if (!others) {
                 for (int box = 0; box < int(boxes.size()); ++box)
-                    if (!(frame == 0 && boxes[box].is_body > 0.0) && !is_far(ball, boxes[box], within(frame, 0)))
+                    if (!(frame == 0 && boxes[box].is_body > 0.0) && !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
                         for (int part : its.of_frame[frame]) visit(part, box);
                 continue;
             }
             for (int other = 0; other < FRAMES; ++other) {
                 if ((frame == 0 && other == 0) || theirs.of_frame[other].empty()) continue;
-                const Ball its_ball = {others->frames[other] * theirs.around[other].centre, theirs.around[other].radius};
-                if (is_far(ball, its_ball, within(frame, other))) continue;
+                const Vec apart = others->frames[other] * theirs.around[other].centre - ball.centre;
+                const double far = ball.radius + theirs.around[other].radius + within(frame, other);
+                if (far < 0.0 || dot(apart, apart) > far * far) continue;
                 for (int part : its.of_frame[frame])
                     for (int its_part : theirs.of_frame[other]) visit(part, its_part);
             }
