@@ -17,7 +17,7 @@ help:
 	@echo 'make check         the same without the tests'
 	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 20 minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
-	@echo 'make wheels        wheels in dist/: one for every machine, one for this Python with the message packages built'
+	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
 	@echo 'make docs          the documentation as a site, in build/site'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
@@ -51,10 +51,10 @@ test-real-time: setup
 soak: setup
 	.venv/bin/python -m pytest -m 'soak or hypothesis' --hypothesis-profile long --timeout 1800 --capture=no $(ARGS)
 
-# The second one is for this Python and platform: it contains the message packages, so that pip needs no compiler.
+# Both are for this platform and need no compiler; the second one is for this Python and contains the message packages.
 wheels: setup
 	@.venv/bin/python -m hatchling build -t wheel -d dist
-	@HATCH_BUILD_HOOK_ENABLE_CUSTOM=1 .venv/bin/python -m hatchling build -t wheel -d dist
+	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
 
 # Links in the pages and docstrings are checked: a warning ends it.
 docs: setup

@@ -86,6 +86,7 @@ def install(root: str, machine: Machine) -> None:
             _step(clone, "venv", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
             _step(clone, "packages", _packages_fingerprint(clone), lambda: _install_packages(clone, machine)),
             _step(clone, "clone", _clone_fingerprint(clone), lambda: _install_clone(clone)),
+            _step(clone, "library", _library_fingerprint(clone), lambda: _compile_library(clone)),
             _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
         ]
         if not machine.sourced:
@@ -138,6 +139,10 @@ def _clone_fingerprint(clone: Clone) -> str:
             lines.append(line)
     copied = [file for name in COPIED for file in sorted(clone.root.glob(name)) if file.is_file()]
     return hashlib.sha256("\n".join([*lines, _digest(copied)]).encode()).hexdigest()
+
+
+def _library_fingerprint(clone: Clone) -> str:
+    return _digest(sorted(clone.root.glob("src/yumi/robot/collision*")))
 
 
 def _activation_fingerprint(machine: Machine) -> str:
@@ -195,6 +200,11 @@ def _requirements(clone: Clone) -> list[str]:
 def _install_clone(clone: Clone) -> None:
     arguments = ["--no-deps", "--no-build-isolation", "--editable", str(clone.root)]
     pip_install(clone.python, arguments, clone.logs / "clone.log")
+
+
+def _compile_library(clone: Clone) -> None:
+    command = [str(clone.python), "-m", "yumi.robot.collision_library"]
+    run(command, clone.logs / "library.log", "what keeps the arms apart could not be compiled")
 
 
 def _extend_activation(clone: Clone) -> None:

@@ -76,7 +76,8 @@ def compiler_on_path(environment: "os._Environ[str] | dict[str, str]") -> "str |
 
 def first_problem(machine: Machine) -> "str | None":
     """One sentence: what is missing and what to do; None where set-up can go on."""
-    return _python_problem(machine) or (_sourced_problem(machine) if machine.sourced else _wheels_problem(machine))
+    ros_problem = _sourced_problem if machine.sourced else _wheels_problem
+    return _python_problem(machine) or ros_problem(machine) or _compiler_problem(machine)
 
 
 def _python_problem(machine: Machine) -> "str | None":
@@ -117,11 +118,15 @@ def _wheels_problem(machine: Machine) -> "str | None":
             f"PyPI has ROS 2 for glibc {_dotted(OLDEST_GLIBC)} or newer, and this machine has "
             f"{_dotted(machine.glibc) or 'another C library'}; {WITHOUT_ROS}"
         )
-    if machine.compiler is None:
-        return f"no C++ compiler was found, and message packages must be built; {_install('g++')}, or name one in CXX"
     if not machine.has_headers:
         package = f"python{_dotted(machine.python)}-dev"
         return f"{machine.executable} has no Python.h, and message packages must be built; {_install(package)}"
+    return None
+
+
+def _compiler_problem(machine: Machine) -> "str | None":
+    if machine.compiler is None:
+        return f"no C++ compiler was found, and the driver is partly compiled; {_install('g++')}, or name one in CXX"
     return None
 
 

@@ -1,11 +1,13 @@
-"""Puts the message packages that `make setup` has built into a wheel, so that installing it needs no compiler.
+"""Puts what is compiled into a wheel, so that installing it needs no compiler.
 
-A build hook of Hatch, run only where HATCH_BUILD_HOOK_ENABLE_CUSTOM is set, as `make wheels` does. The wheel is then
-for the Python and the platform it was made on, else for all.
+A build hook of Hatch. Every wheel contains the library that keeps the arms apart, and is for the platform it was made
+on. Where YUMI_WHEEL_INTERFACES is set, as `make wheels` does, it also contains the message packages that `make setup`
+has built, and is for the Python of these, too.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import sysconfig
 from pathlib import Path
@@ -46,8 +48,8 @@ def destination(file: Path, packages: Path, prefix: Path) -> tuple[str, str] | N
     return ("shared_data", path.as_posix()) if is_loaded else None
 
 
-class InterfacesHook(BuildHookInterface[BuilderConfig]):
-    """Adds the message packages of the environment whose Python builds the wheel."""
+class CompiledHook(BuildHookInterface[BuilderConfig]):
+    """Adds the library, and the message packages of the environment whose Python builds the wheel."""
 
     PLUGIN_NAME = "custom"
 
@@ -55,10 +57,24 @@ class InterfacesHook(BuildHookInterface[BuilderConfig]):
         """Add the files and name the platform; an editable installation has them in its environment already.
 
         Raises:
-            RuntimeError: the environment has none.
+            RuntimeError: the environment has no message packages.
         """
         if version != "standard":
             return
+        sys.path.insert(0, str(Path(self.root) / "src"))
+        from yumi.robot import collision_library  # noqa: PLC0415 - that of the sources the wheel is made of
+
+        packaged = collision_library.PACKAGED.relative_to(Path(self.root) / "src")
+        build_data["force_include"][str(collision_library.compiled())] = packaged.as_posix()
+        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        build_data["pure_python"] = False
+        build_data["tag"] = f"py3-none-{platform}"
+        if os.environ.get("YUMI_WHEEL_INTERFACES"):
+            self._add_interfaces(build_data)
+            python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+            build_data["tag"] = f"{python}-{python}-{platform}"
+
+    def _add_interfaces(self, build_data: dict[str, Any]) -> None:
         # Resolved, since .venv may be a link.
         prefix, packages = Path(sys.prefix).resolve(), Path(sysconfig.get_path("platlib")).resolve()
         lines = [line for record in sorted(RECORDS.glob("*")) for line in record.read_text().splitlines()[1:]]
@@ -69,7 +85,3 @@ class InterfacesHook(BuildHookInterface[BuilderConfig]):
             goes = destination(file, packages, prefix)
             if goes:
                 build_data[goes[0]][str(file)] = goes[1]
-        python = f"cp{sys.version_info.major}{sys.version_info.minor}"
-        platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
-        build_data["pure_python"] = False
-        build_data["tag"] = f"{python}-{python}-{platform}"

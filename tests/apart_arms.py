@@ -12,7 +12,7 @@ import numpy as np
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
-from yumi.robot.collision import CollisionModel, Obstacle, Query
+from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
@@ -130,17 +130,17 @@ def at_nearest(arms: ApartArms, side: Side, group: int = 0, sign: float = -1.0, 
     """
     shapes = arms.shapes
     postures = np.concatenate([arms.sent[each].position for each in Side])
-    near = shapes.contacts(Query(postures, 5.0, side if group else None))
+    near = shapes.contacts(postures, 5.0, side if group else None)
     mine = range(shapes.arms[side].start, shapes.arms[side].stop)
     least, found = np.inf, -1
-    for index, pair in enumerate(near.parts.tolist()):
+    for index, pair in enumerate(near["parts"].tolist()):
         part, other = pair if pair[0] in mine else pair[::-1]
         is_moved = shapes.frames[part] > 0 or (not group and shapes.frames[other] > 0)
-        if is_moved and (not name or shapes.names[other] == name) and near.distances[index] < least:
-            least, found = float(near.distances[index]), index
-    which = 0 if near.parts[found, 0] in mine else 1
-    behind, slopes = shapes.slopes(near, np.array([found]), np.array([which]))
-    normal = -slopes[0, int(behind[0].argmin())]
+        if is_moved and (not name or shapes.names[other] == name) and near["distance"][index] < least:
+            least, found = float(near["distance"][index]), index
+    which = 0 if near["parts"][found, 0] in mine else 1
+    behind, slopes = near["behind"][found, which], near["slopes"][found, which]
+    normal = -slopes[int(behind.argmin())]
     return joints([sign * float(np.sign(n)) * top for n, top in zip(normal, YUMI_LIMITS.velocity, strict=True)])
 
 

@@ -29,7 +29,7 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder `dist` of `make wheels`, for the Python of the tests."""
     folder = tmp_path_factory.mktemp("dist")
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
-    for variables in ({}, {"HATCH_BUILD_HOOK_ENABLE_CUSTOM": "1"}):
+    for variables in ({}, {"YUMI_WHEEL_INTERFACES": "1"}):
         subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, **variables})
     return folder
 

@@ -5,28 +5,29 @@ come nearer to each other than the margin. A command is sent only if the whole o
 of the other arm's; else the arm brakes, along the path that was found clear when the command before was sent. So what
 was once kept is kept, however the commands are chosen.
 
-A braking path is a segment in which each joint has a range; its middle is the posture whose distances are calculated,
-and no part is further from there than its reach from each joint times half of that joint's range. Where that is too
-much to say that the arms keep apart, the segment is cut in two (docs/explanation/decisions/0032-arms-keep-apart.md).
+Whether a command is clear is decided by ``collision.cpp`` (docs/explanation/decisions/0032-arms-keep-apart.md).
 
 This is no safety function: a person in the way, or a part that was not declared, is not seen.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import product
+from collections.abc import Sequence
+from ctypes import byref
+from functools import cached_property
 from math import dist, fsum, inf
+from struct import Struct
 from typing import NamedTuple
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.braking import ALONG, HALF, MIDDLE, NOISE, OFF, STILL, ArmMotion, Segment
 from yumi.control.motion import Setpoint
 from yumi.control.shared_state import Limited
-from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel, Contacts, Query
-from yumi.robot.joints import JOINT_COUNT, ZERO, ArmCommand, JointLimits, Joints, Side, joints
+from yumi.robot import collision_library
+from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel
+from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side, joints
 
 MARGIN = 0.010
 """No two parts, padding included, come nearer to each other than this [m]."""
@@ -34,41 +35,62 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
-_TOLERANCE = 5e-4  # [m] a path is off the postures that are compared by more, or it counts as being there
-_COMPARISONS = 48  # of pairs of segments for an arm in a cycle at most; what needs more is left to slower commands
-_COARSE = 0.15  # [m] segments in which parts move further are cut at once: too many others are that near
-_FINE = 0.05  # [m] or, down to this, those that had to be cut in the last cycles all the same
-_AT_ONCE = 16  # unless there are as many of them
-_SIMILAR = 0.5  # of two segments, that in which parts move by this share of the other's is cut with it
-_SHORT = 5e-3  # [m] segments in which parts move less are taken for straight
-_BOUNDARY_WITHIN = 0.002  # [m] a boundary so near is led along
-_SLOW = 0.06  # [rad] an arm that comes to rest within this is led along a boundary; a faster one is slowed down first
-_CORNERS = 3  # boundaries that count at once
+_DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
+_NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
-_ALLOWED_APPROACH = 1e-4  # [m] in a cycle, of a part within its margin
-_SPARE = 5e-4  # [m] so far within its margin a part may turn round
-_MOVED = 3e-4  # [m] one that came nearer by more did so for another reason, and may go on from there
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
+_MOTION = Struct("58d")
+
+
+class ArmMotion:
+    """How an arm moves, and where it may come until it rests.
+
+    Args:
+        planned: where the robot plans to be [rad], (7,).
+        sent: how the position sent moves.
+        robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
+        coasts_to: where the robot may go if it is not heard any more [rad], (7,).
+    """
+
+    def __init__(
+        self, planned: Joints, sent: Setpoint, robot: Setpoint | None, coasts_to: Joints | None = None
+    ) -> None:
+        self.planned, self.sent, self.robot, self.coasts_to = planned, sent, robot, coasts_to
+
+    def stays(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
+        """Whether a command changes nothing; arguments as of the class. Most of the time an arm stands."""
+        if self.sent != sent or self.robot != robot:
+            return False
+        return self.planned is planned or dist(self.planned, planned) < _NOISE
+
+    @cached_property
+    def packed(self) -> bytes:
+        """As ``collision.cpp`` reads it."""
+        robot, coasts_to = self.robot or _NO_SETPOINT, self.coasts_to or ZERO
+        flags = self.robot is not None, self.coasts_to is not None
+        p, v, a = self.sent
+        return _MOTION.pack(*self.planned, *p, *v, *a, flags[0], *robot[0], *robot[1], *robot[2], flags[1], *coasts_to)
+
+
+_NO_SETPOINT = Setpoint(ZERO)
 
 
 class Boundary:
     """What an arm must not cross: ``normal`` · position ≥ ``least``, near where it was calculated.
 
-    Attributes:
-        normal: by how much a radian of each joint moves the parts apart [m/rad], (7,).
-        least: [m].
+    Args:
+        found: by ``collision.cpp``.
         limited: the pair of parts.
-        beyond: how far the arm is on this side of it on its braking path [m].
     """
 
-    __slots__ = ("_square", "beyond", "least", "limited", "normal")
+    __slots__ = ("_square", "least", "limited", "normal")
 
-    def __init__(self, normal: Array, least: float, limited: Limited, beyond: float) -> None:
-        self.beyond = beyond
-        self.normal: list[float] = normal.tolist()
-        self.least, self.limited = least, limited
-        self._square = max(float(normal @ normal), _FLAT)
+    def __init__(self, found: collision_library.Boundary, limited: Limited) -> None:
+        self.normal: list[float] = list(found.normal)
+        self.least: float = found.least
+        self.limited = limited
+        self._square = max(fsum([n * n for n in self.normal]), _FLAT)
 
     def missing(self, position: Sequence[float]) -> float:
         """By how much a position [rad] is beyond it [m]."""
@@ -211,6 +233,7 @@ class CollisionLimiter:
         model, limits, gain, margin: as above.
         is_of: which parts are an arm's, (parts,).
         margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
+        library, handle: ``collision.cpp``, and what it calls this.
     """
 
     def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
@@ -226,6 +249,14 @@ class CollisionLimiter:
         # The shoulders are as near to the other arm as to the body, and bolted to it.
         is_near = is_shoulder | (np.array(model.names) == "body")
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
+        self.library = collision_library.load()
+        numbers = {name: number for number, name in enumerate(model.names)}
+        names = np.array([numbers[name] for name in model.names])
+        braking = np.array([limits.acceleration, limits.jerk])
+        self.handle: int = self.library.limiter_new(model.handle, braking.ctypes.data, names.ctypes.data)
+        if not self.handle:
+            raise MemoryError("no memory to keep the arms apart")
+        finalize(self, self.library.limiter_delete, self.handle)
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -245,6 +276,7 @@ class CollisionLimiter:
         for pair in pairs:
             margins[self._found(*pair)] = -inf
         self.margins = margins
+        self.library.limiter_permit(self.handle, margins.ctypes.data)
         for arm in self._arms.values():
             arm.boundaries = []
 
@@ -292,10 +324,8 @@ class ArmCollisionLimiter:
         # Its motion, the other arm's and the margins that were found to be clear last.
         self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
         self._progress = ProgressCheck()
-        # Of parts within their margins, how near they may be [m].
-        self._floors: dict[tuple[int, int], float] = {}
-        self._comparisons_left = _COMPARISONS  # in this cycle
-        self._coarse = _COARSE  # [m] segments in which parts move further are cut at once, as it proved useful
+        self._distances_left = _DISTANCES  # in this cycle
+        self._decision = collision_library.Decision()
 
     @property
     def other(self) -> ArmCollisionLimiter:
@@ -304,15 +334,16 @@ class ArmCollisionLimiter:
 
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
-        before, self.limited, self._comparisons_left = self.limited, None, _COMPARISONS
+        before, self.limited, self._distances_left = self.limited, None, _DISTANCES
         if self.motion is None:
             return False
-        its, is_slow = self.other, self.motion.length < _SLOW  # a faster one has to slow down first
+        its = self.other
         position = its.motion.sent.position if its.motion is not None else None
         coasts = its.motion is not None and its.motion.coasts_to is not None
         is_limited = its.limited is not None or its._progress.is_limited
         surroundings = Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
-        was_held, sent, limited = self._progress.limited, self.motion.sent.position, before if is_slow else None
+        was_held, sent = self._progress.limited, self.motion.sent.position
+        limited = before if before is not None and self._is_slow else None  # a faster one has to slow down first
         is_held = self._progress.holds(desired, measured, sent, dt, limited, surroundings)
         if is_held:
             self.limited = self._progress.limited
@@ -332,7 +363,7 @@ class ArmCollisionLimiter:
         if motion.robot is not None and self._both.gain > 0.0:
             rows = zip(motion.robot.position, motion.robot.velocity, strict=True)
             coasts_to = joints([p + v / self._both.gain for p, v in rows])
-        self.motion = ArmMotion(motion.planned, motion.sent, motion.robot, self._both.limits, coasts_to)
+        self.motion = ArmMotion(motion.planned, motion.sent, motion.robot, coasts_to)
 
     def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
@@ -344,13 +375,13 @@ class ArmCollisionLimiter:
         last, self.is_read = self.motion, True
         before = last.sent.position if last is not None else position
         # It may not have come yet to where its last command leads it.
-        coasts_to = last.coasts_to if last is not None and dist(before, position) > NOISE else None
-        self.motion = ArmMotion(before, Setpoint(position), None, self._both.limits, coasts_to)
+        coasts_to = last.coasts_to if last is not None and dist(before, position) > _NOISE else None
+        self.motion = ArmMotion(before, Setpoint(position), None, coasts_to)
 
     def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
         if not self.is_heard or self.motion is None or not self.motion.stays(planned, sent, robot):
-            self.motion = ArmMotion(planned, sent, robot, self._both.limits)
+            self.motion = ArmMotion(planned, sent, robot)
         self.is_heard = True
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
@@ -370,7 +401,7 @@ class ArmCollisionLimiter:
                 return True
             motion = last
         else:
-            motion = ArmMotion(planned, sent, robot, self._both.limits)
+            motion = ArmMotion(planned, sent, robot)
         # Its first command is where it stands.
         if last is None or self._is_clear(motion, last):
             self.motion = motion
@@ -378,192 +409,50 @@ class ArmCollisionLimiter:
             return True
         return False
 
+    @property
+    def _is_slow(self) -> bool:
+        """Whether the arm is led along boundaries; a faster one is slowed down first."""
+        return self.motion is not None and bool(
+            self._both.library.limiter_is_slow(self._both.handle, self.motion.packed)
+        )
+
     def _is_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
         """Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker.
-
-        All pairs of segments of both arms' paths that may be too near are compared at once; those that are not decided
-        by that are cut, and so on.
 
         Args:
             motion: its motion, should the command be sent.
             last: that of the command before.
         """
-        its = self.other.motion
-        if self._comparisons_left <= 0:
+        if self._distances_left <= 0:
             return False
-        self.boundaries = []
-        floors: dict[tuple[int, int], float] | None = None
-        violation: _Violation | None = None
-        pairs = [(motion.ahead, STILL), *([(motion.ahead, its.reachable)] if its is not None else [])]
-        is_first = True
-        while pairs:
-            compared = self._cut_long(pairs)
-            self._comparisons_left -= len(compared.pairs) if compared else _COMPARISONS
-            if compared is None or self._comparisons_left < 0:
-                break
-            near = self._near(compared, steers=motion.length < _SLOW)
-            violation = self._violation(near, compared, floors or {})
-            if violation is not None and floors is None:
-                floors = self._floors_of(last, its)
-                violation = self._violation(near, compared, floors) if floors else violation
-            # Segments that have to be cut are so at once next time, as long as that is of use.
-            self._coarse = max(_FINE, min(_COARSE, self._coarse * (1.5 if is_first and violation is None else 0.8)))
-            if violation is None:
-                return True
-            pairs, is_first = [] if violation.is_certain else compared.cut_all(violation.undecided), False
-        if violation is not None:
-            self.limited = self._limited_by(violation.part, violation.other, violation.distance)
-        return False
-
-    def _near(self, compared: _Compared, *, steers: bool) -> Contacts:
-        """What is near on pairs of segments, and, if the arm ``steers`` beside boundaries, those."""
-        least, margin = _BOUNDARY_WITHIN if steers else 0.0, max(self._both.margin, 0.0)
-        postures = compared.rows[:, :, MIDDLE].reshape(len(compared.pairs), -1)
-        rows = zip(postures, compared.own, compared.others, compared.pairs, strict=True)
-        near = self._both.model.contacts(
-            *(
-                Query(posture, max(own + others - _TOLERANCE, least) + margin, self.side if theirs is STILL else None)
-                for posture, own, others, (_, theirs) in rows
-            )
+        both, found, its = self._both, self._decision, self.other.motion
+        is_clear = both.library.limiter_is_clear(
+            both.handle,
+            _NUMBERS[self.side],
+            motion.packed,
+            last.packed,
+            its.packed if its is not None else None,
+            self._distances_left,
+            byref(found),
         )
-        if steers:
-            self._add_boundaries(near, compared)
-        return near
-
-    def _cut_long(self, pairs: list[_Pair]) -> _Compared | None:
-        """Pairs of segments on which parts do not move too far to look at them, as far as they can be cut.
-
-        None where these are too many.
-        """
-        coarse = self._coarse
-        own_parts, other_parts = self._both.model.arms[self.side], self._both.model.arms[self.side.other]
-        while len(pairs) <= _COMPARISONS:
-            both = pairs if self.side is Side.RIGHT else [pair[::-1] for pair in pairs]
-            rows = np.concatenate([each.rows for pair in both for each in pair]).reshape(len(pairs), 2, 4, JOINT_COUNT)
-            moved = rows[:, :, HALF].reshape(len(pairs), -1) @ self._both.model.reach.T
-            own, others = moved[:, own_parts].max(1), moved[:, other_parts].max(1)
-            compared = _Compared(pairs, rows, moved, own.tolist(), others.tolist())
-            far = own + others
-            is_long = far > (coarse if len(pairs) < _AT_ONCE else _COARSE)
-            if not is_long.any():
-                return compared
-            pairs = []
-            for index, long in enumerate(is_long.tolist()):
-                pairs += (long and compared.cut(index)) or [compared.pairs[index]]
-            if len(pairs) == len(is_long):
-                return compared
-        return None
-
-    def _violation(
-        self, near: Contacts, compared: _Compared, floors: Mapping[tuple[int, int], float]
-    ) -> _Violation | None:
-        """Which parts may be too near on these segments of both arms' paths; None where none are.
-
-        Args:
-            near: parts that are near each other in the middles of the segments.
-            compared: the segments.
-            floors: of parts within their margins.
-        """
-        if not len(near.parts):
-            return None
-        model, rows, moved = self._both.model, compared.rows, compared.moved
-        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
-        beyond = near.distances - self._both.margins[firsts, seconds]
-        off = moved[near.queries, firsts] + moved[near.queries, seconds]
-        lacking = np.flatnonzero(beyond < np.maximum(off - _TOLERANCE, 0.0))
-        if not len(lacking):
-            return None
-        parts, segments = near.parts[lacking], near.queries[lacking]
-        beyond, off = beyond[lacking], off[lacking]
-        # Not all that moves comes nearer: how far along the line of nearest distance.
-        half = rows[:, :, HALF]
-        bends = (half * (half.cumsum(2) - 0.5 * half)).reshape(len(rows), -1) @ model.reach.T
-        contacts, which = np.concatenate((lacking, lacking)), np.repeat(np.arange(2), len(lacking))
-        concerned = np.flatnonzero(near.parts[contacts, which] < model.arms[Side.LEFT].stop)
-        contacts, which = contacts[concerned], which[concerned]
-        numbers, its = near.queries[contacts], near.parts[contacts, which]
-        lines = rows[numbers, (its >= model.arms[Side.LEFT].start).astype(np.intp)]
-        behind, slopes = model.slopes(near, contacts, which)
-        forward = np.abs((slopes @ lines[:, ALONG, :, None])[:, :, 0]) - behind
-        forward += (np.abs(slopes) @ lines[:, OFF, :, None])[:, :, 0]
-        towards = np.zeros(2 * len(lacking))
-        towards[concerned] = np.maximum(forward.max(1), 0.0) + bends[numbers, its]
-        nearer = np.minimum(towards[: len(lacking)] + towards[len(lacking) :], off)
-        free = beyond - np.maximum(nearer - _TOLERANCE, 0.0)
-        for pair, floor in floors.items():
-            # A part within its margin already comes no nearer, and may leave it.
-            its = np.flatnonzero(((parts == pair) | (parts == pair[::-1])).all(1))
-            beyond[its] = near.distances[lacking[its]] - floor
-            free[its] = beyond[its] - nearer[its]
-        worst = int(free.argmin())
-        if free[worst] >= 0.0:
-            return None
-        # Each path comes as near to the middle of a segment as it is off the line.
-        strays = rows[:, :, OFF].reshape(len(rows), -1) @ model.reach.T
-        certain = beyond + strays[segments[:, None], parts].sum(1)
-        is_certain = bool(certain.min() < 0.0)
-        worst = int(certain.argmin()) if is_certain else worst
-        part, other = self._own_first(parts[worst].tolist())
-        distance = float(near.distances[lacking[worst]])
-        return _Violation(part, other, distance, is_certain, sorted(set(segments[free < 0.0].tolist())))
+        self._distances_left -= found.distances
+        self.boundaries = [
+            Boundary(each, self._limited_by(each.part, each.other, each.distance))
+            for each in found.boundaries[: found.boundary_count]
+        ]
+        if not is_clear and found.part >= 0:
+            self.limited = self._limited_by(found.part, found.other, found.distance)
+        return bool(is_clear)
 
     def _limited_by(self, part: int, other: int, distance: float) -> Limited:
         names, its = self._both.model.names, self.other
         is_old = self._both.is_of[self.side.other][other] and not its.is_heard and not its.is_read
         return Limited(names[part], names[other] + (_LAST_HEARD if is_old else ""), distance)
 
-    def _floors_of(self, last: ArmMotion, its: ArmMotion | None) -> dict[tuple[int, int], float]:
-        """Of parts that are within their margins now, how near they may be to each other [m]."""
-        postures = (last, its or last) if self.side is Side.RIGHT else (its or last, last)
-        positions, margins = np.concatenate([each.sent.position for each in postures]), self._both.margins
-        kinds = (self.side,) if its is None else (self.side, None)
-        near = self._both.model.contacts(*(Query(positions, max(self._both.margin, 0.0), alone) for alone in kinds))
-        within: dict[tuple[int, int], float] = {}
-        for index in np.flatnonzero(near.distances < margins[near.parts[:, 0], near.parts[:, 1]]).tolist():
-            pair = self._own_first(near.parts[index].tolist())
-            within[pair] = min(float(near.distances[index]), within.get(pair, inf))
-        # What was once left does not come back; an arm that came nearer all the same may go on from there.
-        floors = {}
-        for pair, now in within.items():
-            floor = self._floors.get(pair, now)
-            floors[pair] = now if now < floor - _MOVED else max(now, min(floor, float(margins[pair]) - _SPARE))
-        self._floors = floors
-        return {pair: min(floor - _ALLOWED_APPROACH, within[pair]) for pair, floor in floors.items()}
-
-    def _own_first(self, parts: Sequence[int]) -> tuple[int, int]:
-        """The parts of a contact, that of the arm first."""
-        first, second = parts
-        return (first, second) if self._both.is_of[self.side][first] else (second, first)
-
-    def _add_boundaries(self, near: Contacts, compared: _Compared) -> None:
-        """Note what the arm must not cross; of two parts where they are nearest."""
-        if not len(near.parts):
-            return
-        rows, moved = compared.rows, compared.moved
-        firsts, seconds = near.parts[:, 0], near.parts[:, 1]
-        beyond = near.distances - self._both.margins[firsts, seconds]
-        is_short = moved[near.queries, firsts] + moved[near.queries, seconds] < _SHORT
-        nearest = np.flatnonzero((beyond < _BOUNDARY_WITHIN) & is_short)
-        if not len(nearest):
-            return
-        nearest = nearest[np.argsort(beyond[nearest])[:_CORNERS]]
-        pairs = [self._own_first(parts) for parts in near.parts[nearest].tolist()]
-        which = np.array([int(part != first) for (part, _), first in zip(pairs, firsts[nearest].tolist(), strict=True)])
-        behind, slopes = self._both.model.slopes(near, nearest, which)
-        middles = rows[near.queries[nearest], 0 if self.side is Side.RIGHT else 1, MIDDLE]
-        found = {(each.limited.part, each.limited.other): each for each in self.boundaries}
-        for row, (index, (part, other)) in enumerate(zip(nearest.tolist(), pairs, strict=True)):
-            limited = self._limited_by(part, other, float(near.distances[index]))
-            lacks, names = float(beyond[index]), (limited.part, limited.other)
-            if names not in found or found[names].beyond > lacks:
-                normal = -slopes[row, int(behind[row].argmin())]
-                found[names] = Boundary(normal, float(normal @ middles[row]) - lacks, limited, lacks)
-        self.boundaries = sorted(found.values(), key=lambda each: each.beyond)[:_CORNERS]
-
     def steered(self, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
         limited = None
-        if not self.boundaries or self.motion is None or self.motion.length >= _SLOW:
+        if not self.boundaries or not self._is_slow:
             # First an arm is slowed down on its path: where that is free after all, it is not left.
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
@@ -589,56 +478,4 @@ class ArmCollisionLimiter:
 _LAST_HEARD = " where EGM reported it last"
 """Added to the name of a part of an arm whose datagrams do not arrive."""
 
-
-class _Violation(NamedTuple):
-    """Parts that may come too near to each other.
-
-    Attributes:
-        part: the arm's, of the worst pair.
-        other: the other one.
-        distance: between them in the middle of their segments [m].
-        is_certain: whether smaller segments would say the same.
-        undecided: the numbers of the pairs of segments on which parts may be too near.
-    """
-
-    part: int
-    other: int
-    distance: float
-    is_certain: bool
-    undecided: list[int]
-
-
-_Pair = tuple[Segment, Segment]
-"""Of the arm's braking path, and of the other one's."""
-
-
-class _Compared(NamedTuple):
-    """Pairs of segments that are compared at once.
-
-    Attributes:
-        pairs: as above, (n).
-        rows: of the segments, the right arm's first, (n, 2, 4, 7).
-        moved: how far each part may be from where it is in the middle of its segment [m], (n, parts).
-        own: the most of it of the arm itself, (n).
-        others: and of the other one, (n).
-    """
-
-    pairs: list[_Pair]
-    rows: Array
-    moved: Array
-    own: list[float]
-    others: list[float]
-
-    def cut(self, index: int) -> list[_Pair]:
-        """The parts of a pair: of that segment on which parts move further, or of both; none of the smallest."""
-        (mine, theirs), own, others = self.pairs[index], self.own[index], self.others[index]
-        cuts_mine = (own >= _SIMILAR * others or not theirs.parts) and bool(mine.parts)
-        cuts_theirs = (others > _SIMILAR * own or not mine.parts) and bool(theirs.parts)
-        if not (cuts_mine or cuts_theirs):
-            return []
-        return list(product(mine.parts if cuts_mine else (mine,), theirs.parts if cuts_theirs else (theirs,)))
-
-    def cut_all(self, indices: Sequence[int]) -> list[_Pair]:
-        """The parts of some pairs; none where one of them is the smallest: that is not decided by cutting."""
-        parts = [self.cut(index) for index in indices]
-        return [pair for each in parts for pair in each] if all(parts) else []
+_NUMBERS = {side: number for number, side in enumerate(Side)}

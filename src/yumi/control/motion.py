@@ -16,8 +16,6 @@ from dataclasses import replace
 from math import copysign, inf, isnan, sqrt
 from typing import Any, NamedTuple, cast
 
-import numpy as np
-from numpy.typing import NDArray
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
 from yumi.errors import CommandRefused
@@ -206,39 +204,6 @@ def braking_path(velocity: float, acceleration: float, top: float, jerk: float) 
         turn = t * (velocity + t * (acceleration / 2.0 - t * jerk / 6.0))
     # One that turns round may rest behind the place it started from: its way forwards is 0 then, not negative.
     return BrakingPath(min(0.0, turn, end), max(0.0, end), end)
-
-
-def braking_paths(start: Setpoint, limits: JointLimits) -> tuple[BrakingPath, ...]:
-    """That of each joint."""
-    rows = zip(start.velocity, start.acceleration, limits.acceleration, limits.jerk, strict=True)
-    return tuple(braking_path(*row) for row in rows)
-
-
-def braking_positions(start: Setpoint, limits: JointLimits, steps: int) -> NDArray[np.float64]:
-    """Positions at equal times on the way to rest, from where the joints are, (steps + 1, 7) [rad].
-
-    In closed form, as :func:`braking_path`: a joint's acceleration changes by its jerk to its peak, stays, and goes
-    back to zero.
-    """
-    top, jerk = np.array(limits.acceleration), np.array(limits.jerk)
-    position, velocity, acceleration = np.array(start)
-    sign = np.where(velocity + acceleration * np.abs(acceleration) / (2.0 * jerk) < 0.0, -1.0, 1.0)
-    velocity, acceleration = sign * velocity, sign * acceleration
-    speed = velocity + acceleration * acceleration / (2.0 * jerk)
-    peak = np.minimum(top, np.sqrt(jerk * speed))
-    first = np.maximum((acceleration + peak) / jerk, 0.0)
-    second = np.maximum((speed - peak * peak / jerk) / np.maximum(peak, 1e-12), 0.0)
-    third = peak / jerk
-    times = np.linspace(0.0, float((first + second + third).max()), steps + 1)[:, None]
-    one = np.minimum(times, first)
-    two = np.minimum(np.maximum(times - first, 0.0), second)
-    three = np.minimum(np.maximum(times - first - second, 0.0), third)
-    after_first = velocity + acceleration * first - 0.5 * jerk * first * first
-    after_second = after_first - peak * second
-    way = one * (velocity + one * (0.5 * acceleration - one * jerk / 6.0))
-    way += two * (after_first - 0.5 * two * peak)
-    way += three * (after_second + three * (three * jerk / 6.0 - 0.5 * peak))
-    return np.asarray(position + sign * way)
 
 
 def speed_to_stop(room: float, acceleration: float, jerk: float) -> float:

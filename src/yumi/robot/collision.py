@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from math import hypot, sqrt
-from typing import Any, NamedTuple
+from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.robot.collision_library import load
 from yumi.robot.description import (
     BODY_SHAPES,
     FINGER_ORIGINS,
@@ -33,11 +33,10 @@ from yumi.robot.description import (
     joint_1_origin,
 )
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Side, Vector
-from yumi.robot.kinematics import quaternion_from_euler_zyx
+from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector
+from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx
 
 Array = NDArray[np.float64]
-Indices = NDArray[np.intp]
 
 PADDING = 0.004
 """Added to every radius: cables, labels, and castings that differ from the meshes [m]."""
@@ -138,61 +137,34 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
 FAR = 10.0
 """Nothing of the robot is further away [m]."""
 
-_MEMORY = 1 << 24  # [bytes] for the contacts of all pairs
-_FIXED = 4  # bit of what stands still; those of the arms are 1 and 2
-_OTHERS = 7  # of all of them
-
-
-class Query(NamedTuple):
-    """Which distances to calculate.
-
-    Attributes:
-        positions: of both arms, right, left [rad], (14,).
-        within: pairs further apart than this are left out [m].
-        alone: the arm whose parts are compared with what stands still; None: both arms with each other.
-    """
-
-    positions: Array
-    within: float
-    alone: Side | None = None
-
-
-class Contacts(NamedTuple):
-    """Parts that are near each other in some postures of both arms.
-
-    Attributes:
-        distances: between their padded surfaces; below zero where they overlap [m], (n,).
-        parts: the numbers of both parts of each pair, as in :attr:`CollisionModel.names`, (n, 2).
-        queries: the number of the query that found each pair, (n,).
-        normals: from the first part to the second along the line of nearest distance, (n, 3).
-        points: the middle of that line [m], (n, 3).
-        shapes: rows of ``centres`` and ``halves`` that belong to the parts, (n, 2).
-        centres: of all shapes of all queries [m], (m, 3).
-        halves: from there to the end of each capsule [m], (m, 3).
-        arms: the rows of ``screws`` of the right and the left arm in each query, (queries, 2).
-        screws: of the joints of all arms of all queries: their axes and the moments of these [m], (k, 6, 7).
-    """
-
-    distances: Array
-    parts: Indices
-    queries: Indices
-    normals: Array
-    points: Array
-    shapes: Indices
-    centres: Array
-    halves: Array
-    arms: Indices
-    screws: Array
-
-
-_NOTHING, _NO_ROWS = np.zeros(0), np.zeros((0, 2), dtype=np.intp)
-_NONE = Contacts(
-    _NOTHING, _NO_ROWS, _NO_ROWS[:, 0], _NOTHING, _NOTHING, _NO_ROWS, _NOTHING, _NOTHING, _NO_ROWS, _NOTHING
+CONTACT = np.dtype(
+    [
+        ("distance", float),
+        ("normal", float, 3),
+        ("points", float, (2, 3)),
+        ("behind", float, (2, 2)),
+        ("slopes", float, (2, 2, _LINKS)),
+        ("parts", np.int64, 2),
+    ]
 )
+"""Two parts that are near each other.
+
+- distance: between their padded surfaces; below zero where they overlap [m]. Where the axis of a part is inside a box
+  it is that part's depth behind the box's nearest face.
+- normal: from the first part to the second along the line of nearest distance.
+- points: both ends of that line [m].
+- behind: how much further back than its foremost end, along that line towards the other part, each end of each part's
+  axis is [m].
+- slopes: by how much a radian of each of its arm's joints moves it forward there [m/rad]; of what stands still, 0.
+- parts: their numbers, as in :attr:`CollisionModel.names`.
+"""
+
+Contacts = NDArray[np.void]
+"""Of :data:`CONTACT`, (n,)."""
 
 
 class CollisionModel:
-    """The shapes of one robot with its grippers, tools and surroundings, whose distances MuJoCo calculates.
+    """The shapes of one robot with its grippers, tools and surroundings, whose distances ``collision.cpp`` calculates.
 
     A distance is exact as long as the axis of a capsule does not enter a box. Not for several threads at once.
 
@@ -206,7 +178,7 @@ class CollisionModel:
         names: of all parts, those of the right arm first, then the left arm's, then what stands still.
         arms: the parts of each arm.
         frames: the link that a part moves with, from 0 in chain order, or 7 for tool0; -1 for what stands still.
-        reach: by how much a radian of each joint moves the axis of a part, at most, (parts, 14) [m/rad].
+        handle: what the library calls it.
     """
 
     def __init__(
@@ -220,86 +192,58 @@ class CollisionModel:
         self.names: list[str] = []
         self.arms: dict[Side, slice] = {}
         frames: list[int] = []
-        reaches: list[Array] = []
         parts: dict[Side, tuple[Part, ...]] = {}
-        for index, side in enumerate(Side):
+        for side in Side:
             own = parts[side] = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
             self.names += [f"{side.word} {part.name}" for part in own]
             frames += [part.frame for part in own]
-            for part in own:
-                reach = np.zeros(2 * _LINKS)
-                reach[index * _LINKS : (index + 1) * _LINKS] = _reach(part, side)
-                reaches.append(reach)
         fixed = [Obstacle("body", *_middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
-        self.reach = np.vstack([*reaches, np.zeros((len(fixed), 2 * _LINKS))])
-        self._is_of = {side: np.zeros(len(self.names), dtype=bool) for side in Side}
-        for side, numbers in self.arms.items():
-            self._is_of[side][numbers] = True
-        self._is_moved = np.arange(_LINKS) <= self.frames[:, None]  # a joint moves what comes behind it
         capsules = [
-            (side, number, part, part.radius + padding)
+            (part.frame, *part.start, *part.end, part.radius + padding, *_reach(part, side))
             for side in Side
-            for number, part in enumerate(parts[side], self.arms[side].start)
+            for part in parts[side]
         ]
-        boxes = list(enumerate(fixed, len(capsules)))
-        alone = {side: [each for each in capsules if each[0] is side] for side in Side}
-        self._scenes: dict[Side | None, _Scene] = {None: _Scene(capsules, ())}
-        self._scenes |= {side: _Scene(own, boxes) for side, own in alone.items()}
+        boxes = [
+            (
+                *_axes(box.centre.position, box.centre.orientation),
+                *(edge / 2.0 for edge in box.size),
+                box.name == "body",
+            )
+            for box in fixed
+        ]
+        frames_of = [_frames(side) for side in Side]
+        counts = np.array([len(parts[side]) for side in Side])
+        self._found = np.empty(max(counts) * max(*counts, len(boxes)), dtype=CONTACT)
+        self._library = load()
+        arrays = [np.array(each, dtype=float) for each in (frames_of, capsules, boxes)]
+        if not (
+            np.isin(arrays[1][:, 0], range(TOOL_FRAME + 1)).all() and all(np.isfinite(each).all() for each in arrays)
+        ):
+            raise ValueError("a part is of a frame that is none, or its shape is not finite")
+        origins, shapes, still = (each.ctypes.data for each in arrays)
+        self.handle: int = self._library.model_new(origins, counts.ctypes.data, shapes, still, len(boxes))
+        if not self.handle:
+            raise MemoryError("no memory for the shapes of the arms")
+        finalize(self, self._library.model_delete, self.handle)
 
-    def contacts(self, *queries: Query) -> Contacts:
-        """The pairs of parts that are near each other in some postures, query by query."""
-        found: list[tuple[Array, ...]] = []
-        numbers: list[int] = []
-        arms = np.zeros((len(queries), len(Side)), dtype=np.intp)
-        shapes_before, arms_before = [], 0
-        shape_count = 0
-        for number, query in enumerate(queries):
-            each = self._scenes[query.alone].contacts(query)
-            if each is not None:
-                is_both = query.alone is None
-                arms[number] = arms_before, arms_before + is_both
-                shapes_before.append(shape_count)
-                found.append(each)
-                numbers.append(number)
-                arms_before, shape_count = arms_before + 1 + is_both, shape_count + len(each[5])
-        if not found:
-            return _NONE
-        distances, parts, normals, points, shapes, centres, halves, axes, anchors = (
-            np.concatenate(each) for each in zip(*found, strict=True)
-        )
-        counts = [len(each[0]) for each in found]
-        screws = np.concatenate((axes, _cross(anchors, axes)), 1).reshape(-1, _LINKS, 6).transpose(0, 2, 1)
-        shapes = shapes + np.repeat(shapes_before, counts)[:, None]
-        queried = np.repeat(numbers, counts)
-        return Contacts(distances, parts, queried, normals, points, shapes, centres, halves, arms, screws)
-
-    def slopes(self, near: Contacts, contacts: Indices, which: Indices) -> tuple[Array, Array]:
-        """How both ends of parts of an arm move along the lines of nearest distance, towards the other parts.
+    def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
+        """The pairs of parts that are near each other.
 
         Args:
-            near: what :meth:`contacts` found.
-            contacts: numbers of some of that, (n,).
-            which: of their parts, 0 or 1; one of an arm, (n,).
-
-        Returns:
-            How much further back than the foremost end each end is [m], (n, 2), and by how much a radian of each joint
-            moves it forward [m/rad], (n, 2, 7).
+            positions: of both arms, right, left [rad], (14,).
+            within: pairs further apart than this are left out [m].
+            alone: the arm whose parts are compared with what stands still; None: both arms with each other.
         """
-        parts, shapes = near.parts[contacts, which], near.shapes[contacts, which]
-        normals = (near.normals[contacts] * (1.0 - 2.0 * which)[:, None])[:, None]
-        centres, halves = near.centres[shapes], near.halves[shapes]
-        ends = np.concatenate((centres + halves, centres - halves), 1).reshape(-1, 2, 3)
-        arms = near.arms[near.queries[contacts], (parts >= self.arms[Side.LEFT].start).astype(np.intp)]
-        # How fast a joint moves a point along a line is the product of the joint's screw and the line's.
-        lines = np.empty((len(parts), 2, 6))
-        lines[:, :, :3], lines[:, :, 3:] = _cross(ends, normals), normals
-        slopes = lines @ near.screws[arms]
-        slopes *= self._is_moved[parts][:, None]
-        forward = (ends * normals).sum(2)
-        return forward.max(1)[:, None] - forward, slopes
+        if positions.shape != (2 * _LINKS,) or not np.isfinite(positions).all():
+            raise ValueError(f"positions of {2 * _LINKS} joints, not {positions}")
+        postures, side = np.ascontiguousarray(positions, dtype=float), alone or Side.RIGHT
+        arguments = postures.ctypes.data, within, list(Side).index(side), alone is not None, self._found.ctypes.data
+        count: int = self._library.model_contacts(self.handle, *arguments)
+        found: Contacts = self._found[:count].copy()
+        return found
 
     def nearest(
         self, positions: Mapping[Side, Joints], count: int = 1, *, within: float = FAR, ignore: str = ""
@@ -313,121 +257,26 @@ class CollisionModel:
             ignore: the name of what stands still and does not count.
         """
         both = np.array([*positions[Side.RIGHT], *positions[Side.LEFT]])
-        found = self.contacts(*(Query(both, within, alone) for alone in self._scenes))
-        nearest: dict[tuple[int, int], Distance] = {}
-        for index, (distance, (first, second)) in enumerate(
-            zip(found.distances.tolist(), found.parts.tolist(), strict=True)
-        ):
-            turned = first > second  # the right arm's part first, what stands still last
-            pair = (second, first) if turned else (first, second)
-            part, other = (self.names[number] for number in pair)
-            if other == ignore or (pair in nearest and nearest[pair].distance <= distance):
-                continue
-            half = found.normals[index] * (-0.5 if turned else 0.5) * distance
-            (ax, ay, az), (bx, by, bz) = (found.points[index] - half).tolist(), (found.points[index] + half).tolist()
-            nearest[pair] = Distance(distance, part, other, (ax, ay, az), (bx, by, bz))
-        return tuple(sorted(nearest.values(), key=lambda each: each.distance)[:count])
+        nearest: list[Distance] = []
+        for found in (self.contacts(both, within, alone) for alone in (None, *Side)):
+            rows = (found[name].tolist() for name in ("distance", "parts", "points"))
+            for distance, (part, other), (start, end) in zip(*rows, strict=True):
+                if self.names[other] != ignore:
+                    nearest.append(Distance(distance, self.names[part], self.names[other], tuple(start), tuple(end)))
+        return tuple(sorted(nearest, key=lambda each: each.distance)[:count])
 
 
-def _joints_of(side: Side) -> slice:
-    return slice(0, _LINKS) if side is Side.RIGHT else slice(_LINKS, 2 * _LINKS)
+def _frames(side: Side) -> list[list[float]]:
+    """The links of an arm and its tool0, each in the frame before, as :func:`_axes`, (8, 12)."""
+    links = [_axes(each.xyz, quaternion_from_euler_zyx(each.rpy)) for each in (joint_1_origin(side), *JOINT_ORIGINS)]
+    flange = matrix(quaternion_from_euler_zyx(FLANGE_ORIGIN.rpy))
+    tool = flange @ matrix(quaternion_from_euler_zyx(TOOL0_ORIGIN.rpy))
+    return [*links, [*tool.T.ravel().tolist(), *(FLANGE_ORIGIN.xyz + flange @ TOOL0_ORIGIN.xyz).tolist()]]
 
 
-def _cross(first: Array, second: Array) -> Array:
-    """Cross products of the last axes; numpy's own takes several times as long for few of them."""
-    ax, ay, az, bx, by, bz = (each[..., axis] for each in (first, second) for axis in range(3))
-    x = ay * bz - az * by
-    product = np.empty((*x.shape, 3))
-    product[..., 0], product[..., 1], product[..., 2] = x, az * bx - ax * bz, ax * by - ay * bx
-    return product
-
-
-class _Scene:
-    """What MuJoCo compares: the arms' capsules with each other, or those of one arm with boxes.
-
-    Attributes:
-        model, data: MuJoCo's.
-        numbers: of the parts, in MuJoCo's order.
-    """
-
-    def __init__(
-        self, capsules: Sequence[tuple[Side, int, Part, float]], boxes: Sequence[tuple[int, Obstacle]]
-    ) -> None:
-        import mujoco  # noqa: PLC0415 - 0.2 s that commands which only name shapes need not wait for
-
-        self._mujoco = mujoco
-        spec = mujoco.MjSpec()
-        spec.memory = _MEMORY
-        # The margin of all pairs is that of one call; see contacts().
-        spec.option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_OVERRIDE)
-        sides = list(dict.fromkeys(side for side, *_ in capsules))
-        bodies = {side: _chain(spec, side) for side in sides}
-        for side, number, part, radius in capsules:
-            bodies[side][part.frame].add_geom(
-                name=str(number),
-                type=mujoco.mjtGeom.mjGEOM_CAPSULE,
-                fromto=(*part.start, *part.end) if part.start != part.end else (*part.start, *_above(part.end)),
-                size=(radius, 0.0, 0.0),
-                contype=1 << sides.index(side),
-                conaffinity=_OTHERS & ~(1 << sides.index(side)),
-            )
-        body = spec.worldbody.add_body(name="body")
-        for number, box in boxes:
-            (body if box.name == "body" else spec.worldbody).add_geom(
-                name=str(number),
-                type=mujoco.mjtGeom.mjGEOM_BOX,
-                pos=box.centre.position,
-                quat=box.centre.orientation,
-                size=[edge / 2.0 for edge in box.size],
-                contype=_FIXED,
-                conaffinity=_OTHERS & ~_FIXED,
-            )
-        # The shoulders are bolted to one body, next to each other.
-        for one, other in pairwise([*(f"{side.word} 0" for side in sides), "body"]):
-            spec.add_exclude(bodyname1=one, bodyname2=other)
-        self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
-        # MuJoCo sorts its shapes by the bodies that they belong to.
-        self.numbers = np.array([int(self.model.geom(index).name) for index in range(self.model.ngeom)])
-        self._lengths = self.model.geom_size[:, 1:2].copy()
-
-    def contacts(self, query: Query) -> tuple[Array, ...] | None:
-        """Most fields of :class:`Contacts` of one query, and axes and anchors of the joints; None without contacts."""
-        model, data = self.model, self.data
-        data.qpos[:] = query.positions if query.alone is None else query.positions[_joints_of(query.alone)]
-        model.opt.o_margin = query.within
-        self._mujoco.mj_kinematics(model, data)
-        self._mujoco.mj_collision(model, data)
-        if not data.ncon:
-            return None
-        found = data.contact
-        shapes = found.geom
-        return (
-            found.dist.copy(),
-            self.numbers[shapes],
-            found.frame[:, :3].copy(),
-            found.pos.copy(),
-            shapes.copy(),
-            data.geom_xpos.copy(),
-            data.geom_xmat[:, 2::3] * self._lengths,
-            data.xaxis.copy(),
-            data.xanchor.copy(),
-        )
-
-
-def _chain(spec: Any, side: Side) -> list[Any]:
-    """Adds the links of an arm and its tool0, in this order."""
-    bodies, parent = [], spec.worldbody
-    for index, origin in enumerate((joint_1_origin(side), *JOINT_ORIGINS)):
-        parent = parent.add_body(
-            name=f"{side.word} {index}", pos=origin.xyz, quat=quaternion_from_euler_zyx(origin.rpy)
-        )
-        parent.add_joint(axis=(0.0, 0.0, 1.0))
-        parent.mass, parent.inertia = 1.0, (1.0, 1.0, 1.0)  # nothing here depends on them
-        bodies.append(parent)
-    for origin in (FLANGE_ORIGIN, TOOL0_ORIGIN):
-        parent = parent.add_body(pos=origin.xyz, quat=quaternion_from_euler_zyx(origin.rpy))
-    return [*bodies, parent]
+def _axes(position: Vector, orientation: Quaternion) -> list[float]:
+    """The x, y and z axis of a frame and its origin, (12,)."""
+    return [*matrix(orientation).T.ravel().tolist(), *position]
 
 
 def _reach(part: Part, side: Side) -> list[float]:
@@ -440,12 +289,6 @@ def _reach(part: Part, side: Side) -> list[float]:
         reach[index] = behind
         behind += hypot(*origins[index].xyz)
     return reach
-
-
-def _above(point: Vector) -> Vector:
-    """A point so near that a capsule between both is a ball; MuJoCo takes none without length."""
-    x, y, z = point
-    return (x, y, z + 1e-9)
 
 
 def link_parts() -> tuple[Part, ...]:

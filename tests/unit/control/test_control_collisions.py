@@ -12,11 +12,11 @@ import pytest
 from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.braking import ArmMotion, Segment
 from yumi.control.collisions import (
     BODY_MARGIN,
     MARGIN,
     ArmCollisionLimiter,
+    ArmMotion,
     CollisionLimiter,
     ProgressCheck,
     Surroundings,
@@ -246,8 +246,8 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
         both.arm(side).sent(position, Setpoint(position), None)
     assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
-    contacts = CollisionModel.contacts
-    monkeypatch.setattr(CollisionModel, "contacts", lambda *its: compared.append(its) or contacts(*its))
+    is_clear = ArmCollisionLimiter._is_clear
+    monkeypatch.setattr(ArmCollisionLimiter, "_is_clear", lambda *its: compared.append(its) or is_clear(*its))
 
     def stands_on() -> int:
         compared.clear()
@@ -265,23 +265,36 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
     assert stands_on() > 0
 
 
-def off(path: Segment, postures: Array) -> float:
-    """By how much a joint is out of every smallest segment of a path, in one of these postures (n, 7) [rad]."""
-    segments, smallest = [path], []
-    while segments:
-        segment = segments.pop()
-        segments += segment.parts
-        if not segment.parts:
-            smallest.append(segment)
-    lines = np.array([(each.middle, each.along, each.off) for each in smallest])
-    worst = 0.0
-    for posture in postures:
-        apart = posture - lines[:, 0]
-        lengths = np.maximum(np.einsum("nj,nj->n", lines[:, 1], lines[:, 1]), 1e-15)
-        shares = np.clip(np.einsum("nj,nj->n", apart, lines[:, 1]) / lengths, -1.0, 1.0)
-        out = np.abs(apart - shares[:, None] * lines[:, 1]) - lines[:, 2]
-        worst = max(worst, float(out.max(1).min()))
-    return worst
+class Segments:
+    """Those of a braking path, as they are compared; or with ``reachable``, of all where an arm may come.
+
+    Attributes:
+        lines: of the segments that are cut ``level`` times, up to 6: middle, line to the end, and how far off it each
+            joint may be, (n, 3, 7) [rad].
+        middle, half: of the whole path [rad], (7,).
+    """
+
+    def __init__(self, motion: ArmMotion, *, reachable: bool = False, level: int = 6) -> None:
+        both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+        lines, whole = np.empty((5 * 64, 3, 7)), np.empty((2, 7))
+        arguments = motion.packed, reachable, level, lines.ctypes.data, whole.ctypes.data
+        self.lines = lines[: both.library.limiter_segments(both.handle, *arguments)]
+        self.middle, self.half = whole
+
+    def off(self, postures: Array) -> float:
+        """By how much a joint is out of every segment, in one of these postures (n, 7) [rad]."""
+        lines, worst = self.lines, 0.0
+        for posture in postures:
+            apart = posture - lines[:, 0]
+            lengths = np.maximum(np.einsum("nj,nj->n", lines[:, 1], lines[:, 1]), 1e-15)
+            shares = np.clip(np.einsum("nj,nj->n", apart, lines[:, 1]) / lengths, -1.0, 1.0)
+            out = np.abs(apart - shares[:, None] * lines[:, 1]) - lines[:, 2]
+            worst = max(worst, float(out.max(1).min()))
+        return worst
+
+    def covers(self, postures: Array) -> bool:
+        """Whether the whole path has these postures (n, 7) [rad]."""
+        return bool(np.all(np.abs(postures - self.middle) <= self.half + 1e-9))
 
 
 def braking_postures(sent: Setpoint, count: int = 400) -> Array:
@@ -294,9 +307,9 @@ def test_joint_that_turns_round_stays_in_its_braking_path() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
     start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
-    motion = ArmMotion(start, sent, None, YUMI_LIMITS)
-    assert off(motion.ahead, braking_postures(sent)) < 1e-4
-    assert np.all(np.abs(braking_postures(sent) - motion.ahead.middle) <= motion.ahead.half + 1e-9)
+    ahead = Segments(ArmMotion(start, sent, None))
+    assert ahead.off(braking_postures(sent)) < 1e-4
+    assert ahead.covers(braking_postures(sent))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -311,10 +324,52 @@ def test_braking_path_is_in_its_segments(seed: int) -> None:
         turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
-        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None, YUMI_LIMITS), braking_postures(sent)
-        assert off(motion.ahead, postures) < 1e-4
-        assert np.all(np.abs(postures - motion.ahead.middle) <= motion.ahead.half + 1e-9)
-        assert np.all(np.abs(postures - motion.reachable.middle) <= motion.reachable.half + 1e-9)
+        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None), braking_postures(sent)
+        for level in range(7):
+            ahead, reachable = Segments(motion, level=level), Segments(motion, reachable=True, level=level)
+            assert ahead.off(postures) < 1e-4
+            assert reachable.off(postures) < 1e-4
+        assert ahead.covers(postures)
+        assert reachable.covers(postures)
+
+
+def moving(generator: np.random.Generator, side: Side) -> Setpoint:
+    """Somewhere between where the arms are free and where they meet, at up to half of the joints' limits."""
+    share, top = generator.uniform(0.5, 1.0), np.array(YUMI_LIMITS.velocity)
+    near = (1.0 - share) * np.array(GOALS[side]) + share * np.array(MEETING[side])
+    position = np.clip(near + generator.normal(0.0, 0.1, 7), YUMI_LIMITS.lower, YUMI_LIMITS.upper)
+    speed, rate = generator.uniform(0.0, 0.5) * top, 0.5 * np.array(YUMI_LIMITS.acceleration)
+    ways = [generator.uniform(-1.0, 1.0, 7) * most for most in (speed, rate)]
+    return Setpoint(*(joints(row.tolist()) for row in (position, *ways)))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes_near(seed: int) -> None:
+    """In postures sampled on both braking paths, and where the other robot still follows its command."""
+    generator, is_clear = np.random.default_rng(seed), []
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS, obstacles=(TABLE,)), YUMI_LIMITS, EGM_GAIN)
+    is_right = np.isin(np.arange(len(both.model.names)), np.arange(both.model.arms[Side.RIGHT].stop))
+    for _ in range(60):
+        right, left = (moving(generator, side) for side in Side)
+        planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
+        both.arm(Side.LEFT).sent(planned, left, None)
+        motions = [ArmMotion(each.position, each, None) for each in (right, left)]
+        both.arm(Side.RIGHT).begin_cycle(None, ZERO, CYCLE)
+        is_clear.append(both.arm(Side.RIGHT)._is_clear(motions[0], ArmMotion(ZERO, Setpoint(ZERO), None)))
+        mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
+        lines = np.linspace(planned, left.position, 5)
+        beyond = np.inf
+        for posture in mine:
+            for other in (*theirs, *lines):
+                near = both.model.contacts(np.concatenate((posture, other)), MARGIN + 0.01)
+                kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
+                beyond = min(beyond, *(near["distance"] - kept), np.inf)
+            near = both.model.contacts(np.concatenate((posture, ZERO)), MARGIN + 0.01, Side.RIGHT)
+            assert is_right[near["parts"][:, 0]].all()
+            kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
+            beyond = min(beyond, *(near["distance"] - kept), np.inf)
+        assert beyond > -6e-4 if is_clear[-1] else beyond < 1e-3
+    assert 10 < sum(is_clear) < 50
 
 
 class BesideArm:
@@ -468,8 +523,8 @@ def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycle
     try:
         for _ in range(100):
             arms.cycle({side: to(FORWARD[side]) for side in Side})
-        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion | Segment)]
-        assert len(kept) < 100
+        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion)]
+        assert len(kept) < 20
     finally:
         gc.enable()
 
@@ -575,7 +630,7 @@ def test_arm_at_its_goal_is_not_limited_by_what_has_left() -> None:
         arms.cycle({Side.RIGHT: to(goal)})
     limited = 0
     for cycle in range(350):
-        wobble = radians(-110.0 + 3.0 * np.sin(cycle / 12.0))
+        wobble = radians(-110.0 + 6.0 * np.sin(cycle / 12.0))
         arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(turned(Side.LEFT, wobble))})
         limited += arms.both.limited(Side.RIGHT) is not None
     for _ in range(600):

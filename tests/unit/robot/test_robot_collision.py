@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from itertools import product
 
+import mujoco
 import numpy as np
 import pytest
 
-from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, Query, gripper_parts, link_parts
+from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
 from yumi.robot.description import (
     FINGER_ORIGINS,
     FINGER_SHAPES,
@@ -138,10 +139,8 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
         both = np.concatenate([positions[side] for side in Side])
         found: dict[tuple[int, int], float] = {}
         for alone in (None, *Side):
-            near = model.contacts(Query(both, 0.3, alone))
-            for (first, second), distance in zip(near.parts.tolist(), near.distances, strict=True):
-                pair = min(first, second), max(first, second)
-                found[pair] = min(float(distance), found.get(pair, np.inf))
+            near = model.contacts(both, 0.3, alone)
+            found |= {(first, second): distance for distance, _, _, _, _, (first, second) in near.tolist()}
         (right, left), fixed = (placed(side, positions[side], parts[side]) for side in Side), len(model.names) - 1
         radii = {side: np.array([part.radius + PADDING for part in parts[side]]) for side in Side}
         for i in range(len(parts[Side.RIGHT])):
@@ -166,6 +165,84 @@ def test_distances_in_random_postures_are_those_of_another_calculation() -> None
     assert compared > 3000
 
 
+def test_distances_and_nearest_points_are_those_of_mujoco() -> None:
+    generator, compared = np.random.default_rng(9), 0
+    pose = Pose((0.45, 0.0, 0.2), (np.cos(0.4), 0.0, 0.0, np.sin(0.4)))
+    model = CollisionModel(SERVO_GRIPPERS, obstacles=[Obstacle("box", pose, (0.2, 0.1, 0.3))])
+    for _ in range(10):
+        positions = {side: joints(list(generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper))) for side in Side}
+        spec = mujoco.MjSpec()
+        for side in Side:
+            parts = (*link_parts(), *gripper_parts(SERVO_GRIPPERS[side]))
+            for part, start, end in zip(parts, *placed(side, positions[side], parts), strict=True):
+                size = (part.radius + PADDING, 0.0, 0.0)
+                spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CAPSULE, fromto=[*start, *end], size=size)
+        boxes = (pose.position, pose.orientation, (0.1, 0.05, 0.15))
+        box = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, pos=boxes[0], quat=boxes[1], size=boxes[2])
+        shapes, numbers = spec.compile(), {len(model.names) - 1: box.id}
+        data = mujoco.MjData(shapes)
+        mujoco.mj_kinematics(shapes, data)
+        for found in [model.contacts(np.concatenate([*positions.values()]), 0.2, alone) for alone in (None, *Side)]:
+            for distance, normal, points, _, _, (first, second) in found.tolist():
+                geometry = numbers.get(second, second)
+                if distance < 1e-3 or geometry > box.id or model.names[second] == "body":
+                    continue
+                line = np.zeros(6)
+                exact = mujoco.mj_geomDistance(shapes, data, first, geometry, 0.3, line)
+                assert distance == pytest.approx(exact, abs=1e-6)
+                assert np.subtract(points[1], points[0]) == pytest.approx(np.multiply(distance, normal), abs=1e-12)
+                compared += 1
+    assert compared > 200
+
+
+def test_segments_that_are_parallel_or_balls_have_a_distance() -> None:
+    """A rod along each tool's axis, the arms mirrored, with a ball at its end."""
+    rods = [Part("rod", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.01), Part("ball", 7, *[(0.0, 0.0, 0.3)] * 2, 0.02)]
+    model, generator = CollisionModel(SERVO_GRIPPERS, tools=dict.fromkeys(Side, rods)), np.random.default_rng(4)
+    for _ in range(20):
+        right = generator.uniform(YUMI_LIMITS.lower, YUMI_LIMITS.upper)
+        left = right * (-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
+        ends = [placed(side, joints(list(each)), tuple(rods)) for side, each in zip(Side, (right, left), strict=True)]
+        found = {
+            tuple(model.names[number] for number in parts): distance
+            for distance, *_, parts in model.contacts(np.concatenate((right, left)), 5.0).tolist()
+        }
+        for i, j in product(range(2), repeat=2):
+            names = f"right {rods[i].name}", f"left {rods[j].name}"
+            (exact,) = segment_distances(
+                *(each[None] for each in (ends[0][0][i], ends[0][1][i], ends[1][0][j], ends[1][1][j]))
+            )
+            assert found[names] == pytest.approx(exact - rods[i].radius - rods[j].radius - 2.0 * PADDING, abs=1e-9)
+
+
+def test_axis_inside_a_box_is_as_deep_as_the_nearest_face() -> None:
+    """So an arm that was switched on there may leave."""
+    tip = tool0_to_body(Side.RIGHT, home(Side.RIGHT), Pose((0.0, 0.0, 0.2), UPRIGHT)).position
+    needle = Part("needle", 7, (0.0, 0.0, 0.199), (0.0, 0.0, 0.201), 0.001)
+    depths = []
+    for lower in (0.0, 0.002, 0.004):
+        box = Obstacle("box", Pose((tip[0], tip[1], tip[2] - lower), UPRIGHT), (0.3, 0.3, 0.1))
+        model = CollisionModel(SERVO_GRIPPERS, tools={Side.RIGHT: [needle]}, obstacles=[box])
+        (distance,) = (
+            each.distance for each in model.nearest(HOME, 10_000) if each.part == "right needle" and each.other == "box"
+        )
+        depths.append(distance)
+    assert -0.06 < depths[0] < -0.05
+    assert np.diff(depths) == pytest.approx([0.002, 0.002], abs=1e-9)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_positions_and_shapes_that_are_no_numbers_are_refused(value: float) -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 7, (0.0, 0.0, value), (0.0, 0.0, 0.3), 0.003)]})
+    with pytest.raises(ValueError, match="positions of 14 joints"):
+        CollisionModel(SERVO_GRIPPERS).contacts(np.full(14, value), 0.1)
+    with pytest.raises(ValueError, match="positions of 14 joints"):
+        CollisionModel(SERVO_GRIPPERS).contacts(np.zeros(7), 0.1)
+    with pytest.raises(ValueError, match="of a frame that is none"):
+        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [Part("x", 8, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]})
+
+
 @pytest.mark.parametrize("is_alone", [False, True])
 @pytest.mark.parametrize("side", Side)
 def test_slopes_say_how_distances_change(side: Side, is_alone: bool) -> None:
@@ -175,28 +252,23 @@ def test_slopes_say_how_distances_change(side: Side, is_alone: bool) -> None:
     first, compared = 0 if side is Side.RIGHT else 7, 0
 
     def distances(postures: Array) -> dict[tuple[int, int], float]:
-        near = model.contacts(Query(postures, 0.3, alone))
-        pairs = list(map(tuple, near.parts.tolist()))
-        return {
-            pair: distance
-            for pair, distance in zip(pairs, near.distances.tolist(), strict=True)
-            if pairs.count(pair) == 1 and distance > 1e-3
-        }
+        near = model.contacts(postures, 0.3, alone)
+        rows = zip(near["parts"].tolist(), near["distance"].tolist(), strict=True)
+        return {(first, second): distance for (first, second), distance in rows if distance > 1e-3}
 
     for _ in range(4):
         postures = generator.uniform([*YUMI_LIMITS.lower] * 2, [*YUMI_LIMITS.upper] * 2)
-        # That of another posture before it does not change what is found.
-        near = model.contacts(Query(0.5 * postures, 0.3, side), Query(postures, 0.3, alone))
+        near = model.contacts(postures, 0.3, alone)
         concerned, which = np.array(
             [
                 (index, part)
-                for index, pair in enumerate(near.parts.tolist())
+                for index, pair in enumerate(near["parts"].tolist())
                 for part in (0, 1)
-                if near.queries[index] == 1 and model.names[pair[part]].startswith(side.word)
+                if model.names[pair[part]].startswith(side.word)
             ]
         ).T
-        behind, slopes = model.slopes(near, concerned, which)
-        pairs = list(map(tuple, near.parts[concerned].tolist()))
+        behind, slopes = near["behind"][concerned, which], near["slopes"][concerned, which]
+        pairs = list(map(tuple, near["parts"][concerned].tolist()))
         for joint in range(7):
             step = np.zeros(14)
             step[first + joint] = 1e-5

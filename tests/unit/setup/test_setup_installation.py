@@ -37,6 +37,7 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     monkeypatch.setattr(installation, "_make_venv", make_venv)
     monkeypatch.setattr(installation, "_install_packages", lambda *_: taken.append("packages"))
     monkeypatch.setattr(installation, "_install_clone", lambda *_: taken.append("clone"))
+    monkeypatch.setattr(installation, "_compile_library", lambda *_: taken.append("library"))
     monkeypatch.setattr(installation, "_extend_activation", lambda *_: taken.append("activation"))
     monkeypatch.setattr(installation, "_build_interfaces", lambda *_: taken.append("interfaces"))
     return taken
@@ -47,10 +48,11 @@ def clone(tmp_path: Path, machine: Machine, steps: list[str]) -> Path:
     """A clone that has been set up."""
     (tmp_path / "interfaces" / "a_msgs" / "msg").mkdir(parents=True)
     (tmp_path / "interfaces" / "a_msgs" / "msg" / "Thing.msg").write_text("float64 value\n")
+    (tmp_path / "src" / "yumi" / "robot").mkdir(parents=True)
     (tmp_path / "constraints.txt").write_text("numpy==2.0\nros-rclpy==7.1.6\n")
     (tmp_path / "pyproject.toml").write_text('[project]\nname = "x"\n\n[tool.ruff]\nline-length = 100\n')
     installation.install(str(tmp_path), machine)
-    assert steps == ["venv", "packages", "clone", "activation", "interfaces"]
+    assert steps == ["venv", "packages", "clone", "library", "activation", "interfaces"]
     steps.clear()
     return tmp_path
 
@@ -67,6 +69,7 @@ def test_setup_does_nothing_the_second_time(clone: Path, machine: Machine, steps
         ("pyproject.toml", '[project]\nname = "y"\n', ["clone"]),
         ("pyproject.toml", '[project]\nname = "x"\n\n[tool.ruff]\nline-length = 120\n', []),
         ("package.xml", "<package/>\n", ["clone"]),
+        ("src/yumi/robot/collision.cpp", "// another\n", ["library"]),
         ("interfaces/a_msgs/msg/Thing.msg", "float32 value\n", ["interfaces"]),
     ],
 )
@@ -83,13 +86,13 @@ def test_setup_starts_anew_for_another_python_or_ros(
     clone: Path, machine: Machine, steps: list[str], change: dict[str, object]
 ) -> None:
     installation.install(str(clone), machine._replace(**change))
-    assert steps[:4] == ["venv", "packages", "clone", "activation"]
+    assert steps[:5] == ["venv", "packages", "clone", "library", "activation"]
 
 
 def test_setup_starts_anew_when_the_venv_is_gone(clone: Path, machine: Machine, steps: list[str]) -> None:
     (clone / ".venv" / "bin" / "python").unlink()
     installation.install(str(clone), machine)
-    assert steps == ["venv", "packages", "clone", "activation", "interfaces"]
+    assert steps == ["venv", "packages", "clone", "library", "activation", "interfaces"]
 
 
 def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -54,9 +54,10 @@ def test_a_lack_is_said_in_one_sentence(whole_machine: Machine, lack: dict[str, 
     assert re.search(sentence, problem)
 
 
-def test_a_sourced_ros_needs_neither_wheels_nor_compiler(whole_machine: Machine) -> None:
-    elsewhere = whole_machine._replace(sourced="jazzy", processor="aarch64", compiler=None, has_headers=False)
+def test_a_sourced_ros_needs_no_wheels_but_a_compiler(whole_machine: Machine) -> None:
+    elsewhere = whole_machine._replace(sourced="jazzy", processor="aarch64", has_headers=False)
     assert first_problem(elsewhere) is None
+    assert "no C++ compiler was found" in str(first_problem(elsewhere._replace(compiler=None)))
 
 
 def test_a_sourced_ros_of_another_python_is_refused(whole_machine: Machine) -> None:

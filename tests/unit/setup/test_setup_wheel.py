@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import sys
+import tarfile
 from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
@@ -34,8 +35,27 @@ def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel for every machine."""
+    """The wheel for every Python."""
     return build_wheel(source, tmp_path_factory.mktemp("wheel"))
+
+
+def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, tmp_path: Path) -> None:
+    assert wheel.name.endswith(f"-py3-none-linux_{platform.machine()}.whl")
+    with ZipFile(wheel) as archive:
+        archive.extractall(tmp_path)
+    # Neither a compiler nor a folder to write to.
+    code = (
+        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from yumi.robot import collision_library as it; it.load()"
+    )
+    loaded = run([sys.executable, "-c", f"{code}; print(it.PACKAGED)"], tmp_path, PATH="", XDG_CACHE_HOME="/proc")
+    assert loaded.strip() == str(tmp_path / "yumi" / "robot" / "libcollision.so")
+
+
+def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
+    run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)], source)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(archive) as files:
+        assert "yumi_ros2-0.1.0/src/yumi/robot/collision.cpp" in files.getnames()
 
 
 @pytest.fixture(params=["wheel", "colcon"], scope="module")
@@ -132,7 +152,7 @@ def test_command_for_ros_starts_the_one_of_its_environment(tmp_path: Path) -> No
 
 @pytest.mark.skipif(not RECORDS.exists(), reason="a sourced ROS 2 brings its own message packages")
 def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine(source: Path, tmp_path: Path) -> None:
-    with ZipFile(build_wheel(source, tmp_path, HATCH_BUILD_HOOK_ENABLE_CUSTOM="1")) as archive:
+    with ZipFile(build_wheel(source, tmp_path, YUMI_WHEEL_INTERFACES="1")) as archive:
         names = set(archive.namelist())
         texts = {name: archive.read(name) for name in names if not name.endswith(".so")}
         tags = archive.read("yumi_ros2-0.1.0.dist-info/WHEEL").decode()

@@ -1,0 +1,914 @@
+// Distances of the shapes of both arms, and whether a command keeps them apart: what collision.py and
+// control/collisions.py ask in every cycle, through ctypes. Why so: docs/explanation/decisions/0032-arms-keep-apart.md.
+//
+// Arms are 0, right, and 1, left. Parts are numbered as in CollisionModel.names: the capsules of the right arm, those of
+// the left one, then the boxes that stand still. Positions are in the body frame [m], joints in chain order [rad].
+// Whoever calls has checked sizes; not for several threads at once.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <vector>
+
+namespace {
+
+constexpr int JOINTS = 7, LEVELS = 6, SAMPLES = 1 << LEVELS;
+constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
+constexpr int NAMED = 3;            // boundaries that count at once
+constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
+
+constexpr double TOLERANCE = 5e-4;         // [m] a path is off the postures compared by more, or it counts as being there
+constexpr double SHORT = 5e-3;             // [m] segments in which parts move less are taken for straight
+constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led along
+constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
+constexpr double SPARE = 5e-4;             // [m] so far within its margin a part may turn round
+constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
+constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
+constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
+constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
+constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of the other's is cut, too
+
+// ---- vectors and frames
+
+struct Vec {
+    double x, y, z;
+};
+Vec operator+(Vec a, Vec b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+Vec operator-(Vec a, Vec b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+Vec operator*(double s, Vec a) { return {s * a.x, s * a.y, s * a.z}; }
+double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+double length(Vec a) { return std::sqrt(dot(a, a)); }
+
+struct Frame {
+    Vec x, y, z, at;  // its axes and its origin
+
+    Vec turn(Vec v) const { return v.x * x + v.y * y + v.z * z; }
+    Vec operator*(Vec v) const { return at + turn(v); }
+    Frame operator*(const Frame& f) const { return {turn(f.x), turn(f.y), turn(f.z), *this * f.at}; }
+    Vec turn_back(Vec v) const { return {dot(v, x), dot(v, y), dot(v, z)}; }
+    Vec to_local(Vec v) const { return turn_back(v - at); }
+    Frame turned(double angle) const {  // about its z axis
+        const double c = std::cos(angle), s = std::sin(angle);
+        return {c * x + s * y, c * y - s * x, z, at};
+    }
+};
+
+bool are_finite(const double* values, int count) {
+    return std::all_of(values, values + count, [](double value) { return std::isfinite(value); });
+}
+
+// ---- shapes
+
+struct Ball {
+    Vec centre;
+    double radius;
+};
+
+struct Capsule {
+    double frame;  // that it moves with
+    Vec start, end;
+    double radius;
+    double reach[JOINTS];  // by how much a radian of each joint moves its axis at most
+    Ball ball() const { return {0.5 * (start + end), 0.5 * length(end - start) + radius}; }
+};
+
+struct Box {
+    Frame pose;
+    Vec half;
+    double is_body;  // which the shoulders are bolted to
+};
+
+// Where two shapes are nearest: how far from each other, and from the first to the second.
+struct Near {
+    double distance;
+    Vec normal;
+    Vec points[2];  // of their surfaces
+};
+
+Vec perpendicular(Vec a, Vec b) {  // to both, or to one of them
+    for (Vec v : {cross(a, b), cross(a, {1.0, 0.0, 0.0}), cross(a, {0.0, 1.0, 0.0}), Vec{0.0, 0.0, 1.0}})
+        if (dot(v, v) > TINY * TINY) return (1.0 / length(v)) * v;
+    return {0.0, 0.0, 1.0};
+}
+
+// The nearest points of the lines, moved into the segments one after the other (C. Ericson, Real-Time Collision
+// Detection, 5.1.9). Segments are given by their middles and halves.
+Near between_capsules(Vec middle, Vec half, double radius, Vec other_middle, Vec other, double other_radius) {
+    const Vec apart = middle - other_middle;
+    const double size = dot(half, half), other_size = dot(other, other), both = dot(half, other);
+    const double offset = dot(half, apart), other_offset = dot(other, apart);
+    const double denominator = size * other_size - both * both;
+    auto inside = [](double share) { return std::min(std::max(share, -1.0), 1.0); };
+    double s = denominator > TINY * size * other_size ? inside((both * other_offset - offset * other_size) / denominator) : -1.0;
+    const double t = other_size > 0.0 ? inside((both * s + other_offset) / other_size) : 0.0;
+    s = size > 0.0 ? inside((both * t - offset) / size) : 0.0;
+    const Vec first = middle + s * half, second = other_middle + t * other, line = second - first;
+    const double axes = length(line);
+    const Vec normal = axes > TINY ? (1.0 / axes) * line : perpendicular(half, other);
+    return {axes - radius - other_radius, normal, {first + radius * normal, second - other_radius * normal}};
+}
+
+// Half of the squared distance from a box along a segment is convex, and a parabola between the places where the segment
+// crosses the plane of a face. So its slope is a line between two of these: the nearest point is where it is zero.
+Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, const Box& box) {
+    const Vec from = box.pose.to_local(start), to = box.pose.to_local(end);
+    const double at[3] = {from.x, from.y, from.z}, along[3] = {to.x - from.x, to.y - from.y, to.z - from.z};
+    const double half[3] = {box.half.x, box.half.y, box.half.z};
+    auto outside = [&](int k, double share) {
+        const double value = at[k] + share * along[k];
+        return value - std::min(std::max(value, -half[k]), half[k]);
+    };
+    auto slope = [&](double share) {
+        return along[0] * outside(0, share) + along[1] * outside(1, share) + along[2] * outside(2, share);
+    };
+    double share = 0.0, low = slope(0.0);
+    if (low < 0.0) {
+        double shares[7], *last = shares;
+        for (int k = 0; k < 3; ++k)
+            for (double face : {half[k], -half[k]}) {
+                const double crossing = (face - at[k]) / along[k];
+                if (crossing > 0.0 && crossing < 1.0) *last++ = crossing;
+            }
+        *last++ = 1.0;
+        std::sort(shares, last);
+        double high = low;
+        for (double* next = shares; next != last; ++next) {
+            high = slope(*next);
+            if (high >= 0.0) {
+                share += high > low ? (*next - share) * -low / (high - low) : 0.0;
+                break;
+            }
+            share = *next, low = high;
+        }
+    }
+    const Vec out = {outside(0, share), outside(1, share), outside(2, share)};
+    const double far = length(out);
+    const Vec axis = start + share * (end - start);
+    if (far > TINY) {
+        const Vec normal = (-1.0 / far) * (box.pose.turn(out));
+        return {far - radius, normal, {axis + radius * normal, axis + far * normal}};
+    }
+    // The axis is inside. How deep says the face through which it would leave soonest, so that it may.
+    double deepest = -INF;
+    Near near{};
+    const Vec axes[3] = {box.pose.x, box.pose.y, box.pose.z};
+    for (int k = 0; k < 3; ++k)
+        for (double sign : {1.0, -1.0}) {
+            const double here = sign * at[k], there = sign * (at[k] + along[k]), depth = std::min(here, there) - half[k];
+            if (depth <= deepest) continue;
+            deepest = depth;
+            const Vec normal = -sign * axes[k], point = here < there ? start : end;
+            near = {depth - radius, normal, {point + radius * normal, point + depth * normal}};
+        }
+    return near;
+}
+
+// An arm in one posture.
+struct Placed {
+    Frame frames[FRAMES];
+    Vec moments[JOINTS];            // of the joints' axes
+    std::vector<Vec> centres, halves;  // of its capsules' axes; half of one leads to its end
+};
+
+// Two parts that are near each other, as in collision.py.
+struct Contact {
+    double distance, normal[3], points[2][3];
+    double behind[2][2];          // how much further back than its foremost end each end of each part is
+    double slopes[2][2][JOINTS];  // by how much a radian of each joint moves it forward
+    std::int64_t parts[2];
+};
+
+struct Arm {
+    Frame origins[FRAMES];  // in the frame before
+    std::vector<Capsule> parts;
+    std::vector<Ball> balls;           // around the parts
+    std::vector<int> of_frame[FRAMES];
+    Ball around[FRAMES];               // around all of a frame's
+    int first;                         // number of its first part
+};
+
+struct Model {
+    Arm arms[2];
+    std::vector<Box> boxes;
+    int count;  // of all parts
+
+    int box_number(int box) const { return arms[1].first + int(arms[1].parts.size()) + box; }
+
+    void place(int arm, const double* posture, Placed& placed) const {
+        const Arm& its = arms[arm];
+        Frame frame = its.origins[0];
+        for (int joint = 0; joint < JOINTS; ++joint) {
+            if (joint) frame = frame * its.origins[joint];
+            frame = placed.frames[joint] = frame.turned(posture[joint]);
+            placed.moments[joint] = cross(frame.at, frame.z);
+        }
+        placed.frames[JOINTS] = frame * its.origins[JOINTS];
+        placed.centres.resize(its.parts.size());
+        placed.halves.resize(its.parts.size());
+        for (std::size_t i = 0; i < its.parts.size(); ++i) {
+            const Frame& of = placed.frames[int(its.parts[i].frame)];
+            placed.centres[i] = of * its.balls[i].centre;
+            placed.halves[i] = of.turn(0.5 * (its.parts[i].end - its.parts[i].start));
+        }
+    }
+
+    // How near a part is to the other arm's, or to a box.
+    Near near(int arm, const Placed& placed, int part, const Placed* others, int other) const {
+        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const double radius = arms[arm].parts[part].radius;
+        if (!others) return between_capsule_and_box(centre - half, centre + half, radius, boxes[other]);
+        return between_capsules(centre, half, radius, others->centres[other], others->halves[other],
+                                arms[1 - arm].parts[other].radius);
+    }
+
+    // Whether a quick look shows that they are further apart than this: by how far both reach along the line between
+    // their middles, or along the edges of a box.
+    bool is_far(int arm, const Placed& placed, int part, const Placed* others, int other, double within) const {
+        const Vec half = placed.halves[part];
+        const double radius = arms[arm].parts[part].radius;
+        if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
+        const Vec apart = others->centres[other] - placed.centres[part];
+        const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
+        return far < 0.0 || size - std::abs(dot(half, apart)) - std::abs(dot(others->halves[other], apart)) > far * std::sqrt(size);
+    }
+
+    static bool is_far(Vec middle, Vec half, double far, const Box& box) {
+        const Vec at = box.pose.to_local(middle), along = box.pose.turn_back(half);
+        const Vec out = {std::max(std::abs(at.x) - std::abs(along.x) - box.half.x, 0.0),
+                         std::max(std::abs(at.y) - std::abs(along.y) - box.half.y, 0.0),
+                         std::max(std::abs(at.z) - std::abs(along.z) - box.half.z, 0.0)};
+        return far < 0.0 || dot(out, out) > far * far;
+    }
+
+    // Pairs of parts of frames that are not further apart than `within` says of the frames; the other one is a number of
+    // the other arm's or of a box. Shoulders and body are bolted together and count as one.
+    template <class Within, class Visit>
+    void for_pairs(int arm, const Placed& placed, const Placed* others, Within within, Visit visit) const {
+        const Arm &its = arms[arm], &theirs = arms[1 - arm];
+        for (int frame = 0; frame < FRAMES; ++frame) {
+            if (its.of_frame[frame].empty()) continue;
+            const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
+            if (!others) {
+                for (int box = 0; box < int(boxes.size()); ++box)
+                    if (!(frame == 0 && boxes[box].is_body > 0.0) && !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
+                        for (int part : its.of_frame[frame]) visit(part, box);
+                continue;
+            }
+            for (int other = 0; other < FRAMES; ++other) {
+                if ((frame == 0 && other == 0) || theirs.of_frame[other].empty()) continue;
+                const Vec apart = others->frames[other] * theirs.around[other].centre - ball.centre;
+                const double far = ball.radius + theirs.around[other].radius + within(frame, other);
+                if (far < 0.0 || dot(apart, apart) > far * far) continue;
+                for (int part : its.of_frame[frame])
+                    for (int its_part : theirs.of_frame[other]) visit(part, its_part);
+            }
+        }
+    }
+
+    // How both ends of a part move along a line of nearest distance, towards the other part.
+    void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2], double slopes[2][JOINTS]) const {
+        const int last = std::min(int(arms[arm].parts[part].frame), JOINTS - 1);
+        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const double tilt = dot(half, normal);
+        behind[0] = std::max(2.0 * tilt, 0.0), behind[1] = std::max(-2.0 * tilt, 0.0);
+        // How fast a joint moves a point along a line is the product of the joint's screw and the line's.
+        const Vec moment = cross(centre, normal), turns = cross(half, normal);
+        for (int joint = 0; joint <= last; ++joint) {
+            const double moves = dot(placed.frames[joint].z, moment) + dot(placed.moments[joint], normal);
+            const double tilts = dot(placed.frames[joint].z, turns);
+            slopes[0][joint] = moves - tilts, slopes[1][joint] = moves + tilts;
+        }
+        for (int joint = last + 1; joint < JOINTS; ++joint) slopes[0][joint] = slopes[1][joint] = 0.0;
+    }
+};
+
+// ---- where an arm may come until it rests
+
+// How a command moves an arm, as ArmMotion in control/collisions.py packs it.
+struct Motion {
+    double planned[JOINTS];
+    double sent[3][JOINTS];  // position, velocity, acceleration
+    double has_robot, robot[3][JOINTS];
+    double coasts, coasts_to[JOINTS];
+};
+
+struct Limits {
+    double acceleration[JOINTS], jerk[JOINTS];
+};
+
+// A joint that brakes as hard as it may, forwards: its acceleration changes by its jerk to a peak, stays, and goes back.
+struct Braking {
+    double at, sign, velocity, acceleration, jerk, peak, first, second, third;
+
+    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits) : at(start[0][joint]), jerk(limits.jerk[joint]) {
+        const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
+        sign = speed + rate * std::abs(rate) / (2.0 * jerk) < 0.0 ? -1.0 : 1.0;
+        velocity = sign * speed, acceleration = sign * rate;
+        const double fastest = std::max(velocity + acceleration * acceleration / (2.0 * jerk), 0.0);
+        peak = std::min(top, std::sqrt(jerk * fastest));
+        first = std::max((acceleration + peak) / jerk, 0.0);
+        second = std::max((fastest - peak * peak / jerk) / std::max(peak, TINY), 0.0);
+        third = peak / jerk;
+    }
+    double duration() const { return first + second + third; }
+    double position(double time) const {
+        const double one = std::min(time, first), two = std::min(std::max(time - first, 0.0), second);
+        const double three = std::min(std::max(time - first - second, 0.0), third);
+        const double after_first = velocity + acceleration * first - 0.5 * jerk * first * first;
+        const double after_second = after_first - peak * second;
+        return at + sign * (one * (velocity + one * (0.5 * acceleration - one * jerk / 6.0)) +
+                            two * (after_first - 0.5 * two * peak) +
+                            three * (after_second + three * (three * jerk / 6.0 - 0.5 * peak)));
+    }
+    void extend(double& low, double& high) const {  // a range to all where it comes
+        double turning = 0.0;                       // it goes backwards first until its acceleration has turned it round
+        if (velocity < 0.0)
+            turning = (acceleration - std::sqrt(std::max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0))) / jerk;
+        for (double place : {at, position(turning), position(duration())})
+            low = std::min(low, place), high = std::max(high, place);
+    }
+};
+
+bool is_slow(const Motion& motion, const Limits& limits) {
+    double way = 0.0;
+    for (int j = 0; j < JOINTS; ++j) {
+        double low = motion.sent[0][j], high = low;
+        Braking(motion.sent, j, limits).extend(low, high);
+        way += high - low;
+    }
+    return way < SLOW;
+}
+
+// Postures along a path: a curve, or a straight line, of which there are only the ends.
+struct Curve {
+    bool is_straight;
+    double postures[SAMPLES + 1][JOINTS];
+};
+
+// Of a path: a straight line in joint space, and how far each joint may be off it.
+struct Segment {
+    double middle[JOINTS], along[JOINTS];  // `along` leads from there to its end
+    double off[JOINTS];                    // it by so much, at most
+    double half[JOINTS];                   // how far each joint is from the middle, at most
+    int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
+};
+
+struct Path {
+    Segment whole;
+    Motion motion;
+    bool is_ahead;
+    int curves;          // of it; none before it is cut
+    Curve curve[2 + 3];  // how the position sent brakes, and the robot; lines to where the robot may go
+
+    // Where a new command may lead the arm that it did not come by earlier ones: its braking path. With `reachable`, all
+    // where it may come from now on: from where the robot plans to be to where it rests. A robot follows the position
+    // sent late, by the time constant of its position loop; what that takes it off its path is left to the margin.
+    void begin(const Motion& its, bool reachable, const Limits& limits) {
+        motion = its, is_ahead = !reachable, curves = 0;
+        whole = {};
+        whole.curve = -1;
+        for (int j = 0; j < JOINTS; ++j) {
+            double low = its.sent[0][j], high = low;
+            Braking(its.sent, j, limits).extend(low, high);
+            if (its.has_robot > 0.0) Braking(its.robot, j, limits).extend(low, high);
+            if (reachable) {
+                low = std::min(low, its.planned[j]), high = std::max(high, its.planned[j]);
+                if (its.coasts > 0.0) low = std::min(low, its.coasts_to[j]), high = std::max(high, its.coasts_to[j]);
+            }
+            whole.middle[j] = 0.5 * (low + high);
+            whole.off[j] = whole.half[j] = 0.5 * (high - low);
+        }
+    }
+
+    void add_line(const double* from, const double* to) {
+        Curve& its = curve[curves++];
+        its.is_straight = true;
+        std::copy(from, from + JOINTS, its.postures[0]);
+        std::copy(to, to + JOINTS, its.postures[1]);
+    }
+
+    void add_braking(const double (&start)[3][JOINTS], const Limits& limits) {
+        Curve& its = curve[curves++];
+        its.is_straight = false;
+        double longest = 0.0;
+        for (int j = 0; j < JOINTS; ++j)
+            longest = std::max(longest, Braking(start, j, limits).duration());
+        for (int j = 0; j < JOINTS; ++j) {
+            const Braking braking(start, j, limits);
+            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = braking.position(longest * i / SAMPLES);
+        }
+    }
+
+    bool can_cut(const Segment& segment) const { return segment.curve < 0 || segment.level < LEVELS; }
+
+    // What a segment consists of: at most five parts.
+    int cut(const Segment& segment, const Limits& limits, Segment* parts) {
+        if (segment.curve >= 0) {
+            for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
+            return 2;
+        }
+        if (!curves) {
+            if (!is_ahead) {
+                add_line(motion.planned, motion.sent[0]);
+                if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
+                if (motion.has_robot > 0.0) add_line(motion.planned, motion.robot[0]);
+            }
+            add_braking(motion.sent, limits);
+            if (motion.has_robot > 0.0) add_braking(motion.robot, limits);
+        }
+        for (int i = 0; i < curves; ++i) parts[i] = part(i, 0, 0);
+        return curves;
+    }
+
+    Segment part(int number, int level, int index) const {
+        const Curve& its = curve[number];
+        const int step = SAMPLES >> level, first = index * step;
+        Segment segment{};
+        segment.curve = number, segment.level = level, segment.index = index;
+        double size = TINY;
+        for (int j = 0; j < JOINTS; ++j) {
+            double from = its.postures[0][j], to = its.postures[1][j];
+            if (its.is_straight) {
+                const double way = (to - from) / (1 << level);
+                from += index * way, to = from + way;
+            } else {
+                from = its.postures[first][j], to = its.postures[first + step][j];
+            }
+            segment.middle[j] = 0.5 * (from + to), segment.along[j] = 0.5 * (to - from);
+            size += segment.along[j] * segment.along[j];
+        }
+        for (int i = 1; i < step && !its.is_straight; ++i) {
+            const double* inner = its.postures[first + i];
+            double share = 0.0;
+            for (int j = 0; j < JOINTS; ++j) share += (inner[j] - segment.middle[j]) * segment.along[j] / size;
+            share = std::min(std::max(share, -1.0), 1.0);
+            for (int j = 0; j < JOINTS; ++j)
+                segment.off[j] = std::max(segment.off[j], std::abs(inner[j] - segment.middle[j] - share * segment.along[j]));
+        }
+        for (int j = 0; j < JOINTS; ++j) segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
+        return segment;
+    }
+};
+
+// ---- whether a command keeps the arms apart
+
+// What an arm must not cross: normal · position >= least, near where it was calculated.
+struct Boundary {
+    double beyond, distance, least, normal[JOINTS];
+    std::int64_t part, other;
+};
+
+// As Decision in collision_library.py.
+struct Decision {
+    std::int64_t distances;    // calculated
+    std::int64_t part, other;  // of the pair that may be too near; -1 for none
+    double distance;           // of these in the middle of their segments
+    std::int64_t boundary_count;
+    Boundary boundaries[NAMED];
+};
+
+// Of parts within their margins: how near they may be, and how near in this cycle.
+struct Floor {
+    int part, other;
+    double floor, allowed;
+};
+
+// A segment of an arm's path, with the arm in its middle.
+struct Span {
+    Segment segment;
+    Placed placed;
+    std::vector<double> moved;          // how far each part may be from there
+    double moved_frames[FRAMES], most;  // and the parts of each frame, and any
+};
+
+struct Pair {
+    int part, other;
+};
+
+// What was found of two segments. `pairs` are those that are not decided: first and behind the last in Limiter::pairs.
+struct Finding {
+    double free;      // how far parts keep apart beyond their margins at least; nothing is open where it is not negative
+    bool is_certain;  // that parts come too near: smaller segments would say the same
+    std::size_t first, last;
+    int mine, theirs;  // numbers of the segments' spans; -1 for what stands still
+    int part, other;   // those that may be nearest
+};
+
+constexpr Finding NOTHING = {INF, false, 0, 0, 0, -1, -1, -1};
+
+struct Limiter {
+    const Model& model;
+    std::vector<double> margins;      // (parts, parts)
+    std::vector<std::int64_t> names;  // equal ones for parts of the same name
+    double widest[2][FRAMES][FRAMES], widest_still[2][FRAMES];  // of the parts of an arm's frames
+    Limits limits;
+    std::vector<Floor> floors[2];
+
+    // Of one decision.
+    int arm = 0;
+    bool steers = false;
+    Path path{}, others{};
+    std::vector<Span> spans;
+    std::vector<Pair> pairs;
+    std::vector<Floor> floored;
+    std::vector<Boundary> boundaries;
+    std::int64_t budget = 0;
+    Decision* decision = nullptr;
+
+    Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
+        // A level cuts one segment into two and one into five at most, and each path is cut LEVELS + 1 times.
+        spans.resize(2 + (2 * LEVELS + 2) * 7);
+        pairs.reserve(1 << 14);
+        boundaries.reserve(64);
+    }
+
+    int number(int other, bool is_still) const { return is_still ? model.box_number(other) : model.arms[1 - arm].first + other; }
+    double margin(int part, int other, bool is_still) const {
+        return margins[std::size_t(model.arms[arm].first + part) * model.count + number(other, is_still)];
+    }
+
+    double widest_of(int frame, int other, bool is_still) const {
+        return is_still ? widest_still[arm][frame] : widest[arm][frame][other];
+    }
+
+    // Other margins from now on.
+    void permit(const double* all) {
+        margins.assign(all, all + std::size_t(model.count) * model.count);
+        std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
+        std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
+        for (arm = 0; arm < 2; ++arm)
+            for (std::size_t part = 0; part < model.arms[arm].parts.size(); ++part) {
+                const int frame = int(model.arms[arm].parts[part].frame);
+                double* its = widest[arm][frame];
+                for (std::size_t other = 0; other < model.arms[1 - arm].parts.size(); ++other) {
+                    double& most = its[int(model.arms[1 - arm].parts[other].frame)];
+                    most = std::max(most, margin(int(part), int(other), false));
+                }
+                for (std::size_t box = 0; box < model.boxes.size(); ++box)
+                    widest_still[arm][frame] = std::max(widest_still[arm][frame], margin(int(part), int(box), true));
+            }
+    }
+
+    void span(int which, int number, const Segment& segment) {
+        Span& its = spans[number];
+        const std::vector<Capsule>& parts = model.arms[which].parts;
+        its.segment = segment;
+        model.place(which, segment.middle, its.placed);
+        its.moved.resize(parts.size());
+        its.most = 0.0;
+        std::fill(its.moved_frames, its.moved_frames + FRAMES, 0.0);
+        for (std::size_t i = 0; i < parts.size(); ++i) {
+            its.moved[i] = moved(parts[i], segment.half);
+            double& of_frame = its.moved_frames[int(parts[i].frame)];
+            of_frame = std::max(of_frame, its.moved[i]);
+            its.most = std::max(its.most, its.moved[i]);
+        }
+    }
+
+    static double moved(const Capsule& part, const double* by) {
+        double sum = 0.0;
+        for (int j = 0; j < JOINTS; ++j) sum += part.reach[j] * by[j];
+        return sum;
+    }
+
+    // How much nearer an end of a part may come to another one along the line of nearest distance.
+    double towards(int which, const Span& span, int part, Vec normal) const {
+        const Segment& its = span.segment;
+        double behind[2], slopes[2][JOINTS], most = 0.0, bend = 0.0, before = 0.0;
+        model.forward(which, span.placed, part, normal, behind, slopes);
+        for (int end = 0; end < 2; ++end) {
+            double along = 0.0, off = 0.0;
+            for (int j = 0; j < JOINTS; ++j)
+                along += slopes[end][j] * its.along[j], off += std::abs(slopes[end][j]) * its.off[j];
+            most = std::max(most, std::abs(along) - behind[end] + off);
+        }
+        // What the joints bend its way: each turns the path of those behind it.
+        for (int j = 0; j < JOINTS; ++j) {
+            before += its.half[j];
+            bend += model.arms[which].parts[part].reach[j] * its.half[j] * (before - 0.5 * its.half[j]);
+        }
+        return most + bend;
+    }
+
+    // How near parts may come to each other on two segments, or on one to what stands still: of all pairs, or of those
+    // that were not decided on the segments that these are parts of.
+    Finding compare(int mine, int theirs, const Finding* whole) {
+        const bool is_still = theirs < 0;
+        const Span &own = spans[mine], *its = is_still ? nullptr : &spans[theirs];
+        const Placed* placed = is_still ? nullptr : &its->placed;
+        const double least = steers ? BOUNDARY_WITHIN : 0.0;
+        Finding finding = NOTHING;
+        finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
+        double worst = INF;
+        const bool can_cut = path.can_cut(own.segment) || (!is_still && others.can_cut(its->segment));
+        int seen = 0;
+        auto examine = [&](int part, int other) {
+            ++seen;
+            const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
+            const double kept = margin(part, other, is_still), within = kept + std::max(off - TOLERANCE, least);
+            if (kept == -INF || model.is_far(arm, own.placed, part, placed, other, within)) return;
+            if (off > COARSE && can_cut) {
+                pairs.push_back({part, other});
+                if (-off < finding.free) finding.free = -off, finding.part = part, finding.other = other;
+                return;
+            }
+            spend(1);
+            const Near near = model.near(arm, own.placed, part, placed, other);
+            double beyond = near.distance - kept;
+            if (steers && beyond < BOUNDARY_WITHIN && off < SHORT) note_boundary(own, part, other, is_still, near, beyond);
+            double free = INF;
+            if (beyond < std::max(off - TOLERANCE, 0.0)) {
+                double nearer = towards(arm, own, part, near.normal);
+                if (!is_still) nearer += towards(1 - arm, *its, other, -1.0 * near.normal);
+                nearer = std::min(nearer, off);
+                free = beyond - std::max(nearer - TOLERANCE, 0.0);
+                for (const Floor& floor : floored)
+                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still)) {
+                        // A part within its margin already comes no nearer, and may leave it.
+                        beyond = near.distance - floor.allowed;
+                        free = beyond - nearer;
+                    }
+            }
+            if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other});
+            if (!(free < 0.0)) return;
+            // Each path comes as near to the middle of a segment as it is off the line.
+            double certain = beyond + moved(model.arms[arm].parts[part], own.segment.off);
+            if (!is_still) certain += moved(model.arms[1 - arm].parts[other], its->segment.off);
+            finding.free = std::min(finding.free, free);
+            const bool is_certain = certain < 0.0;
+            const double severity = is_certain ? certain : free;
+            if (finding.is_certain ? is_certain && severity < worst : is_certain || severity < worst) {
+                worst = severity;
+                finding.part = part, finding.other = other;
+            }
+            finding.is_certain = finding.is_certain || is_certain;
+        };
+        if (whole) {
+            for (std::size_t i = whole->first; i < whole->last; ++i) examine(pairs[i].part, pairs[i].other);
+        } else {
+            auto within = [&](int frame, int other) {
+                const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
+                return widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
+            };
+            model.for_pairs(arm, own.placed, placed, within, examine);
+        }
+        finding.last = pairs.size();
+        spend(PLACING + seen / SEEN);
+        return finding;
+    }
+
+    void note_boundary(const Span& own, int part, int other, bool is_still, const Near& near, double beyond) {
+        Boundary boundary{beyond, near.distance, -beyond, {}, model.arms[arm].first + part, number(other, is_still)};
+        double behind[2], slopes[2][JOINTS];
+        model.forward(arm, own.placed, part, near.normal, behind, slopes);
+        for (int j = 0; j < JOINTS; ++j) {
+            boundary.normal[j] = -slopes[behind[0] <= behind[1] ? 0 : 1][j];
+            boundary.least += boundary.normal[j] * own.segment.middle[j];
+        }
+        for (Boundary& known : boundaries)  // of parts of the same names that where they are nearest
+            if (names[known.part] == names[boundary.part] && names[known.other] == names[boundary.other]) {
+                if (boundary.beyond < known.beyond) known = boundary;
+                return;
+            }
+        boundaries.push_back(boundary);
+    }
+
+    void spend(int distances) { budget -= distances, decision->distances += distances; }
+
+    bool refuse(const Finding& finding) {
+        const bool is_still = finding.theirs < 0;
+        const Placed* theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        decision->part = model.arms[arm].first + finding.part, decision->other = number(finding.other, is_still);
+        decision->distance = model.near(arm, spans[finding.mine].placed, finding.part, theirs, finding.other).distance;
+        return false;
+    }
+
+    // Whether two segments are clear of each other, or one of what stands still: where that is open they are cut, and the
+    // parts that are nearest to each other come first. `top` is behind the last span in use.
+    bool is_clear(const Finding& finding, int top) {
+        if (!(finding.free < 0.0)) return true;
+        const bool is_still = finding.theirs < 0;
+        const Span &own = spans[finding.mine], &its = spans[is_still ? finding.mine : finding.theirs];
+        const bool can_cut = path.can_cut(own.segment), can_cut_theirs = !is_still && others.can_cut(its.segment);
+        const bool cuts = can_cut && (own.most >= SIMILAR * its.most || !can_cut_theirs);
+        const bool cuts_theirs = can_cut_theirs && (its.most > SIMILAR * own.most || !can_cut);
+        if (finding.is_certain || !(cuts || cuts_theirs)) return refuse(finding);
+        Segment parts[5];
+        int first = finding.mine, count = 1, their_first = finding.theirs, their_count = 1;
+        if (cuts) {
+            first = top, count = path.cut(own.segment, limits, parts);
+            for (int i = 0; i < count; ++i) span(arm, top++, parts[i]);
+        }
+        if (cuts_theirs) {
+            their_first = top, their_count = others.cut(its.segment, limits, parts);
+            for (int i = 0; i < their_count; ++i) span(1 - arm, top++, parts[i]);
+        }
+        Finding found[10], *last = found;
+        const std::size_t known = pairs.size();
+        for (int i = 0; i < count; ++i)
+            for (int k = 0; k < their_count; ++k) {
+                if (budget <= 0) return refuse(finding);
+                *last = compare(first + i, is_still ? -1 : their_first + k, &finding);
+                if (last++->is_certain) return refuse(last[-1]);
+            }
+        std::sort(found, last, [](const Finding& a, const Finding& b) { return a.free < b.free; });
+        for (Finding* each = found; each != last; ++each)
+            if (!is_clear(*each, top)) return false;
+        pairs.resize(known);
+        return true;
+    }
+
+    // Of parts that are within their margins now, how near they may be to each other.
+    void find_floors(const Motion& last, const Motion* its) {
+        std::vector<Floor>& known = floors[arm];
+        floored.clear();
+        const Placed &own = spans[2].placed, &theirs = spans[3].placed;
+        model.place(arm, last.sent[0], spans[2].placed);
+        if (its) model.place(1 - arm, its->sent[0], spans[3].placed);
+        for (const Placed* placed : {static_cast<const Placed*>(nullptr), &theirs}) {
+            const bool is_still = !placed;
+            if (placed && !its) break;
+            auto within = [&](int frame, int other) { return widest_of(frame, other, is_still); };
+            model.for_pairs(arm, own, placed, within, [&](int part, int other) {
+                const double kept = margin(part, other, is_still);
+                if (kept == -INF || model.is_far(arm, own, part, placed, other, kept)) return;
+                const double now = model.near(arm, own, part, placed, other).distance;
+                if (!(now < kept)) return;
+                // What was once left does not come back; an arm that came nearer all the same may go on from there.
+                Floor floor{model.arms[arm].first + part, number(other, is_still), now, 0.0};
+                for (const Floor& before : known)
+                    if (before.part == floor.part && before.other == floor.other && now >= before.floor - MOVED)
+                        floor.floor = std::max(now, std::min(before.floor, kept - SPARE));
+                floor.allowed = std::min(floor.floor - ALLOWED_APPROACH, now);
+                floored.push_back(floor);
+            });
+        }
+        known = floored;
+    }
+
+    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most, Decision& result) {
+        arm = which, steers = is_slow(motion, limits), budget = most, decision = &result;
+        pairs.clear(), boundaries.clear(), floored.clear();
+        path.begin(motion, false, limits);
+        span(arm, 0, path.whole);
+        if (its) {
+            others.begin(*its, true, limits);
+            span(1 - arm, 1, others.whole);
+        }
+        for (const double* its_hull : {path.whole.middle, path.whole.half, others.whole.middle, others.whole.half})
+            if (!are_finite(its_hull, JOINTS)) return false;
+        Finding found[2] = {NOTHING, NOTHING};
+        found[0] = compare(0, -1, nullptr);
+        if (its) found[1] = compare(0, 1, nullptr);
+        bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
+        if (is_open) find_floors(last, its);
+        if (!floored.empty()) {
+            for (Finding& each : found)
+                if (each.free < 0.0) each = compare(0, each.theirs, &each);
+            is_open = found[0].free < 0.0 || found[1].free < 0.0;
+        }
+        if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free)) std::swap(found[0], found[1]);
+        const bool is_clear_of_all = !is_open || (is_clear(found[0], 2) && is_clear(found[1], 2));
+        std::sort(boundaries.begin(), boundaries.end(), [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
+        result.boundary_count = std::min<std::int64_t>(NAMED, std::int64_t(boundaries.size()));
+        std::copy_n(boundaries.begin(), result.boundary_count, result.boundaries);
+        return is_clear_of_all;
+    }
+};
+
+constexpr int MOTION_SIZE = sizeof(Motion) / sizeof(double);
+static_assert(MOTION_SIZE == 58 && sizeof(Capsule) == 15 * sizeof(double) && sizeof(Box) == 16 * sizeof(double),
+              "as collision_library.py and collision.py pack them");
+
+}  // namespace
+
+// ---- what collision_library.py declares
+
+extern "C" {
+
+// A model of arms with these frames (2, 8, 12), so many capsules (2), these capsules (n, 15) and boxes (n, 16), each the
+// fields of the structures above.
+Model* model_new(const double* origins, const std::int64_t* counts, const Capsule* capsules, const Box* boxes, std::int64_t box_count) {
+    try {
+        Model* model = new Model();
+        for (int arm = 0; arm < 2; ++arm) {
+            Arm& its = model->arms[arm];
+            std::memcpy(static_cast<void*>(its.origins), origins + arm * FRAMES * 12, sizeof its.origins);
+            its.first = arm ? int(counts[0]) : 0;
+            its.parts.assign(capsules + its.first, capsules + its.first + counts[arm]);
+            for (std::size_t i = 0; i < its.parts.size(); ++i) {
+                its.balls.push_back(its.parts[i].ball());
+                its.of_frame[int(its.parts[i].frame)].push_back(int(i));
+            }
+            for (int frame = 0; frame < FRAMES; ++frame) {
+                Ball& around = its.around[frame];
+                for (int i : its.of_frame[frame]) around.centre = around.centre + (1.0 / its.of_frame[frame].size()) * its.balls[i].centre;
+                for (int i : its.of_frame[frame])
+                    around.radius = std::max(around.radius, length(its.balls[i].centre - around.centre) + its.balls[i].radius);
+            }
+        }
+        model->boxes.assign(boxes, boxes + box_count);
+        model->count = model->box_number(int(box_count));
+        return model;
+    } catch (...) {
+        return nullptr;
+    }
+}
+
+void model_delete(Model* model) { delete model; }
+
+// The pairs of parts nearer to each other than `within` [m], with the arms at two postures (14), of both arms, or of one
+// of them with what stands still. Returns how many; `contacts` has room for all.
+std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still, Contact* contacts) {
+    Placed placed, others;
+    model->place(int(arm), postures + JOINTS * arm, placed);
+    if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
+    const Placed* theirs = is_still ? nullptr : &others;
+    std::int64_t count = 0;
+    model->for_pairs(int(arm), placed, theirs, [&](int, int) { return within; }, [&](int part, int other) {
+        const Near near = model->near(int(arm), placed, part, theirs, other);
+        if (!(near.distance < within)) return;
+        Contact& contact = contacts[count++] = Contact{};
+        contact.distance = near.distance;
+        std::memcpy(contact.normal, &near.normal, sizeof contact.normal);
+        std::memcpy(contact.points, near.points, sizeof contact.points);
+        contact.parts[0] = model->arms[arm].first + part;
+        contact.parts[1] = is_still ? model->box_number(other) : model->arms[1 - arm].first + other;
+        model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
+        if (!is_still) model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+    });
+    return count;
+}
+
+// For arms whose joints brake with these accelerations and jerks (2, 7); parts of the same name have the same number.
+Limiter* limiter_new(const Model* model, const double* limits, const std::int64_t* names) {
+    try {
+        Limits joints;
+        std::memcpy(&joints, limits, sizeof joints);
+        Limiter* limiter = new Limiter(*model, joints);
+        limiter->names.assign(names, names + model->count);
+        return limiter;
+    } catch (...) {
+        return nullptr;
+    }
+}
+
+void limiter_delete(Limiter* limiter) { delete limiter; }
+
+// Keep these margins from now on (parts, parts) [m]; -inf between those that may touch.
+void limiter_permit(Limiter* limiter, const double* margins) { limiter->permit(margins); }
+
+// Whether an arm that moves like this comes to rest so soon that it is led along boundaries.
+bool limiter_is_slow(const Limiter* limiter, const char* packed) {
+    Motion motion;
+    std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
+    return is_slow(motion, limiter->limits);
+}
+
+// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far the
+// path may be off them, (n, 3, 7), at most 5 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool is_reachable, std::int64_t level, double* segments,
+                              double* whole) {
+    Motion motion;
+    std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
+    Path& path = limiter->path;
+    path.begin(motion, is_reachable, limiter->limits);
+    std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
+    std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
+    Segment parts[5];
+    std::int64_t count = 0;
+    for (int curve = path.cut(path.whole, limiter->limits, parts); curve--;)
+        for (int i = 0; i < 1 << level; ++i, ++count) {
+            const Segment segment = path.part(curve, int(level), i);
+            for (const double* row : {segment.middle, segment.along, segment.off})
+                segments = std::copy(row, row + JOINTS, segments);
+        }
+    return count;
+}
+
+// Whether an arm keeps apart from all else on all of its braking path, should it move as `motion` says, after `last`,
+// whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. Motions are packed.
+bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, const char* last, const char* its,
+                      std::int64_t budget, Decision* decision) {
+    Motion motions[3] = {};
+    const char* packed[3] = {motion, last, its};
+    *decision = {};
+    decision->part = decision->other = -1;
+    for (int i = 0; i < 3; ++i) {
+        if (!packed[i]) continue;
+        double values[MOTION_SIZE];
+        std::memcpy(values, packed[i], sizeof values);
+        if (!are_finite(values, MOTION_SIZE)) return false;
+        std::memcpy(static_cast<void*>(&motions[i]), values, sizeof values);
+    }
+    try {
+        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, budget, *decision);
+    } catch (...) {  // no memory
+        return false;
+    }
+}
+
+}  // extern "C"

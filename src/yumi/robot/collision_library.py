@@ -1,0 +1,146 @@
+"""Loads the compiled part of :mod:`yumi.robot.collision`, and compiles it where that was not done before.
+
+A wheel contains the library. From a clone or with colcon it is made from ``collision.cpp`` by the machine's compiler,
+once for each edition of that file: in the clone's ``build`` folder, or else in the user's cache.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from yumi.errors import MissingPrerequisite
+
+SOURCE = Path(__file__).with_name("collision.cpp")
+PACKAGED = SOURCE.with_name("libcollision.so")
+"""Where a wheel has the library."""
+
+COMPILERS = ("c++", "g++", "clang++")
+FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC")  # for any processor of its kind: what is compiled may be copied
+_PURPOSE = "What keeps the arms apart"
+NAMED = 3
+"""Boundaries that a decision has at most."""
+
+
+class Boundary(ctypes.Structure):
+    """What an arm must not cross, where it was compared; as in ``collision.cpp``.
+
+    Attributes:
+        beyond: how far the arm is on this side of it [m].
+        distance: of the parts from each other [m].
+        least: the least product of ``normal`` and a position [m].
+        normal: by how much a radian of each joint moves the parts apart [m/rad], (7,).
+        part: the number of the arm's part.
+        other: and of the other one.
+    """
+
+    _fields_ = (
+        ("beyond", ctypes.c_double),
+        ("distance", ctypes.c_double),
+        ("least", ctypes.c_double),
+        ("normal", ctypes.c_double * 7),
+        ("part", ctypes.c_int64),
+        ("other", ctypes.c_int64),
+    )
+
+
+class Decision(ctypes.Structure):
+    """Why a command is clear or not; as in ``collision.cpp``.
+
+    Attributes:
+        distances: that were calculated, or what took as long.
+        part: the number of the arm's part that may come too near to another one; -1 where none is known.
+        other: and of the other one.
+        distance: of the parts in the posture that was compared last [m].
+        boundary_count: how many of ``boundaries`` there are.
+        boundaries: near the arm, nearest first.
+    """
+
+    _fields_ = (
+        ("distances", ctypes.c_int64),
+        ("part", ctypes.c_int64),
+        ("other", ctypes.c_int64),
+        ("distance", ctypes.c_double),
+        ("boundary_count", ctypes.c_int64),
+        ("boundaries", Boundary * NAMED),
+    )
+
+
+@cache
+def load() -> ctypes.PyDLL:
+    """The library, with the types of its functions.
+
+    Raises:
+        MissingPrerequisite: it has to be compiled, and cannot be.
+    """
+    # Calls take microseconds: giving up the interpreter for them would let other threads in between.
+    library = ctypes.PyDLL(str(PACKAGED if PACKAGED.exists() else compiled()))
+    address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
+    packed, decision = ctypes.c_char_p, ctypes.POINTER(Decision)
+    for name, result, *arguments in (
+        ("model_new", address, address, address, address, address, integer),
+        ("model_delete", None, address),
+        ("model_contacts", integer, address, address, double, integer, boolean, address),
+        ("limiter_new", address, address, address, address),
+        ("limiter_delete", None, address),
+        ("limiter_permit", None, address, address),
+        ("limiter_is_slow", boolean, address, packed),
+        ("limiter_segments", integer, address, packed, boolean, integer, address, address),
+        ("limiter_is_clear", boolean, address, integer, packed, packed, packed, integer, decision),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+def compiled() -> Path:
+    """The library compiled for this machine, from this edition of the source; compiles it where there is none."""
+    made_of = SOURCE.read_bytes() + " ".join((*FLAGS, sysconfig.get_platform())).encode()
+    digest = hashlib.sha256(made_of).hexdigest()[:16]
+    library = _cache(os.environ) / f"collision-{digest}.so"
+    if not library.exists():
+        compile_to(library)
+    return library
+
+
+def compile_to(library: Path) -> None:
+    """Compile the source. Several processes may do so at once: each replaces the file by the same one, at once."""
+    named = shlex.split(os.environ.get("CXX", ""))
+    compiler = named or [found for name in COMPILERS if (found := shutil.which(name))][:1]
+    if not compiler:
+        raise MissingPrerequisite(
+            f"{_PURPOSE} must be compiled, and no C++ compiler was found: install one (Debian, Ubuntu: apt install "
+            "g++), name one in CXX, or install yumi-ros2 from a wheel, which contains it compiled."
+        )
+    own = library.with_name(f"{library.name}.{os.getpid()}")
+    command = [*compiler, *FLAGS, "-o", str(own), str(SOURCE)]
+    try:
+        library.parent.mkdir(parents=True, exist_ok=True)
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {shlex.join(command)}\n{done.stderr}")
+        own.replace(library)
+    except OSError as error:
+        raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {error}") from error
+    finally:
+        own.unlink(missing_ok=True)
+
+
+def _cache(environment: Mapping[str, str]) -> Path:
+    root = SOURCE.parents[3]
+    if (root / "pyproject.toml").exists():
+        return root / "build" / "collision"
+    return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(f"{compiled()}\n")

@@ -1,0 +1,62 @@
+"""What keeps the arms apart is compiled once, by whichever process comes first, or it is said why it cannot be."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from shutil import copy
+
+import pytest
+
+ROBOT = Path(__file__).resolve().parents[3] / "src" / "yumi" / "robot"
+
+
+@pytest.fixture
+def installed(tmp_path: Path) -> Path:
+    """The package as it is installed without the library, as far as it is compiled."""
+    folder = tmp_path / "site-packages" / "yumi"
+    (folder / "robot").mkdir(parents=True)
+    for file in (ROBOT.parent / "__init__.py", ROBOT.parent / "errors.py"):
+        copy(file, folder)
+    for file in ROBOT.glob("collision*"):
+        copy(file, folder / "robot")
+    return folder.parent
+
+
+def start(installed: Path, cache: Path, code: str, **variables: str) -> subprocess.Popen[str]:
+    """Another process that loads the library."""
+    environment = {**os.environ, "PYTHONPATH": str(installed), "XDG_CACHE_HOME": str(cache), **variables}
+    command = [sys.executable, "-c", f"from yumi.robot.collision_library import *; {code}"]
+    return subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def test_processes_that_compile_at_once_load_the_same_library(installed: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    running = [start(installed, cache, "print(load()._name)") for _ in range(2)]
+    printed = [process.communicate(timeout=60.0) for process in running]
+    assert [error for _, error in printed] == ["", ""]
+    (library,) = (cache / "yumi-ros2").iterdir()
+    assert [name.strip() for name, _ in printed] == [str(library), str(library)]
+    # Neither of them compiles it again.
+    compiled_at = library.stat().st_mtime_ns
+    assert start(installed, cache, "load()", PATH="").communicate(timeout=60.0) == ("", "")
+    assert library.stat().st_mtime_ns == compiled_at
+
+
+@pytest.mark.parametrize(
+    ("variables", "sentence"),
+    [
+        ({"PATH": "", "CXX": ""}, "no C++ compiler was found: install one (Debian, Ubuntu: apt install g++)"),
+        ({"CXX": "no-such-compiler"}, "could not be compiled: [Errno 2] No such file or directory"),
+        ({"CXX": "c++ --no-such-option"}, "could not be compiled: c++ --no-such-option"),
+    ],
+)
+def test_library_that_cannot_be_compiled_says_why(
+    installed: Path, tmp_path: Path, variables: dict[str, str], sentence: str
+) -> None:
+    _, error = start(installed, tmp_path / "cache", "load()", **variables).communicate(timeout=60.0)
+    assert "MissingPrerequisite: What keeps the arms apart" in error
+    assert sentence in error
+    assert not list(tmp_path.glob("cache/yumi-ros2/*"))
