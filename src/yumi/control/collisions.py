@@ -38,6 +38,7 @@ BODY_MARGIN = -0.002
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
+_STAYS = 1e-6  # [rad]
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
 _MOTION = Struct("58d")
@@ -451,9 +452,10 @@ class ArmCollisionLimiter:
 
     def steered(self, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        limited = None
-        if not self.boundaries or not self._is_slow:
-            # First an arm is slowed down on its path: where that is free after all, it is not left.
+        limited, now = None, self.motion.sent.position if self.motion is not None else desired.position
+        # First an arm is slowed down on its path: where that is free after all, it is not left. One that is to stay
+        # where it is stays there, though it may be nearer than where it would be led to.
+        if not self.boundaries or not self._is_slow or dist(desired.position, now) < _STAYS:
             return desired
         position, velocity = list(desired.position), list(desired.velocity)
         for _ in range(_REPEATS):
