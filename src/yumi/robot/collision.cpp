@@ -19,7 +19,7 @@ constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
 constexpr int NAMED = 3;            // boundaries that count at once
 constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
 
-constexpr double TOLERANCE = 5e-4;         // [m] a path is off the postures compared by more, or it counts as being there
+constexpr double TOLERANCE = 5e-4;         // [m] a path that is off a posture by less counts as being there
 constexpr double SHORT = 5e-3;             // [m] segments in which parts move less are taken for straight
 constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led along
 constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
@@ -28,7 +28,7 @@ constexpr double MOVED = 3e-4;             // [m] one that came nearer by more d
 constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
-constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of the other's is cut, too
+constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
 
 // ---- vectors and frames
 
@@ -102,7 +102,8 @@ Near between_capsules(Vec middle, Vec half, double radius, Vec other_middle, Vec
     const double offset = dot(half, apart), other_offset = dot(other, apart);
     const double denominator = size * other_size - both * both;
     auto inside = [](double share) { return std::min(std::max(share, -1.0), 1.0); };
-    double s = denominator > TINY * size * other_size ? inside((both * other_offset - offset * other_size) / denominator) : -1.0;
+    const bool is_parallel = denominator <= TINY * size * other_size;
+    double s = is_parallel ? -1.0 : inside((both * other_offset - offset * other_size) / denominator);
     const double t = other_size > 0.0 ? inside((both * s + other_offset) / other_size) : 0.0;
     s = size > 0.0 ? inside((both * t - offset) / size) : 0.0;
     const Vec first = middle + s * half, second = other_middle + t * other, line = second - first;
@@ -232,7 +233,8 @@ struct Model {
         if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
         const Vec apart = others->centres[other] - placed.centres[part];
         const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
-        return far < 0.0 || size - std::abs(dot(half, apart)) - std::abs(dot(others->halves[other], apart)) > far * std::sqrt(size);
+        const double reach = std::abs(dot(half, apart)) + std::abs(dot(others->halves[other], apart));
+        return far < 0.0 || size - reach > far * std::sqrt(size);
     }
 
     static bool is_far(Vec middle, Vec half, double far, const Box& box) {
@@ -253,7 +255,8 @@ struct Model {
             const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
             if (!others) {
                 for (int box = 0; box < int(boxes.size()); ++box)
-                    if (!(frame == 0 && boxes[box].is_body > 0.0) && !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
+                    if ((frame > 0 || boxes[box].is_body == 0.0) &&
+                        !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
                         for (int part : its.of_frame[frame]) visit(part, box);
                 continue;
             }
@@ -304,7 +307,8 @@ struct Limits {
 struct Braking {
     double at, sign, velocity, acceleration, jerk, peak, first, second, third;
 
-    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits) : at(start[0][joint]), jerk(limits.jerk[joint]) {
+    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits)
+        : at(start[0][joint]), jerk(limits.jerk[joint]) {
         const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
         sign = speed + rate * std::abs(rate) / (2.0 * jerk) < 0.0 ? -1.0 : 1.0;
         velocity = sign * speed, acceleration = sign * rate;
@@ -326,8 +330,8 @@ struct Braking {
     }
     void extend(double& low, double& high) const {  // a range to all where it comes
         double turning = 0.0;                       // it goes backwards first until its acceleration has turned it round
-        if (velocity < 0.0)
-            turning = (acceleration - std::sqrt(std::max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0))) / jerk;
+        const double root = acceleration * acceleration + 2.0 * jerk * velocity;
+        if (velocity < 0.0) turning = (acceleration - std::sqrt(std::max(root, 0.0))) / jerk;
         for (double place : {at, position(turning), position(duration())})
             low = std::min(low, place), high = std::max(high, place);
     }
@@ -418,8 +422,9 @@ struct Path {
         }
     }
 
-    // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead. A
-    // speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of its way is straight.
+    // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
+    // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
+    // straight.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;
@@ -493,7 +498,8 @@ struct Path {
             for (int j = 0; j < JOINTS; ++j) share += (inner[j] - segment.middle[j]) * segment.along[j] / size;
             share = std::min(std::max(share, -1.0), 1.0);
             for (int j = 0; j < JOINTS; ++j)
-                segment.off[j] = std::max(segment.off[j], std::abs(inner[j] - segment.middle[j] - share * segment.along[j]));
+                segment.off[j] =
+                    std::max(segment.off[j], std::abs(inner[j] - segment.middle[j] - share * segment.along[j]));
         }
         for (int j = 0; j < JOINTS; ++j) segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
         return segment;
@@ -572,7 +578,9 @@ struct Limiter {
         boundaries.reserve(64);
     }
 
-    int number(int other, bool is_still) const { return is_still ? model.box_number(other) : model.arms[1 - arm].first + other; }
+    int number(int other, bool is_still) const {
+        return is_still ? model.box_number(other) : model.arms[1 - arm].first + other;
+    }
     double margin(int part, int other, bool is_still) const {
         return margins[std::size_t(model.arms[arm].first + part) * model.count + number(other, is_still)];
     }
@@ -734,13 +742,14 @@ struct Limiter {
         return false;
     }
 
-    // Whether two segments are clear of each other, or one of what stands still: where that is open they are cut, and the
-    // parts that are nearest to each other come first. `top` is behind the last span in use.
+    // Whether two segments are clear of each other, or one of what stands still: where that is open they are cut, and
+    // the parts that are nearest to each other come first. `top` is behind the last span in use.
     bool is_clear(const Finding& finding, int top) {
         if (!(finding.free < 0.0)) return true;
         const bool is_still = finding.theirs < 0;
         const Span &own = spans[finding.mine], &its = spans[is_still ? finding.mine : finding.theirs];
-        const bool can_cut = paths[arm].can_cut(own.segment), can_cut_theirs = !is_still && paths[1 - arm].can_cut(its.segment);
+        const bool can_cut = paths[arm].can_cut(own.segment);
+        const bool can_cut_theirs = !is_still && paths[1 - arm].can_cut(its.segment);
         const bool cuts = can_cut && (own.most >= SIMILAR * its.most || !can_cut_theirs);
         const bool cuts_theirs = can_cut_theirs && (its.most > SIMILAR * own.most || !can_cut);
         if (finding.is_certain || !(cuts || cuts_theirs)) return refuse(finding);
@@ -815,7 +824,8 @@ struct Limiter {
         known = floored;
     }
 
-    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most, Decision& result) {
+    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most,
+                Decision& result) {
         arm = which, steers = is_slow(motion, limits), budget = most, decision = &result;
         pairs.clear(), boundaries.clear(), floored.clear();
         paths[arm].begin(motion, limits);
@@ -836,9 +846,11 @@ struct Limiter {
                 if (each.free < 0.0) each = compare(0, each.theirs, &each);
             is_open = found[0].free < 0.0 || found[1].free < 0.0;
         }
-        if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free)) std::swap(found[0], found[1]);
+        if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free))
+            std::swap(found[0], found[1]);
         const bool is_clear_of_all = !is_open || (is_clear(found[0], 2) && is_clear(found[1], 2));
-        std::sort(boundaries.begin(), boundaries.end(), [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
+        std::sort(boundaries.begin(), boundaries.end(),
+                  [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
         result.boundary_count = std::min<std::int64_t>(NAMED, std::int64_t(boundaries.size()));
         std::copy_n(boundaries.begin(), result.boundary_count, result.boundaries);
         return is_clear_of_all;
@@ -857,7 +869,8 @@ extern "C" {
 
 // A model of arms with these frames (2, 8, 12), so many capsules (2), these capsules (n, 15) and boxes (n, 16), each the
 // fields of the structures above.
-Model* model_new(const double* origins, const std::int64_t* counts, const Capsule* capsules, const Box* boxes, std::int64_t box_count) {
+Model* model_new(const double* origins, const std::int64_t* counts, const Capsule* capsules, const Box* boxes,
+                 std::int64_t box_count) {
     try {
         Model* model = new Model();
         for (int arm = 0; arm < 2; ++arm) {
@@ -871,9 +884,12 @@ Model* model_new(const double* origins, const std::int64_t* counts, const Capsul
             }
             for (int frame = 0; frame < FRAMES; ++frame) {
                 Ball& around = its.around[frame];
-                for (int i : its.of_frame[frame]) around.centre = around.centre + (1.0 / its.of_frame[frame].size()) * its.balls[i].centre;
-                for (int i : its.of_frame[frame])
-                    around.radius = std::max(around.radius, length(its.balls[i].centre - around.centre) + its.balls[i].radius);
+                const std::vector<int>& parts = its.of_frame[frame];
+                for (int i : parts) around.centre = around.centre + (1.0 / double(parts.size())) * its.balls[i].centre;
+                for (int i : parts) {
+                    const double reach = length(its.balls[i].centre - around.centre) + its.balls[i].radius;
+                    around.radius = std::max(around.radius, reach);
+                }
             }
         }
         model->boxes.assign(boxes, boxes + box_count);
@@ -888,7 +904,8 @@ void model_delete(Model* model) { delete model; }
 
 // The pairs of parts nearer to each other than `within` [m], with the arms at two postures (14), of both arms, or of one
 // of them with what stands still. Returns how many; `contacts` has room for all.
-std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still, Contact* contacts) {
+std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still,
+                            Contact* contacts) {
     Placed placed, others;
     model->place(int(arm), postures + JOINTS * arm, placed);
     if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
@@ -904,13 +921,14 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
         contact.parts[0] = model->arms[arm].first + part;
         contact.parts[1] = is_still ? model->box_number(other) : model->arms[1 - arm].first + other;
         model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
-        if (!is_still) model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+        if (is_still) return;
+        model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
     });
     return count;
 }
 
-// For arms whose joints brake with these accelerations and jerks, of robots of this gain (15); parts of the same name have
-// the same number.
+// For arms whose joints brake with these accelerations and jerks, of robots of this gain (15); parts of the same name
+// have the same number.
 Limiter* limiter_new(const Model* model, const double* limits, const std::int64_t* names) {
     try {
         Limits joints;
@@ -935,9 +953,10 @@ bool limiter_is_slow(const Limiter* limiter, const char* packed) {
     return is_slow(motion, limiter->limits);
 }
 
-// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far the
-// path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
-std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t level, double* segments, double* whole) {
+// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
+// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t level, double* segments,
+                              double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
     Path& path = limiter->paths[0];
