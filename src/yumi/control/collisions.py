@@ -253,7 +253,7 @@ class CollisionLimiter:
         self.library = collision_library.load()
         numbers = {name: number for number, name in enumerate(model.names)}
         names = np.array([numbers[name] for name in model.names])
-        braking = np.array([limits.acceleration, limits.jerk])
+        braking = np.array([*limits.acceleration, *limits.jerk, gain])
         self.handle: int = self.library.limiter_new(model.handle, braking.ctypes.data, names.ctypes.data)
         if not self.handle:
             raise MemoryError("no memory to keep the arms apart")

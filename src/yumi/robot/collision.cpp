@@ -19,7 +19,7 @@ constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
 constexpr int NAMED = 3;            // boundaries that count at once
 constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
 
-constexpr double TOLERANCE = 5e-4;         // [m] a path is off the postures compared by more, or it counts as being there
+constexpr double TOLERANCE = 5e-4;         // [m] a path that is off a posture by less counts as being there
 constexpr double SHORT = 5e-3;             // [m] segments in which parts move less are taken for straight
 constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led along
 constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
@@ -28,7 +28,7 @@ constexpr double MOVED = 3e-4;             // [m] one that came nearer by more d
 constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
-constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of the other's is cut, too
+constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
 
 // ---- vectors and frames
 
@@ -102,7 +102,8 @@ Near between_capsules(Vec middle, Vec half, double radius, Vec other_middle, Vec
     const double offset = dot(half, apart), other_offset = dot(other, apart);
     const double denominator = size * other_size - both * both;
     auto inside = [](double share) { return std::min(std::max(share, -1.0), 1.0); };
-    double s = denominator > TINY * size * other_size ? inside((both * other_offset - offset * other_size) / denominator) : -1.0;
+    const bool is_parallel = denominator <= TINY * size * other_size;
+    double s = is_parallel ? -1.0 : inside((both * other_offset - offset * other_size) / denominator);
     const double t = other_size > 0.0 ? inside((both * s + other_offset) / other_size) : 0.0;
     s = size > 0.0 ? inside((both * t - offset) / size) : 0.0;
     const Vec first = middle + s * half, second = other_middle + t * other, line = second - first;
@@ -232,7 +233,8 @@ struct Model {
         if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
         const Vec apart = others->centres[other] - placed.centres[part];
         const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
-        return far < 0.0 || size - std::abs(dot(half, apart)) - std::abs(dot(others->halves[other], apart)) > far * std::sqrt(size);
+        const double reach = std::abs(dot(half, apart)) + std::abs(dot(others->halves[other], apart));
+        return far < 0.0 || size - reach > far * std::sqrt(size);
     }
 
     static bool is_far(Vec middle, Vec half, double far, const Box& box) {
@@ -253,7 +255,8 @@ struct Model {
             const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
             if (!others) {
                 for (int box = 0; box < int(boxes.size()); ++box)
-                    if (!(frame == 0 && boxes[box].is_body > 0.0) && !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
+                    if ((frame > 0 || boxes[box].is_body == 0.0) &&
+                        !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
                         for (int part : its.of_frame[frame]) visit(part, box);
                 continue;
             }
@@ -297,13 +300,15 @@ struct Motion {
 
 struct Limits {
     double acceleration[JOINTS], jerk[JOINTS];
+    double gain;  // of the robots' position loops [1/s]
 };
 
 // A joint that brakes as hard as it may, forwards: its acceleration changes by its jerk to a peak, stays, and goes back.
 struct Braking {
     double at, sign, velocity, acceleration, jerk, peak, first, second, third;
 
-    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits) : at(start[0][joint]), jerk(limits.jerk[joint]) {
+    Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits)
+        : at(start[0][joint]), jerk(limits.jerk[joint]) {
         const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
         sign = speed + rate * std::abs(rate) / (2.0 * jerk) < 0.0 ? -1.0 : 1.0;
         velocity = sign * speed, acceleration = sign * rate;
@@ -325,8 +330,8 @@ struct Braking {
     }
     void extend(double& low, double& high) const {  // a range to all where it comes
         double turning = 0.0;                       // it goes backwards first until its acceleration has turned it round
-        if (velocity < 0.0)
-            turning = (acceleration - std::sqrt(std::max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0))) / jerk;
+        const double root = acceleration * acceleration + 2.0 * jerk * velocity;
+        if (velocity < 0.0) turning = (acceleration - std::sqrt(std::max(root, 0.0))) / jerk;
         for (double place : {at, position(turning), position(duration())})
             low = std::min(low, place), high = std::max(high, place);
     }
@@ -341,6 +346,8 @@ bool is_slow(const Motion& motion, const Limits& limits) {
     }
     return way < SLOW;
 }
+
+constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1;  // numbers of a path's curves; of all of them
 
 // Postures along a path: a curve, or a straight line, of which there are only the ends.
 struct Curve {
@@ -359,28 +366,41 @@ struct Segment {
 struct Path {
     Segment whole;
     Motion motion;
-    bool is_ahead;
-    int curves;          // of it; none before it is cut
-    Curve curve[2 + 3];  // how the position sent brakes, and the robot; lines to where the robot may go
+    int curves;      // of it; none before it is cut
+    Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line to where it may coast
 
-    // Where a new command may lead the arm that it did not come by earlier ones: its braking path. With `reachable`, all
-    // where it may come from now on: from where the robot plans to be to where it rests. A robot follows the position
-    // sent late, by the time constant of its position loop; what that takes it off its path is left to the margin.
-    void begin(const Motion& its, bool reachable, const Limits& limits) {
-        motion = its, is_ahead = !reachable, curves = 0;
+    Path() : whole{}, motion{}, curves(0) { motion.planned[0] = INF; }  // as of no arm
+
+    // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where it
+    // plans to be to where it rests, and where it may coast.
+    void begin(const Motion& its, const Limits& limits) {
+        if (std::memcmp(&motion, &its, sizeof motion) == 0) return;  // as of the other arm's command
+        motion = its, curves = 0;
         whole = {};
-        whole.curve = -1;
+        whole.curve = WHOLE;
         for (int j = 0; j < JOINTS; ++j) {
-            double low = its.sent[0][j], high = low;
+            double low = std::min(its.planned[j], its.sent[0][j]), high = std::max(its.planned[j], its.sent[0][j]);
             Braking(its.sent, j, limits).extend(low, high);
-            if (its.has_robot > 0.0) Braking(its.robot, j, limits).extend(low, high);
-            if (reachable) {
-                low = std::min(low, its.planned[j]), high = std::max(high, its.planned[j]);
-                if (its.coasts > 0.0) low = std::min(low, its.coasts_to[j]), high = std::max(high, its.coasts_to[j]);
-            }
+            if (its.coasts > 0.0) low = std::min(low, its.coasts_to[j]), high = std::max(high, its.coasts_to[j]);
             whole.middle[j] = 0.5 * (low + high);
-            whole.off[j] = whole.half[j] = 0.5 * (high - low);
+            whole.half[j] = 0.5 * (high - low);
         }
+        if (its.has_robot > 0.0) {  // one that gets its speed by the position alone stays between these
+            add_curves(limits);
+            for (const auto& posture : curve[FOLLOWING].postures)
+                for (int j = 0; j < JOINTS; ++j) {
+                    const double over = 0.5 * std::max(std::abs(posture[j] - whole.middle[j]) - whole.half[j], 0.0);
+                    whole.middle[j] += std::copysign(over, posture[j] - whole.middle[j]), whole.half[j] += over;
+                }
+        }
+        std::copy(whole.half, whole.half + JOINTS, whole.off);
+    }
+
+    void add_curves(const Limits& limits) {
+        if (curves) return;
+        add_braking(motion.sent, limits);
+        add_following(limits);
+        if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
     }
 
     void add_line(const double* from, const double* to) {
@@ -402,23 +422,55 @@ struct Path {
         }
     }
 
+    // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
+    // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
+    // straight.
+    void add_following(const Limits& limits) {
+        constexpr int BRAKING = 3 * SAMPLES / 4;
+        const bool is_fed = motion.has_robot > 0.0;
+        Curve& its = curve[curves++];
+        its.is_straight = false;
+        double time = 0.0;
+        for (int j = 0; j < JOINTS; ++j) {
+            time = std::max(time, Braking(motion.sent, j, limits).duration());
+            if (is_fed) time = std::max(time, Braking(motion.robot, j, limits).duration());
+        }
+        const double dt = time / BRAKING, left = std::exp(-limits.gain * dt);
+        for (int j = 0; j < JOINTS; ++j) {
+            const Braking braking(motion.sent, j, limits);
+            const double top = limits.acceleration[j], rise = limits.jerk[j] * dt, half = 0.5 * rise;
+            double position = is_fed ? motion.robot[0][j] : motion.planned[j];
+            double speed = motion.robot[1][j], rate = motion.robot[2][j];
+            for (int i = 0; i < BRAKING; ++i) {
+                its.postures[i][j] = position;
+                const double ahead = braking.position((i + 0.5) * dt);
+                if (!is_fed) {
+                    position = ahead + (position - ahead) * left;
+                    continue;
+                }
+                const double missing = limits.gain * (ahead - position) - speed, size = std::abs(missing);
+                const double ease = std::sqrt(2.0 * limits.jerk[j] * size + half * half) - half;  // as ramp_speed has it
+                const double aim = std::copysign(std::min(std::min(top, ease), dt > 0.0 ? size / dt : 0.0), missing);
+                const double before = rate;
+                rate = std::max(rate - rise, std::min(rate + rise, aim));
+                position += (speed + (2.0 * before + rate) * dt / 6.0) * dt;
+                speed += 0.5 * (before + rate) * dt;
+            }
+            const double rest = limits.gain > 0.0 ? braking.position(time) : position;
+            for (int i = BRAKING; i <= SAMPLES; ++i)
+                its.postures[i][j] = position + (rest - position) * (i - BRAKING) / (SAMPLES - BRAKING);
+        }
+    }
+
     bool can_cut(const Segment& segment) const { return segment.curve < 0 || segment.level < LEVELS; }
 
-    // What a segment consists of: at most five parts.
+    // What a segment consists of: at most three parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
-        if (!curves) {
-            if (!is_ahead) {
-                add_line(motion.planned, motion.sent[0]);
-                if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
-                if (motion.has_robot > 0.0) add_line(motion.planned, motion.robot[0]);
-            }
-            add_braking(motion.sent, limits);
-            if (motion.has_robot > 0.0) add_braking(motion.robot, limits);
-        }
+        add_curves(limits);
         for (int i = 0; i < curves; ++i) parts[i] = part(i, 0, 0);
         return curves;
     }
@@ -446,7 +498,8 @@ struct Path {
             for (int j = 0; j < JOINTS; ++j) share += (inner[j] - segment.middle[j]) * segment.along[j] / size;
             share = std::min(std::max(share, -1.0), 1.0);
             for (int j = 0; j < JOINTS; ++j)
-                segment.off[j] = std::max(segment.off[j], std::abs(inner[j] - segment.middle[j] - share * segment.along[j]));
+                segment.off[j] =
+                    std::max(segment.off[j], std::abs(inner[j] - segment.middle[j] - share * segment.along[j]));
         }
         for (int j = 0; j < JOINTS; ++j) segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
         return segment;
@@ -510,7 +563,7 @@ struct Limiter {
     // Of one decision.
     int arm = 0;
     bool steers = false;
-    Path path{}, others{};
+    Path paths[2];
     std::vector<Span> spans;
     std::vector<Pair> pairs;
     std::vector<Floor> floored;
@@ -519,13 +572,15 @@ struct Limiter {
     Decision* decision = nullptr;
 
     Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
-        // A level cuts one segment into two and one into five at most, and each path is cut LEVELS + 1 times.
-        spans.resize(2 + (2 * LEVELS + 2) * 7);
+        // A level cuts one segment into two and one into three at most, and each path is cut LEVELS + 1 times.
+        spans.resize(2 + (2 * LEVELS + 2) * 5);
         pairs.reserve(1 << 14);
         boundaries.reserve(64);
     }
 
-    int number(int other, bool is_still) const { return is_still ? model.box_number(other) : model.arms[1 - arm].first + other; }
+    int number(int other, bool is_still) const {
+        return is_still ? model.box_number(other) : model.arms[1 - arm].first + other;
+    }
     double margin(int part, int other, bool is_still) const {
         return margins[std::size_t(model.arms[arm].first + part) * model.count + number(other, is_still)];
     }
@@ -603,7 +658,7 @@ struct Limiter {
         Finding finding = NOTHING;
         finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
         double worst = INF;
-        const bool can_cut = path.can_cut(own.segment) || (!is_still && others.can_cut(its->segment));
+        const bool can_cut = paths[arm].can_cut(own.segment) || (!is_still && paths[1 - arm].can_cut(its->segment));
         int seen = 0;
         auto examine = [&](int part, int other) {
             ++seen;
@@ -618,7 +673,8 @@ struct Limiter {
             spend(1);
             const Near near = model.near(arm, own.placed, part, placed, other);
             double beyond = near.distance - kept;
-            if (steers && beyond < BOUNDARY_WITHIN && off < SHORT) note_boundary(own, part, other, is_still, near, beyond);
+            if (steers && own.segment.curve <= SENT && beyond < BOUNDARY_WITHIN && off < SHORT)
+                note_boundary(own, part, other, is_still, near, beyond);
             double free = INF;
             if (beyond < std::max(off - TOLERANCE, 0.0)) {
                 double nearer = towards(arm, own, part, near.normal);
@@ -686,31 +742,36 @@ struct Limiter {
         return false;
     }
 
-    // Whether two segments are clear of each other, or one of what stands still: where that is open they are cut, and the
-    // parts that are nearest to each other come first. `top` is behind the last span in use.
+    // Whether two segments are clear of each other, or one of what stands still: where that is open they are cut, and
+    // the parts that are nearest to each other come first. `top` is behind the last span in use.
     bool is_clear(const Finding& finding, int top) {
         if (!(finding.free < 0.0)) return true;
         const bool is_still = finding.theirs < 0;
         const Span &own = spans[finding.mine], &its = spans[is_still ? finding.mine : finding.theirs];
-        const bool can_cut = path.can_cut(own.segment), can_cut_theirs = !is_still && others.can_cut(its.segment);
+        const bool can_cut = paths[arm].can_cut(own.segment);
+        const bool can_cut_theirs = !is_still && paths[1 - arm].can_cut(its.segment);
         const bool cuts = can_cut && (own.most >= SIMILAR * its.most || !can_cut_theirs);
         const bool cuts_theirs = can_cut_theirs && (its.most > SIMILAR * own.most || !can_cut);
         if (finding.is_certain || !(cuts || cuts_theirs)) return refuse(finding);
-        Segment parts[5];
+        Segment parts[3];
         int first = finding.mine, count = 1, their_first = finding.theirs, their_count = 1;
         if (cuts) {
-            first = top, count = path.cut(own.segment, limits, parts);
+            first = top, count = paths[arm].cut(own.segment, limits, parts);
             for (int i = 0; i < count; ++i) span(arm, top++, parts[i]);
         }
         if (cuts_theirs) {
-            their_first = top, their_count = others.cut(its.segment, limits, parts);
+            their_first = top, their_count = paths[1 - arm].cut(its.segment, limits, parts);
             for (int i = 0; i < their_count; ++i) span(1 - arm, top++, parts[i]);
         }
-        Finding found[10], *last = found;
+        Finding found[6], *last = found;
         const std::size_t known = pairs.size();
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < their_count; ++k) {
                 if (budget <= 0) return refuse(finding);
+                // Positions sent are compared with positions sent, and robots with robots.
+                const int curve = spans[first + i].segment.curve;
+                const int its_curve = is_still ? curve : spans[their_first + k].segment.curve;
+                if (std::min(curve, its_curve) == SENT && std::max(curve, its_curve) == FOLLOWING) continue;
                 *last = compare(first + i, is_still ? -1 : their_first + k, &finding);
                 if (last++->is_certain) return refuse(last[-1]);
             }
@@ -726,40 +787,55 @@ struct Limiter {
         std::vector<Floor>& known = floors[arm];
         floored.clear();
         const Placed &own = spans[2].placed, &theirs = spans[3].placed;
-        model.place(arm, last.sent[0], spans[2].placed);
-        if (its) model.place(1 - arm, its->sent[0], spans[3].placed);
-        for (const Placed* placed : {static_cast<const Placed*>(nullptr), &theirs}) {
+        auto note = [&](const Placed* placed) {
             const bool is_still = !placed;
-            if (placed && !its) break;
             auto within = [&](int frame, int other) { return widest_of(frame, other, is_still); };
             model.for_pairs(arm, own, placed, within, [&](int part, int other) {
                 const double kept = margin(part, other, is_still);
                 if (kept == -INF || model.is_far(arm, own, part, placed, other, kept)) return;
                 const double now = model.near(arm, own, part, placed, other).distance;
                 if (!(now < kept)) return;
-                // What was once left does not come back; an arm that came nearer all the same may go on from there.
-                Floor floor{model.arms[arm].first + part, number(other, is_still), now, 0.0};
-                for (const Floor& before : known)
-                    if (before.part == floor.part && before.other == floor.other && now >= before.floor - MOVED)
-                        floor.floor = std::max(now, std::min(before.floor, kept - SPARE));
-                floor.allowed = std::min(floor.floor - ALLOWED_APPROACH, now);
-                floored.push_back(floor);
+                for (Floor& floor : floored)
+                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still)) {
+                        floor.floor = std::min(floor.floor, now);
+                        return;
+                    }
+                floored.push_back({model.arms[arm].first + part, number(other, is_still), now, 0.0});
             });
+        };
+        // Where the arms are sent, and where their robots plan to be.
+        for (const double* posture : {last.sent[0], last.planned}) {
+            model.place(arm, posture, spans[2].placed);
+            note(nullptr);
+            for (const double* other : {its ? its->sent[0] : nullptr, its ? its->planned : nullptr}) {
+                if (!other) continue;
+                model.place(1 - arm, other, spans[3].placed);
+                note(&theirs);
+            }
+        }
+        for (Floor& floor : floored) {
+            const double now = floor.floor, kept = margins[std::size_t(floor.part) * model.count + floor.other];
+            // What was once left does not come back; an arm that came nearer all the same may go on from there.
+            for (const Floor& before : known)
+                if (before.part == floor.part && before.other == floor.other && now >= before.floor - MOVED)
+                    floor.floor = std::max(now, std::min(before.floor, kept - SPARE));
+            floor.allowed = std::min(floor.floor - ALLOWED_APPROACH, now);
         }
         known = floored;
     }
 
-    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most, Decision& result) {
+    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most,
+                Decision& result) {
         arm = which, steers = is_slow(motion, limits), budget = most, decision = &result;
         pairs.clear(), boundaries.clear(), floored.clear();
-        path.begin(motion, false, limits);
-        span(arm, 0, path.whole);
+        paths[arm].begin(motion, limits);
+        span(arm, 0, paths[arm].whole);
         if (its) {
-            others.begin(*its, true, limits);
-            span(1 - arm, 1, others.whole);
+            paths[1 - arm].begin(*its, limits);
+            span(1 - arm, 1, paths[1 - arm].whole);
         }
-        for (const double* its_hull : {path.whole.middle, path.whole.half, others.whole.middle, others.whole.half})
-            if (!are_finite(its_hull, JOINTS)) return false;
+        for (const Path& path : paths)
+            if (!are_finite(path.whole.middle, JOINTS) || !are_finite(path.whole.half, JOINTS)) return false;
         Finding found[2] = {NOTHING, NOTHING};
         found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
@@ -770,9 +846,11 @@ struct Limiter {
                 if (each.free < 0.0) each = compare(0, each.theirs, &each);
             is_open = found[0].free < 0.0 || found[1].free < 0.0;
         }
-        if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free)) std::swap(found[0], found[1]);
+        if (found[1].is_certain || (!found[0].is_certain && found[1].free < found[0].free))
+            std::swap(found[0], found[1]);
         const bool is_clear_of_all = !is_open || (is_clear(found[0], 2) && is_clear(found[1], 2));
-        std::sort(boundaries.begin(), boundaries.end(), [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
+        std::sort(boundaries.begin(), boundaries.end(),
+                  [](const Boundary& a, const Boundary& b) { return a.beyond < b.beyond; });
         result.boundary_count = std::min<std::int64_t>(NAMED, std::int64_t(boundaries.size()));
         std::copy_n(boundaries.begin(), result.boundary_count, result.boundaries);
         return is_clear_of_all;
@@ -791,7 +869,8 @@ extern "C" {
 
 // A model of arms with these frames (2, 8, 12), so many capsules (2), these capsules (n, 15) and boxes (n, 16), each the
 // fields of the structures above.
-Model* model_new(const double* origins, const std::int64_t* counts, const Capsule* capsules, const Box* boxes, std::int64_t box_count) {
+Model* model_new(const double* origins, const std::int64_t* counts, const Capsule* capsules, const Box* boxes,
+                 std::int64_t box_count) {
     try {
         Model* model = new Model();
         for (int arm = 0; arm < 2; ++arm) {
@@ -805,9 +884,12 @@ Model* model_new(const double* origins, const std::int64_t* counts, const Capsul
             }
             for (int frame = 0; frame < FRAMES; ++frame) {
                 Ball& around = its.around[frame];
-                for (int i : its.of_frame[frame]) around.centre = around.centre + (1.0 / its.of_frame[frame].size()) * its.balls[i].centre;
-                for (int i : its.of_frame[frame])
-                    around.radius = std::max(around.radius, length(its.balls[i].centre - around.centre) + its.balls[i].radius);
+                const std::vector<int>& parts = its.of_frame[frame];
+                for (int i : parts) around.centre = around.centre + (1.0 / double(parts.size())) * its.balls[i].centre;
+                for (int i : parts) {
+                    const double reach = length(its.balls[i].centre - around.centre) + its.balls[i].radius;
+                    around.radius = std::max(around.radius, reach);
+                }
             }
         }
         model->boxes.assign(boxes, boxes + box_count);
@@ -822,7 +904,8 @@ void model_delete(Model* model) { delete model; }
 
 // The pairs of parts nearer to each other than `within` [m], with the arms at two postures (14), of both arms, or of one
 // of them with what stands still. Returns how many; `contacts` has room for all.
-std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still, Contact* contacts) {
+std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still,
+                            Contact* contacts) {
     Placed placed, others;
     model->place(int(arm), postures + JOINTS * arm, placed);
     if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
@@ -838,12 +921,14 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
         contact.parts[0] = model->arms[arm].first + part;
         contact.parts[1] = is_still ? model->box_number(other) : model->arms[1 - arm].first + other;
         model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
-        if (!is_still) model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+        if (is_still) return;
+        model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
     });
     return count;
 }
 
-// For arms whose joints brake with these accelerations and jerks (2, 7); parts of the same name have the same number.
+// For arms whose joints brake with these accelerations and jerks, of robots of this gain (15); parts of the same name
+// have the same number.
 Limiter* limiter_new(const Model* model, const double* limits, const std::int64_t* names) {
     try {
         Limits joints;
@@ -868,17 +953,17 @@ bool limiter_is_slow(const Limiter* limiter, const char* packed) {
     return is_slow(motion, limiter->limits);
 }
 
-// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far the
-// path may be off them, (n, 3, 7), at most 5 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
-std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool is_reachable, std::int64_t level, double* segments,
+// The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
+// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t level, double* segments,
                               double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    Path& path = limiter->path;
-    path.begin(motion, is_reachable, limiter->limits);
+    Path& path = limiter->paths[0];
+    path.begin(motion, limiter->limits);
     std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
     std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
-    Segment parts[5];
+    Segment parts[3];
     std::int64_t count = 0;
     for (int curve = path.cut(path.whole, limiter->limits, parts); curve--;)
         for (int i = 0; i < 1 << level; ++i, ++count) {

@@ -266,7 +266,7 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
 
 
 class Segments:
-    """Those of a braking path, as they are compared; or with ``reachable``, of all where an arm may come.
+    """Those of where an arm may come until it rests, as they are compared.
 
     Attributes:
         lines: of the segments that are cut ``level`` times, up to 6: middle, line to the end, and how far off it each
@@ -274,10 +274,10 @@ class Segments:
         middle, half: of the whole path [rad], (7,).
     """
 
-    def __init__(self, motion: ArmMotion, *, reachable: bool = False, level: int = 6) -> None:
+    def __init__(self, motion: ArmMotion, level: int = 6) -> None:
         both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
-        lines, whole = np.empty((5 * 64, 3, 7)), np.empty((2, 7))
-        arguments = motion.packed, reachable, level, lines.ctypes.data, whole.ctypes.data
+        lines, whole = np.empty((3 * 64, 3, 7)), np.empty((2, 7))
+        arguments = motion.packed, level, lines.ctypes.data, whole.ctypes.data
         self.lines = lines[: both.library.limiter_segments(both.handle, *arguments)]
         self.middle, self.half = whole
 
@@ -307,9 +307,9 @@ def test_joint_that_turns_round_stays_in_its_braking_path() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
     start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
-    ahead = Segments(ArmMotion(start, sent, None))
-    assert ahead.off(braking_postures(sent)) < 1e-4
-    assert ahead.covers(braking_postures(sent))
+    path = Segments(ArmMotion(start, sent, None))
+    assert path.off(braking_postures(sent)) < 1e-4
+    assert path.covers(braking_postures(sent))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -326,11 +326,52 @@ def test_braking_path_is_in_its_segments(seed: int) -> None:
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
         motion, postures = ArmMotion(READY[Side.RIGHT], sent, None), braking_postures(sent)
         for level in range(7):
-            ahead, reachable = Segments(motion, level=level), Segments(motion, reachable=True, level=level)
-            assert ahead.off(postures) < 1e-4
-            assert reachable.off(postures) < 1e-4
-        assert ahead.covers(postures)
-        assert reachable.covers(postures)
+            path = Segments(motion, level)
+            assert path.off(postures) < 1e-4
+        assert path.covers(postures)
+
+
+def test_robot_that_follows_late_is_compared_where_it_goes_itself() -> None:
+    """Its command has gone round by joint 1; the robot would go straight there with joint 4."""
+    start = FORWARD[Side.RIGHT]
+    before, half_way, after = (joints([*start[:3], start[3] + angle, *start[4:]]) for angle in (-1.1, -0.6, -0.1))
+    path = Segments(ArmMotion(before, Setpoint(after), None))
+    assert path.off(np.array([half_way])) < 1e-6
+    assert path.covers(np.array([before, half_way, after]))
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS, obstacles=(post_at(half_way),)), YUMI_LIMITS, EGM_GAIN)
+    detour = turned(Side.RIGHT, half_way[0] - 0.7)
+    for robot, accepted in ((after, True), (before, False)):
+        # On the way that led round the post the positions sent were clear of it.
+        both.arm(Side.RIGHT).sent(detour, Setpoint(detour), None)
+        both.arm(Side.RIGHT).begin_cycle(None, ZERO, CYCLE)
+        assert both.arm(Side.RIGHT).accepts(robot, Setpoint(after), None) is accepted, both.limited(Side.RIGHT)
+    assert "post" in str(both.limited(Side.RIGHT))
+
+
+def post_at(position: Joints) -> Obstacle:
+    """A small box in the right arm's gripper."""
+    tip = tool0_to_body(Side.RIGHT, position, Pose((0.0, 0.0, 0.12), UPRIGHT)).position
+    return Obstacle("post", Pose(tip, UPRIGHT), (0.02, 0.02, 0.02))
+
+
+@pytest.mark.parametrize(
+    "drive", [to, lambda goal: at_speed(scaled_by(0.3, YUMI_LIMITS.velocity))], ids=["late", "fed forward"]
+)
+def test_robot_goes_where_it_was_compared_when_its_command_brakes(
+    drive: Callable[[Joints], Drive], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arms = ApartArms(READY, obstacles=())
+    for _ in range(40):
+        arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
+    motion = arms.both.arm(Side.RIGHT).motion
+    assert motion is not None
+    monkeypatch.setattr(arms.both.arm(Side.RIGHT), "begin_cycle", lambda *_: True)  # nothing is accepted
+    postures = []
+    for _ in range(150):
+        arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
+        postures.append(arms.arms[Side.RIGHT].planned)
+    assert dist(postures[0], postures[-1]) > 0.2
+    assert Segments(motion).off(np.array(postures)) < 5e-3
 
 
 def moving(generator: np.random.Generator, side: Side) -> Setpoint:
@@ -624,13 +665,13 @@ def test_held_arm_tries_again_when_the_other_one_moves_and_less_often_when_that_
     assert tries == (5 if is_limited else 20)
 
 
-def test_arm_at_its_goal_is_not_limited_by_what_has_left() -> None:
-    arms, goal = ApartArms(FORWARD, obstacles=()), turned(Side.RIGHT, radians(45.0))
-    for _ in range(400):
-        arms.cycle({Side.RIGHT: to(goal)})
+def test_arm_is_not_limited_by_what_has_left() -> None:
+    """Its goal is 4 mm too near to the other arm, which comes, wobbles and goes."""
+    *_, goal, left = at_boundary(CollisionModel(SERVO_GRIPPERS))
+    arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: left}, obstacles=())
     limited = 0
-    for cycle in range(350):
-        wobble = radians(-110.0 + 6.0 * np.sin(cycle / 12.0))
+    for cycle in range(700):
+        wobble = left[0] - radians(1.5) * (1.0 - np.cos(cycle / 12.0))
         arms.cycle({Side.RIGHT: to(goal), Side.LEFT: to(turned(Side.LEFT, wobble))})
         limited += arms.both.limited(Side.RIGHT) is not None
     for _ in range(600):
