@@ -3,7 +3,8 @@
 The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
 come nearer to each other than the margin. A command is sent only if the whole of its braking path is clear of the whole
 of the other arm's; else the arm brakes, along the path that was found clear when the command before was sent. So what
-was once kept is kept, however the commands are chosen.
+was once kept is kept, however the commands are chosen. And if the link of either arm is lost, now or while it brakes,
+nothing touches where it goes on to without commands.
 
 Whether a command is clear is decided by ``collision.cpp`` (docs/explanation/decisions/0032-arms-keep-apart.md).
 
@@ -312,6 +313,7 @@ class ArmCollisionLimiter:
         is_heard: whether its robot's datagrams arrive.
         is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
+        coasts_too_far: whether a command was refused last only for where a robot would coast without its link.
         boundaries: near it.
     """
 
@@ -320,6 +322,7 @@ class ArmCollisionLimiter:
         self.motion: ArmMotion | None = None
         self.is_heard = self.is_read = False
         self.limited: Limited | None = None
+        self.coasts_too_far = False
         self.boundaries: list[Boundary] = []
         self._both = both
         # Its motion, the other arm's and the margins that were found to be clear last.
@@ -327,6 +330,7 @@ class ArmCollisionLimiter:
         self._progress = ProgressCheck()
         self._distances_left = _DISTANCES  # in this cycle
         self._decision = collision_library.Decision()
+        self._coasts_into: Limited | None = None  # in this cycle, should a command that was refused have been sent
 
     @property
     def other(self) -> ArmCollisionLimiter:
@@ -336,6 +340,7 @@ class ArmCollisionLimiter:
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
         before, self.limited, self._distances_left = self.limited, None, _DISTANCES
+        self.coasts_too_far, self._coasts_into = False, None
         if self.motion is None:
             return False
         its = self.other
@@ -384,6 +389,7 @@ class ArmCollisionLimiter:
         if not self.is_heard or self.motion is None or not self.motion.stays(planned, sent, robot):
             self.motion = ArmMotion(planned, sent, robot)
         self.is_heard = True
+        self.limited = self.limited or self._coasts_into
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
@@ -393,7 +399,7 @@ class ArmCollisionLimiter:
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
         """
-        is_back, self.is_heard = not self.is_heard, True
+        is_back, self.is_heard, self.coasts_too_far = not self.is_heard, True, False
         last, its = self.motion, self.other.motion
         if last is not None and not is_back and last.stays(planned, sent, robot):
             # What it stands at may have left it, or have come nearer; else nothing has changed.
@@ -404,7 +410,7 @@ class ArmCollisionLimiter:
         else:
             motion = ArmMotion(planned, sent, robot)
         # Its first command is where it stands.
-        if last is None or self._is_clear(motion, last):
+        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last)):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
             return True
@@ -426,24 +432,43 @@ class ArmCollisionLimiter:
         """
         if self._distances_left <= 0:
             return False
+        is_clear, limited = self._decide(motion, last, self._distances_left)
+        if limited is not None:
+            self.limited = limited
+        self.boundaries = [
+            Boundary(each, self._limited_by(each.part, each.other, each.distance))
+            for each in self._decision.boundaries[: self._decision.boundary_count]
+        ]
+        return is_clear
+
+    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
+        """Whether nothing touches wherever both arms would coast without their links; arguments as above.
+
+        Half of the distances that are left is kept for other commands.
+        """
+        is_clear, limited = self._decide(motion, last, self._distances_left // 2, coasts=True)
+        self._coasts_into = limited or self._coasts_into
+        self.coasts_too_far = not is_clear
+        return is_clear
+
+    def _decide(
+        self, motion: ArmMotion, last: ArmMotion, most: int, *, coasts: bool = False
+    ) -> tuple[bool, Limited | None]:
+        """The same, with ``most`` distances; and what is too near, where that is known."""
         both, found, its = self._both, self._decision, self.other.motion
-        is_clear = both.library.limiter_is_clear(
+        is_clear: bool = both.library.limiter_is_clear(
             both.handle,
             _NUMBERS[self.side],
             motion.packed,
             last.packed,
             its.packed if its is not None else None,
-            self._distances_left,
+            coasts,
+            most,
             byref(found),
         )
         self._distances_left -= found.distances
-        self.boundaries = [
-            Boundary(each, self._limited_by(each.part, each.other, each.distance))
-            for each in found.boundaries[: found.boundary_count]
-        ]
-        if not is_clear and found.part >= 0:
-            self.limited = self._limited_by(found.part, found.other, found.distance)
-        return bool(is_clear)
+        is_known = not is_clear and found.part >= 0
+        return is_clear, self._limited_by(found.part, found.other, found.distance) if is_known else None
 
     def _limited_by(self, part: int, other: int, distance: float) -> Limited:
         names, its = self._both.model.names, self.other

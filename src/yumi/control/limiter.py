@@ -600,7 +600,9 @@ class Limiter:
             self._positions, self._speeds, self.counters = _copied(kept[0]), _copied(kept[1]), _copied(kept[2])
             command = self._next(state, candidate, dt)
             if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
-                self.counters.kept_apart += candidate is not desired
+                # A robot that only follows later is not led elsewhere.
+                if candidate is not None and wanted is not None:
+                    self.counters.kept_apart += candidate.position is not wanted.position
                 self._was_refused, self._was_accepted = self._was_refused and index > 0, True
                 return command
             self._positions, self._speeds, self.counters, self._settling_for = kept
@@ -615,6 +617,8 @@ class Limiter:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
         first = collisions.steered(desired)
         yield first
+        if collisions.coasts_too_far and any(first.velocity):
+            yield ArmCommand(first.position)  # may go there, but the robot has to follow it late
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)
         if along != first and not self._was_refused:

@@ -15,6 +15,7 @@
 namespace {
 
 constexpr int JOINTS = 7, LEVELS = 6, SAMPLES = 1 << LEVELS;
+constexpr int STRIP_LEVELS = 4, STRIPS = 1 << STRIP_LEVELS;  // of what a line sweeps in joint space
 constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
 constexpr int NAMED = 3;            // boundaries that count at once
 constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
@@ -27,6 +28,7 @@ constexpr double SPARE = 5e-4;             // [m] so far within its margin a par
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
 constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
+constexpr double NO_CONTACT = -0.003;      // [m] between parts of arms that coast: a quarter of the padding is left
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
 
@@ -347,7 +349,7 @@ bool is_slow(const Motion& motion, const Limits& limits) {
     return way < SLOW;
 }
 
-constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1;  // numbers of a path's curves; of all of them
+constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1, COASTING = 2;  // numbers of a path's curves; of all of them
 
 // Postures along a path: a curve, or a straight line, of which there are only the ends.
 struct Curve {
@@ -361,37 +363,49 @@ struct Segment {
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
+    // Of a sheet, `curve` is 2^n + i for what its line sweeps in part i of 2^n of the time; the others are of the line.
+    bool is_wide;  // the line moves by more than its length in that time
 };
 
+// Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
+// fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot brakes. One that
+// is sent positions only rests where its position sent does, and one that follows speeds only is not known to stop.
 struct Path {
+    const bool coasts;
+    bool is_sheet;
     Segment whole;
     Motion motion;
     int curves;      // of it; none before it is cut
-    Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line to where it may coast
+    Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line or lines to where it may coast
 
-    Path() : whole{}, motion{}, curves(0) { motion.planned[0] = INF; }  // as of no arm
+    explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
+        motion.planned[0] = INF;  // as of no arm
+    }
 
     // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where it
     // plans to be to where it rests, and where it may coast.
     void begin(const Motion& its, const Limits& limits) {
         if (std::memcmp(&motion, &its, sizeof motion) == 0) return;  // as of the other arm's command
         motion = its, curves = 0;
+        is_sheet = coasts && its.has_robot > 0.0 && !(its.coasts > 0.0) && limits.gain > 0.0;
         whole = {};
         whole.curve = WHOLE;
+        if (its.has_robot > 0.0) add_curves(limits);
         for (int j = 0; j < JOINTS; ++j) {
-            double low = std::min(its.planned[j], its.sent[0][j]), high = std::max(its.planned[j], its.sent[0][j]);
-            Braking(its.sent, j, limits).extend(low, high);
-            if (its.coasts > 0.0) low = std::min(low, its.coasts_to[j]), high = std::max(high, its.coasts_to[j]);
+            double low = is_sheet ? its.robot[0][j] : its.planned[j], high = low;
+            auto extend = [&](double to) { low = std::min(low, to), high = std::max(high, to); };
+            if (!is_sheet) {
+                extend(its.sent[0][j]);
+                Braking(its.sent, j, limits).extend(low, high);
+                if (its.coasts > 0.0) extend(its.coasts_to[j]);
+            }
+            // One that gets its speed by the position alone stays between these.
+            for (int i = 0; i <= SAMPLES && its.has_robot > 0.0; ++i) {
+                extend(curve[FOLLOWING].postures[i][j]);
+                if (is_sheet) extend(curve[COASTING].postures[i][j]);
+            }
             whole.middle[j] = 0.5 * (low + high);
             whole.half[j] = 0.5 * (high - low);
-        }
-        if (its.has_robot > 0.0) {  // one that gets its speed by the position alone stays between these
-            add_curves(limits);
-            for (const auto& posture : curve[FOLLOWING].postures)
-                for (int j = 0; j < JOINTS; ++j) {
-                    const double over = 0.5 * std::max(std::abs(posture[j] - whole.middle[j]) - whole.half[j], 0.0);
-                    whole.middle[j] += std::copysign(over, posture[j] - whole.middle[j]), whole.half[j] += over;
-                }
         }
         std::copy(whole.half, whole.half + JOINTS, whole.off);
     }
@@ -424,7 +438,7 @@ struct Path {
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
     // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
-    // straight.
+    // straight. For a sheet, with where it would coast to from there.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;
@@ -443,6 +457,7 @@ struct Path {
             double speed = motion.robot[1][j], rate = motion.robot[2][j];
             for (int i = 0; i < BRAKING; ++i) {
                 its.postures[i][j] = position;
+                if (is_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
                 const double ahead = braking.position((i + 0.5) * dt);
                 if (!is_fed) {
                     position = ahead + (position - ahead) * left;
@@ -457,22 +472,91 @@ struct Path {
                 speed += 0.5 * (before + rate) * dt;
             }
             const double rest = limits.gain > 0.0 ? braking.position(time) : position;
-            for (int i = BRAKING; i <= SAMPLES; ++i)
-                its.postures[i][j] = position + (rest - position) * (i - BRAKING) / (SAMPLES - BRAKING);
+            const double furthest = is_sheet ? position + speed / limits.gain : rest;
+            for (int i = BRAKING; i <= SAMPLES; ++i) {
+                const double share = double(i - BRAKING) / (SAMPLES - BRAKING);
+                its.postures[i][j] = position + (rest - position) * share;
+                if (is_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
+            }
         }
     }
 
-    bool can_cut(const Segment& segment) const { return segment.curve < 0 || segment.level < LEVELS; }
+    bool can_cut(const Segment& segment) const {
+        return segment.curve < 0 || segment.level < LEVELS || (is_sheet && segment.curve < STRIPS);
+    }
 
     // What a segment consists of: at most three parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
+        if (is_sheet && segment.curve >= 0) {
+            const bool in_time = segment.curve < STRIPS && (segment.is_wide || segment.level == LEVELS);
+            for (int i = 0; i < 2; ++i)
+                parts[i] = in_time ? swept(2 * segment.curve + i, segment.level, segment.index)
+                                   : swept(segment.curve, segment.level + 1, 2 * segment.index + i);
+            return 2;
+        }
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
+        if (is_sheet) {
+            parts[0] = swept(1, 0, 0);
+            return 1;
+        }
         add_curves(limits);
-        for (int i = 0; i < curves; ++i) parts[i] = part(i, 0, 0);
-        return curves;
+        const int first = coasts ? FOLLOWING : SENT;
+        for (int i = first; i < curves; ++i) parts[i - first] = part(i, 0, 0);
+        return curves - first;
+    }
+
+    // A part of the sheet: of all its lines, as far as they are off the one in the middle.
+    Segment swept(int strip, int level, int index) const {
+        int first = 0, last = SAMPLES;
+        for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
+            if (bit <= strip / 2) (strip & bit ? first : last) = (first + last) / 2;
+        const double share = 1.0 / (1 << level);
+        auto corner = [&](int sample, int end, int j) {
+            const double from = curve[FOLLOWING].postures[sample][j], to = curve[COASTING].postures[sample][j];
+            return from + (index + end) * share * (to - from);
+        };
+        Segment segment{};
+        segment.curve = strip, segment.level = level, segment.index = index;
+        double centre[JOINTS], way[JOINTS], size = TINY, nearest = INF, furthest = -INF;
+        for (int j = 0; j < JOINTS; ++j) {
+            double ends[2];
+            for (int end = 0; end < 2; ++end) {
+                double low = INF, high = -INF;
+                for (int i = first; i <= last; ++i) {
+                    const double place = corner(i, end, j);
+                    low = std::min(low, place), high = std::max(high, place);
+                }
+                ends[end] = 0.5 * (low + high);
+            }
+            centre[j] = 0.5 * (ends[0] + ends[1]), way[j] = ends[1] - ends[0];
+            size += way[j] * way[j];
+        }
+        double longest = 0.0, extent = 0.0;
+        for (int i = first; i <= last; ++i) {
+            double line = 0.0;
+            for (int j = 0; j < JOINTS; ++j) line += std::abs(corner(i, 1, j) - corner(i, 0, j));
+            longest = std::max(longest, line);
+            for (int end = 0; end < 2; ++end) {
+                double along = 0.0;
+                for (int j = 0; j < JOINTS; ++j) along += (corner(i, end, j) - centre[j]) * way[j] / size;
+                nearest = std::min(nearest, along), furthest = std::max(furthest, along);
+                for (int j = 0; j < JOINTS; ++j) {
+                    const double off = std::abs(corner(i, end, j) - centre[j] - along * way[j]);
+                    segment.off[j] = std::max(segment.off[j], off);
+                }
+            }
+        }
+        for (int j = 0; j < JOINTS; ++j) {
+            segment.middle[j] = centre[j] + 0.5 * (nearest + furthest) * way[j];
+            segment.along[j] = 0.5 * (furthest - nearest) * way[j];
+            segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
+            extent += 2.0 * segment.half[j];
+        }
+        segment.is_wide = extent > 2.0 * longest;
+        return segment;
     }
 
     Segment part(int number, int level, int index) const {
@@ -563,7 +647,8 @@ struct Limiter {
     // Of one decision.
     int arm = 0;
     bool steers = false;
-    Path paths[2];
+    double most_margin = INF;  // whatever the margins say
+    Path moving[2] = {Path(false), Path(false)}, coasting[2] = {Path(true), Path(true)}, *paths = moving;
     std::vector<Span> spans;
     std::vector<Pair> pairs;
     std::vector<Floor> floored;
@@ -572,8 +657,8 @@ struct Limiter {
     Decision* decision = nullptr;
 
     Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
-        // A level cuts one segment into two and one into three at most, and each path is cut LEVELS + 1 times.
-        spans.resize(2 + (2 * LEVELS + 2) * 5);
+        // A path is cut into three at most, and each level of it into two.
+        spans.resize(2 + 2 * (3 + 2 * (LEVELS + STRIP_LEVELS)));
         pairs.reserve(1 << 14);
         boundaries.reserve(64);
     }
@@ -582,15 +667,17 @@ struct Limiter {
         return is_still ? model.box_number(other) : model.arms[1 - arm].first + other;
     }
     double margin(int part, int other, bool is_still) const {
-        return margins[std::size_t(model.arms[arm].first + part) * model.count + number(other, is_still)];
+        const std::size_t row = std::size_t(model.arms[arm].first + part) * model.count;
+        return std::min(margins[row + number(other, is_still)], most_margin);
     }
 
     double widest_of(int frame, int other, bool is_still) const {
-        return is_still ? widest_still[arm][frame] : widest[arm][frame][other];
+        return std::min(is_still ? widest_still[arm][frame] : widest[arm][frame][other], most_margin);
     }
 
     // Other margins from now on.
     void permit(const double* all) {
+        most_margin = INF;
         margins.assign(all, all + std::size_t(model.count) * model.count);
         std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
         std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
@@ -784,7 +871,7 @@ struct Limiter {
 
     // Of parts that are within their margins now, how near they may be to each other.
     void find_floors(const Motion& last, const Motion* its) {
-        std::vector<Floor>& known = floors[arm];
+        std::vector<Floor> none, &known = paths[arm].coasts ? none : floors[arm];
         floored.clear();
         const Placed &own = spans[2].placed, &theirs = spans[3].placed;
         auto note = [&](const Placed* placed) {
@@ -814,7 +901,8 @@ struct Limiter {
             }
         }
         for (Floor& floor : floored) {
-            const double now = floor.floor, kept = margins[std::size_t(floor.part) * model.count + floor.other];
+            const std::size_t row = std::size_t(floor.part) * model.count;
+            const double now = floor.floor, kept = std::min(margins[row + floor.other], most_margin);
             // What was once left does not come back; an arm that came nearer all the same may go on from there.
             for (const Floor& before : known)
                 if (before.part == floor.part && before.other == floor.other && now >= before.floor - MOVED)
@@ -824,20 +912,21 @@ struct Limiter {
         known = floored;
     }
 
-    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, std::int64_t most,
+    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, bool coasts, std::int64_t most,
                 Decision& result) {
-        arm = which, steers = is_slow(motion, limits), budget = most, decision = &result;
+        arm = which, steers = !coasts && is_slow(motion, limits), budget = most, decision = &result;
+        paths = coasts ? coasting : moving, most_margin = coasts ? NO_CONTACT : INF;
         pairs.clear(), boundaries.clear(), floored.clear();
         paths[arm].begin(motion, limits);
+        if (its) paths[1 - arm].begin(*its, limits);
+        // Robots that are sent positions only go nowhere else without their links.
+        if (coasts && !paths[arm].is_sheet && !(its && paths[1 - arm].is_sheet)) return true;
         span(arm, 0, paths[arm].whole);
-        if (its) {
-            paths[1 - arm].begin(*its, limits);
-            span(1 - arm, 1, paths[1 - arm].whole);
-        }
-        for (const Path& path : paths)
-            if (!are_finite(path.whole.middle, JOINTS) || !are_finite(path.whole.half, JOINTS)) return false;
+        if (its) span(1 - arm, 1, paths[1 - arm].whole);
+        for (const Path* path : {&paths[0], &paths[1]})
+            if (!are_finite(path->whole.middle, JOINTS) || !are_finite(path->whole.half, JOINTS)) return false;
         Finding found[2] = {NOTHING, NOTHING};
-        found[0] = compare(0, -1, nullptr);
+        if (!coasts || paths[arm].is_sheet) found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
         bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
         if (is_open) find_floors(last, its);
@@ -955,19 +1044,22 @@ bool limiter_is_slow(const Limiter* limiter, const char* packed) {
 
 // The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
 // the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
-std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t level, double* segments,
+std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts, std::int64_t level, double* segments,
                               double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    Path& path = limiter->paths[0];
+    Path& path = coasts ? limiter->coasting[0] : limiter->moving[0];
     path.begin(motion, limiter->limits);
     std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
     std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
     Segment parts[3];
     std::int64_t count = 0;
-    for (int curve = path.cut(path.whole, limiter->limits, parts); curve--;)
+    for (int number = path.cut(path.whole, limiter->limits, parts); number--;)
         for (int i = 0; i < 1 << level; ++i, ++count) {
-            const Segment segment = path.part(curve, int(level), i);
+            // Of a sheet, first in time, then along the line.
+            const int strips = std::min(int(level), STRIP_LEVELS), along = int(level) - strips;
+            const Segment segment = path.is_sheet ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
+                                                  : path.part(parts[number].curve, int(level), i);
             for (const double* row : {segment.middle, segment.along, segment.off})
                 segments = std::copy(row, row + JOINTS, segments);
         }
@@ -975,9 +1067,10 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t
 }
 
 // Whether an arm keeps apart from all else on all of its braking path, should it move as `motion` says, after `last`,
-// whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. Motions are packed.
+// whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. Motions are packed. With
+// `coasts`, whether nothing touches wherever both arms would go without their links.
 bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, const char* last, const char* its,
-                      std::int64_t budget, Decision* decision) {
+                      bool coasts, std::int64_t budget, Decision* decision) {
     Motion motions[3] = {};
     const char* packed[3] = {motion, last, its};
     *decision = {};
@@ -990,7 +1083,7 @@ bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, co
         std::memcpy(static_cast<void*>(&motions[i]), values, sizeof values);
     }
     try {
-        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, budget, *decision);
+        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, coasts, budget, *decision);
     } catch (...) {  // no memory
         return false;
     }

@@ -94,8 +94,8 @@ def load() -> ctypes.PyDLL:
         ("limiter_delete", None, address),
         ("limiter_permit", None, address, address),
         ("limiter_is_slow", boolean, address, packed),
-        ("limiter_segments", integer, address, packed, integer, address, address),
-        ("limiter_is_clear", boolean, address, integer, packed, packed, packed, integer, decision),
+        ("limiter_segments", integer, address, packed, boolean, integer, address, address),
+        ("limiter_is_clear", boolean, address, integer, packed, packed, packed, boolean, integer, decision),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments

@@ -274,10 +274,10 @@ class Segments:
         middle, half: of the whole path [rad], (7,).
     """
 
-    def __init__(self, motion: ArmMotion, level: int = 6) -> None:
+    def __init__(self, motion: ArmMotion, level: int = 6, *, coasts: bool = False) -> None:
         both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
         lines, whole = np.empty((3 * 64, 3, 7)), np.empty((2, 7))
-        arguments = motion.packed, level, lines.ctypes.data, whole.ctypes.data
+        arguments = motion.packed, coasts, level, lines.ctypes.data, whole.ctypes.data
         self.lines = lines[: both.library.limiter_segments(both.handle, *arguments)]
         self.middle, self.half = whole
 
