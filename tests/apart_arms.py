@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from math import pi
 from time import process_time
@@ -93,6 +94,20 @@ class ApartArms:
                 self._unheard[side], self._measured[side] = 0, arm.position
             arm.advance(CYCLE)
         self.costs.append(cost)
+
+    def without_links(self, seconds: float = 1.0) -> Iterator[dict[Side, VirtualArm]]:
+        """Both arms on their way, 60 ms after 60 ms, if neither got a command any more."""
+        arms = deepcopy(self.arms)
+        for cycle in range(round(seconds / CYCLE)):
+            for arm in arms.values():
+                arm.advance(CYCLE)
+            if cycle % 15 == 0:
+                yield arms
+
+    def least_without_links(self) -> float:
+        """The smallest distance on that way [m]."""
+        ways = ({side: arm.position for side, arm in arms.items()} for arms in self.without_links())
+        return min(self.shapes.nearest(positions)[0].distance for positions in ways)
 
 
 def to(goal: Joints) -> Drive:

@@ -26,7 +26,7 @@ from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN, Setpoint, stop
+from yumi.control.motion import EGM_GAIN, Setpoint, slower, stop, travel
 from yumi.control.shared_state import Limited
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
@@ -266,7 +266,7 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
 
 
 class Segments:
-    """Those of where an arm may come until it rests, as they are compared.
+    """Those of where an arm may come until it rests, as they are compared; with ``coasts``, without its link.
 
     Attributes:
         lines: of the segments that are cut ``level`` times, up to 6: middle, line to the end, and how far off it each
@@ -372,6 +372,26 @@ def test_robot_goes_where_it_was_compared_when_its_command_brakes(
         postures.append(arms.arms[Side.RIGHT].planned)
     assert dist(postures[0], postures[-1]) > 0.2
     assert Segments(motion).off(np.array(postures)) < 5e-3
+
+
+def test_robot_whose_link_is_lost_goes_where_it_was_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Speeds are fed forward to it; its link is lost now, or while its command brakes."""
+    arms = ApartArms(READY, obstacles=())
+    for _ in range(40):
+        arms.cycle({Side.RIGHT: at_speed(scaled_by(0.3, YUMI_LIMITS.velocity))})
+    motion = arms.both.arm(Side.RIGHT).motion
+    assert motion is not None
+    braking, coasting = Segments(motion), Segments(motion, coasts=True)
+    monkeypatch.setattr(arms.both.arm(Side.RIGHT), "begin_cycle", lambda *_: True)  # nothing is accepted
+    postures = []
+    for _ in range(30):
+        postures += [each[Side.RIGHT].planned for each in arms.without_links()]
+        arms.cycle({Side.RIGHT: at_speed(ZERO)})
+    assert braking.off(np.array(postures)) > 0.2
+    assert coasting.off(np.array(postures)) < 1e-2
+    within = [Segments(motion, level, coasts=True).off(coasting.lines[:, 0]) for level in range(6)]
+    assert max(within) < 1e-3
+    assert coasting.covers(coasting.lines[:, 0])
 
 
 def moving(generator: np.random.Generator, side: Side) -> Setpoint:
@@ -611,6 +631,49 @@ def test_unknown_parts_are_no_pair() -> None:
     arms = ApartArms(READY, obstacles=(TABLE,))
     assert arms.both.pairs_of("right gripper", "table")
     assert not arms.both.pairs_of("right gripper", "shelf")
+
+
+@pytest.mark.parametrize(
+    ("name", "start", "share"),
+    [("body", READY, 1.0), ("table", READY, 0.3), ("post", FORWARD, 0.3), ("other arm", FORWARD, 1.0)],
+)
+def test_arms_whose_links_are_lost_at_any_time_coast_into_nothing(
+    name: str, start: dict[Side, Joints], share: float
+) -> None:
+    """A robot goes on by its speed over its gain, which is further than it would brake."""
+    arms, least = ApartArms(start), np.inf
+    group, still = (0, "") if name == "other arm" else (1, name)
+    for cycle in range(60):
+        if cycle % 10 == 0:  # the way there is another one meanwhile
+            towards = {side: scaled_by(share, at_nearest(arms, side, group, name=still)) for side in Side}
+        arms.cycle({side: at_speed(speeds) for side, speeds in towards.items()})
+        if cycle % 3 == 0:
+            least = min(least, arms.least_without_links())
+    assert least > -PADDING
+
+
+def test_planned_motion_that_ends_before_something_is_as_quick_and_the_robot_follows_later() -> None:
+    """At full speed towards the left gripper, 20 mm from which it ends."""
+    start = joints([0.433, -1.496, 0.125, -0.273, -0.806, 0.429, 0.551])
+    goal = joints([0.32, -0.784, 0.738, 1.089, -1.354, 0.251, -0.934])
+    left = joints([0.683, -1.222, 0.503, 0.244, 0.158, 0.222, 1.759])
+    arms = ApartArms({Side.RIGHT: start, Side.LEFT: left})
+    way, least, late = travel(Setpoint(start), goal, slower(YUMI_LIMITS, 0.95, 0.9)), np.inf, 0.0
+
+    def follow(these: ApartArms, side: Side) -> ArmCommand:
+        now = way.at(len(these.costs) * CYCLE)
+        return ArmCommand(now.position, now.velocity)
+
+    for cycle in range(450):
+        arms.cycle({Side.RIGHT: follow})
+        late = max(late, dist(arms.sent[Side.RIGHT].position, arms.arms[Side.RIGHT].planned))
+        if cycle % 10 == 0 and cycle * CYCLE < way.duration:
+            least = min(least, arms.least_without_links())
+        assert arms.sent[Side.RIGHT].position == pytest.approx(follow(arms, Side.RIGHT).position, abs=0.02)
+    assert arms.limiters[Side.RIGHT].counters.kept_apart == 0
+    assert late > 0.1
+    assert least > -PADDING
+    assert arms.arms[Side.RIGHT].planned == pytest.approx(goal, abs=2e-3)
 
 
 @pytest.mark.parametrize("seed", range(3))
