@@ -30,6 +30,7 @@ constexpr double COARSE = 0.15;            // [m] where parts move further, segm
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double NO_CONTACT = -0.003;      // [m] between parts of arms that coast: a quarter of the padding is left
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
+constexpr double WIDE = 0.5;               // of a sheet: what is off its line by this share of its length is cut in time
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
 
 // ---- vectors and frames
@@ -364,7 +365,6 @@ struct Segment {
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
     // Of a sheet, `curve` is 2^n + i for what its line sweeps in part i of 2^n of the time; the others are of the line.
-    bool is_wide;  // the line moves by more than its length in that time
 };
 
 // Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
@@ -488,7 +488,9 @@ struct Path {
     // What a segment consists of: at most three parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
         if (is_sheet && segment.curve >= 0) {
-            const bool in_time = segment.curve < STRIPS && (segment.is_wide || segment.level == LEVELS);
+            double off = 0.0, along = 0.0;
+            for (int j = 0; j < JOINTS; ++j) off += segment.off[j], along += std::abs(segment.along[j]);
+            const bool in_time = segment.curve < STRIPS && (off > WIDE * along || segment.level == LEVELS);
             for (int i = 0; i < 2; ++i)
                 parts[i] = in_time ? swept(2 * segment.curve + i, segment.level, segment.index)
                                    : swept(segment.curve, segment.level + 1, 2 * segment.index + i);
@@ -508,54 +510,59 @@ struct Path {
         return curves - first;
     }
 
-    // A part of the sheet: of all its lines, as far as they are off the one in the middle.
+    // A part of the sheet: of what its line sweeps in a part of the time, one of 2^level slices across its longest way.
     Segment swept(int strip, int level, int index) const {
         int first = 0, last = SAMPLES;
         for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
             if (bit <= strip / 2) (strip & bit ? first : last) = (first + last) / 2;
-        const double share = 1.0 / (1 << level);
-        auto corner = [&](int sample, int end, int j) {
-            const double from = curve[FOLLOWING].postures[sample][j], to = curve[COASTING].postures[sample][j];
-            return from + (index + end) * share * (to - from);
+        const auto &starts = curve[FOLLOWING].postures, &ends = curve[COASTING].postures;
+        const double *from = starts[first], *to = from;
+        double size = TINY;
+        for (const double* corner : {ends[first], starts[last], ends[last]}) {
+            double far = 0.0;
+            for (int j = 0; j < JOINTS; ++j) far += (corner[j] - from[j]) * (corner[j] - from[j]);
+            if (far > size) size = far, to = corner;
+        }
+        // How far along that way the lines begin and end, and how far off it.
+        double along[2][SAMPLES + 1], off[2][SAMPLES + 1][JOINTS], nearest = INF, furthest = -INF;
+        for (int end = 0; end < 2; ++end)
+            for (int i = first; i <= last; ++i) {
+                const double* posture = (end ? ends : starts)[i];
+                double& share = along[end][i] = 0.0;
+                for (int j = 0; j < JOINTS; ++j) share += (posture[j] - from[j]) * (to[j] - from[j]) / size;
+                for (int j = 0; j < JOINTS; ++j) off[end][i][j] = posture[j] - from[j] - share * (to[j] - from[j]);
+                nearest = std::min(nearest, share), furthest = std::max(furthest, share);
+            }
+        const double slice = (furthest - nearest) / (1 << level), low = nearest + index * slice, high = low + slice;
+        double least[JOINTS], most[JOINTS];
+        std::fill(least, least + JOINTS, INF), std::fill(most, most + JOINTS, -INF);
+        auto extend = [&](int end, int i, int other_end, int other) {  // by what of an edge is in the slice
+            const double begin = along[end][i], way = along[other_end][other] - begin;
+            double shares[2] = {0.0, 1.0};
+            if (std::max(begin, begin + way) < low || std::min(begin, begin + way) > high) return;
+            if (std::abs(way) > TINY) {
+                const double a = (low - begin) / way, b = (high - begin) / way;
+                shares[0] = std::max(0.0, std::min(a, b)), shares[1] = std::min(1.0, std::max(a, b));
+            }
+            for (double share : shares)
+                for (int j = 0; j < JOINTS; ++j) {
+                    const double at = off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]);
+                    least[j] = std::min(least[j], at), most[j] = std::max(most[j], at);
+                }
         };
+        for (int i = first; i <= last; ++i) {
+            extend(0, i, 1, i);
+            for (int end = 0; end < 2 && i < last; ++end) extend(end, i, end, i + 1);
+        }
         Segment segment{};
         segment.curve = strip, segment.level = level, segment.index = index;
-        double centre[JOINTS], way[JOINTS], size = TINY, nearest = INF, furthest = -INF;
         for (int j = 0; j < JOINTS; ++j) {
-            double ends[2];
-            for (int end = 0; end < 2; ++end) {
-                double low = INF, high = -INF;
-                for (int i = first; i <= last; ++i) {
-                    const double place = corner(i, end, j);
-                    low = std::min(low, place), high = std::max(high, place);
-                }
-                ends[end] = 0.5 * (low + high);
-            }
-            centre[j] = 0.5 * (ends[0] + ends[1]), way[j] = ends[1] - ends[0];
-            size += way[j] * way[j];
-        }
-        double longest = 0.0, extent = 0.0;
-        for (int i = first; i <= last; ++i) {
-            double line = 0.0;
-            for (int j = 0; j < JOINTS; ++j) line += std::abs(corner(i, 1, j) - corner(i, 0, j));
-            longest = std::max(longest, line);
-            for (int end = 0; end < 2; ++end) {
-                double along = 0.0;
-                for (int j = 0; j < JOINTS; ++j) along += (corner(i, end, j) - centre[j]) * way[j] / size;
-                nearest = std::min(nearest, along), furthest = std::max(furthest, along);
-                for (int j = 0; j < JOINTS; ++j) {
-                    const double off = std::abs(corner(i, end, j) - centre[j] - along * way[j]);
-                    segment.off[j] = std::max(segment.off[j], off);
-                }
-            }
-        }
-        for (int j = 0; j < JOINTS; ++j) {
-            segment.middle[j] = centre[j] + 0.5 * (nearest + furthest) * way[j];
-            segment.along[j] = 0.5 * (furthest - nearest) * way[j];
+            const double way = to[j] - from[j];
+            segment.middle[j] = from[j] + 0.5 * (low + high) * way + 0.5 * (least[j] + most[j]);
+            segment.along[j] = 0.5 * slice * way;
+            segment.off[j] = 0.5 * (most[j] - least[j]);
             segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
-            extent += 2.0 * segment.half[j];
         }
-        segment.is_wide = extent > 2.0 * longest;
         return segment;
     }
 
