@@ -444,9 +444,9 @@ class ArmCollisionLimiter:
     def _coasts_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above.
 
-        Half of the distances that are left is kept for other commands.
+        Half of the distances is kept for other commands.
         """
-        is_clear, limited = self._decide(motion, last, self._distances_left // 2, coasts=True)
+        is_clear, limited = self._decide(motion, last, min(self._distances_left, _DISTANCES // 2), coasts=True)
         self._coasts_into = limited or self._coasts_into
         self.coasts_too_far = not is_clear
         return is_clear
