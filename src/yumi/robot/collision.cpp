@@ -9,6 +9,7 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <limits>
 #include <vector>
 
@@ -30,7 +31,7 @@ constexpr double COARSE = 0.15;            // [m] where parts move further, segm
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double NO_CONTACT = -0.003;      // [m] between parts of arms that coast: a quarter of the padding is left
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
-constexpr double WIDE = 0.5;               // of a sheet: what is off its line by this share of its length is cut in time
+constexpr double WIDE = 1.0;               // of a sheet: what is off its line by this share of its length is cut in time
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
 
 // ---- vectors and frames
@@ -364,7 +365,7 @@ struct Segment {
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
-    // Of a sheet, `curve` is 2^n + i for what its line sweeps in part i of 2^n of the time; the others are of the line.
+    // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the line.
 };
 
 // Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
@@ -377,6 +378,7 @@ struct Path {
     Motion motion;
     int curves;      // of it; none before it is cut
     Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line or lines to where it may coast
+    double passed[SAMPLES + 1];  // way of the ends of a sheet's line so far
 
     explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
         motion.planned[0] = INF;  // as of no arm
@@ -479,6 +481,13 @@ struct Path {
                 if (is_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
             }
         }
+        if (!is_sheet) return;
+        passed[0] = 0.0;
+        for (int i = 1; i <= SAMPLES; ++i) {
+            passed[i] = passed[i - 1];
+            for (const Curve& ends : {std::cref(its), std::cref(curve[COASTING])})
+                for (int j = 0; j < JOINTS; ++j) passed[i] += std::abs(ends.postures[i][j] - ends.postures[i - 1][j]);
+        }
     }
 
     bool can_cut(const Segment& segment) const {
@@ -514,7 +523,10 @@ struct Path {
     Segment swept(int strip, int level, int index) const {
         int first = 0, last = SAMPLES;
         for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
-            if (bit <= strip / 2) (strip & bit ? first : last) = (first + last) / 2;
+            if (bit <= strip / 2) {
+                const double* middle = std::lower_bound(passed + first, passed + last, 0.5 * (passed[first] + passed[last]));
+                (strip & bit ? first : last) = std::max(std::min(int(middle - passed), last - 1), first);
+            }
         const auto &starts = curve[FOLLOWING].postures, &ends = curve[COASTING].postures;
         const double *from = starts[first], *to = from;
         double size = TINY;
@@ -534,8 +546,8 @@ struct Path {
                 nearest = std::min(nearest, share), furthest = std::max(furthest, share);
             }
         const double slice = (furthest - nearest) / (1 << level), low = nearest + index * slice, high = low + slice;
-        double least[JOINTS], most[JOINTS];
-        std::fill(least, least + JOINTS, INF), std::fill(most, most + JOINTS, -INF);
+        double least[2][JOINTS], most[2][JOINTS];  // off that way, and of the joints
+        std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
         auto extend = [&](int end, int i, int other_end, int other) {  // by what of an edge is in the slice
             const double begin = along[end][i], way = along[other_end][other] - begin;
             double shares[2] = {0.0, 1.0};
@@ -547,7 +559,9 @@ struct Path {
             for (double share : shares)
                 for (int j = 0; j < JOINTS; ++j) {
                     const double at = off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]);
-                    least[j] = std::min(least[j], at), most[j] = std::max(most[j], at);
+                    least[0][j] = std::min(least[0][j], at), most[0][j] = std::max(most[0][j], at);
+                    const double all = at + (begin + share * way) * (to[j] - from[j]);
+                    least[1][j] = std::min(least[1][j], all), most[1][j] = std::max(most[1][j], all);
                 }
         };
         for (int i = first; i <= last; ++i) {
@@ -558,10 +572,11 @@ struct Path {
         segment.curve = strip, segment.level = level, segment.index = index;
         for (int j = 0; j < JOINTS; ++j) {
             const double way = to[j] - from[j];
-            segment.middle[j] = from[j] + 0.5 * (low + high) * way + 0.5 * (least[j] + most[j]);
+            const double middle = 0.5 * (low + high) * way + 0.5 * (least[0][j] + most[0][j]);
+            segment.middle[j] = from[j] + middle;
             segment.along[j] = 0.5 * slice * way;
-            segment.off[j] = 0.5 * (most[j] - least[j]);
-            segment.half[j] = std::abs(segment.along[j]) + segment.off[j];
+            segment.off[j] = 0.5 * (most[0][j] - least[0][j]);
+            segment.half[j] = std::max(most[1][j] - middle, middle - least[1][j]);
         }
         return segment;
     }
