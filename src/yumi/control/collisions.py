@@ -36,6 +36,8 @@ MARGIN = 0.010
 BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
+_COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the padding is left
+_FED = -0.002  # [m] the same where a speed is fed forward to a robot: it may be taken back on a slightly different way
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
@@ -391,13 +393,14 @@ class ArmCollisionLimiter:
         self.is_heard = True
         self.limited = self.limited or self._coasts_into
 
-    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
+    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, *, is_fed: bool = False) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
 
         Args:
             planned: where its robot plans to be [rad], (7,).
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
+            is_fed: whether one is desired; else it is only taken back.
         """
         is_back, self.is_heard, self.coasts_too_far = not self.is_heard, True, False
         last, its = self.motion, self.other.motion
@@ -410,7 +413,7 @@ class ArmCollisionLimiter:
         else:
             motion = ArmMotion(planned, sent, robot)
         # Its first command is where it stands.
-        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last)):
+        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last, _FED if is_fed else _COASTING)):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
             return True
@@ -441,18 +444,18 @@ class ArmCollisionLimiter:
         ]
         return is_clear
 
-    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion) -> bool:
-        """Whether nothing touches wherever both arms would coast without their links; arguments as above.
+    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, apart: float) -> bool:
+        """Whether all parts stay so far apart [m] wherever both arms would coast without their links.
 
         Half of the distances is kept for other commands.
         """
-        is_clear, limited = self._decide(motion, last, min(self._distances_left, _DISTANCES // 2), coasts=True)
+        is_clear, limited = self._decide(motion, last, min(self._distances_left, _DISTANCES // 2), apart)
         self._coasts_into = limited or self._coasts_into
         self.coasts_too_far = not is_clear
         return is_clear
 
     def _decide(
-        self, motion: ArmMotion, last: ArmMotion, most: int, *, coasts: bool = False
+        self, motion: ArmMotion, last: ArmMotion, most: int, apart: float = inf
     ) -> tuple[bool, Limited | None]:
         """The same, with ``most`` distances; and what is too near, where that is known."""
         both, found, its = self._both, self._decision, self.other.motion
@@ -462,7 +465,7 @@ class ArmCollisionLimiter:
             motion.packed,
             last.packed,
             its.packed if its is not None else None,
-            coasts,
+            apart,
             most,
             byref(found),
         )

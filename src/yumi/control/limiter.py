@@ -599,7 +599,9 @@ class Limiter:
         for index, candidate in enumerate(candidates):
             self._positions, self._speeds, self.counters = _copied(kept[0]), _copied(kept[1]), _copied(kept[2])
             command = self._next(state, candidate, dt)
-            if collisions.accepts(state.planned, self._positions.motion, self._speeds.motion):
+            is_fed = candidate is not None and candidate.velocity is not ZERO
+            motions = self._positions.motion, self._speeds.motion
+            if collisions.accepts(state.planned, *motions, is_fed=is_fed):
                 # A robot that only follows later is not led elsewhere.
                 if candidate is not None and wanted is not None:
                     self.counters.kept_apart += candidate.position is not wanted.position
@@ -617,7 +619,7 @@ class Limiter:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
         first = collisions.steered(desired)
         yield first
-        if collisions.coasts_too_far and any(first.velocity):
+        if collisions.coasts_too_far and first.velocity is not ZERO:
             yield ArmCommand(first.position)  # may go there, but the robot has to follow it late
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)

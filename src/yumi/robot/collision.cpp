@@ -29,7 +29,6 @@ constexpr double SPARE = 5e-4;             // [m] so far within its margin a par
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
 constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
-constexpr double NO_CONTACT = -0.003;      // [m] between parts of arms that coast: a quarter of the padding is left
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double WIDE = 1.0;               // of a sheet: what is off its line by this share of its length is cut in time
 constexpr double SIMILAR = 0.5;            // of two segments, that in which parts move by this share of it is cut, too
@@ -934,10 +933,11 @@ struct Limiter {
         known = floored;
     }
 
-    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, bool coasts, std::int64_t most,
+    bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, double apart, std::int64_t most,
                 Decision& result) {
+        const bool coasts = apart < INF;
         arm = which, steers = !coasts && is_slow(motion, limits), budget = most, decision = &result;
-        paths = coasts ? coasting : moving, most_margin = coasts ? NO_CONTACT : INF;
+        paths = coasts ? coasting : moving, most_margin = apart;
         pairs.clear(), boundaries.clear(), floored.clear();
         paths[arm].begin(motion, limits);
         if (its) paths[1 - arm].begin(*its, limits);
@@ -1090,9 +1090,9 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts,
 
 // Whether an arm keeps apart from all else on all of its braking path, should it move as `motion` says, after `last`,
 // whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. Motions are packed. With
-// `coasts`, whether nothing touches wherever both arms would go without their links.
+// `apart` below infinity, whether they stay that far apart [m] wherever both arms would go without their links.
 bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, const char* last, const char* its,
-                      bool coasts, std::int64_t budget, Decision* decision) {
+                      double apart, std::int64_t budget, Decision* decision) {
     Motion motions[3] = {};
     const char* packed[3] = {motion, last, its};
     *decision = {};
@@ -1105,7 +1105,7 @@ bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, co
         std::memcpy(static_cast<void*>(&motions[i]), values, sizeof values);
     }
     try {
-        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, coasts, budget, *decision);
+        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, apart, budget, *decision);
     } catch (...) {  // no memory
         return false;
     }

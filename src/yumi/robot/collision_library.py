@@ -95,7 +95,7 @@ def load() -> ctypes.PyDLL:
         ("limiter_permit", None, address, address),
         ("limiter_is_slow", boolean, address, packed),
         ("limiter_segments", integer, address, packed, boolean, integer, address, address),
-        ("limiter_is_clear", boolean, address, integer, packed, packed, packed, boolean, integer, decision),
+        ("limiter_is_clear", boolean, address, integer, packed, packed, packed, double, integer, decision),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
