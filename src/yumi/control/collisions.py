@@ -39,6 +39,7 @@ BODY_MARGIN = -0.002
 _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the padding is left
 _FED = -0.002  # [m] the same where a speed is fed forward to a robot: it may be taken back on a slightly different way
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
+_DISTANCES_FED = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
 _STAYS = 1e-6  # [rad]
@@ -413,7 +414,7 @@ class ArmCollisionLimiter:
         else:
             motion = ArmMotion(planned, sent, robot)
         # Its first command is where it stands.
-        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last, _FED if is_fed else _COASTING)):
+        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last, is_fed=is_fed)):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
             return True
@@ -444,12 +445,10 @@ class ArmCollisionLimiter:
         ]
         return is_clear
 
-    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, apart: float) -> bool:
-        """Whether all parts stay so far apart [m] wherever both arms would coast without their links.
-
-        Half of the distances is kept for other commands.
-        """
-        is_clear, limited = self._decide(motion, last, min(self._distances_left, _DISTANCES // 2), apart)
+    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, is_fed: bool) -> bool:
+        """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
+        most, apart = (_DISTANCES_FED, _FED) if is_fed else (_DISTANCES, _COASTING)
+        is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)
         self._coasts_into = limited or self._coasts_into
         self.coasts_too_far = not is_clear
         return is_clear
