@@ -37,7 +37,7 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the padding is left
-_FED = -0.002  # [m] the same where a speed is fed forward to a robot: it may be taken back on a slightly different way
+_FED = 0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
 _DISTANCES_FED = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
 _NOISE = 1e-3  # [rad] of where the robot plans to be
