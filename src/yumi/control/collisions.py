@@ -453,9 +453,7 @@ class ArmCollisionLimiter:
         self.coasts_too_far = not is_clear
         return is_clear
 
-    def _decide(
-        self, motion: ArmMotion, last: ArmMotion, most: int, apart: float = inf
-    ) -> tuple[bool, Limited | None]:
+    def _decide(self, motion: ArmMotion, last: ArmMotion, most: int, apart: float = inf) -> tuple[bool, Limited | None]:
         """The same, with ``most`` distances; and what is too near, where that is known."""
         both, found, its = self._both, self._decision, self.other.motion
         is_clear: bool = both.library.limiter_is_clear(
