@@ -347,7 +347,8 @@ bool is_slow(const Motion& motion, const Limits& limits) {
     return way < SLOW;
 }
 
-constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1;  // numbers of a path's curves; of all of them
+constexpr int CURVES = 3;                           // of a path at most
+constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1;  // their numbers; of all of them
 
 // Postures along a path: a curve, or a straight line, of which there are only the ends.
 struct Curve {
@@ -366,8 +367,8 @@ struct Segment {
 struct Path {
     Segment whole;
     Motion motion;
-    int curves;      // of it; none before it is cut
-    Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line to where it may coast
+    int curves;           // of it; none before it is cut
+    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and a line to where it may coast
 
     Path() : whole{}, motion{}, curves(0) { motion.planned[0] = INF; }  // as of no arm
 
@@ -464,7 +465,7 @@ struct Path {
 
     bool can_cut(const Segment& segment) const { return segment.curve < 0 || segment.level < LEVELS; }
 
-    // What a segment consists of: at most three parts.
+    // What a segment consists of: at most CURVES parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
@@ -572,8 +573,8 @@ struct Limiter {
     Decision* decision = nullptr;
 
     Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
-        // A level cuts one segment into two and one into three at most, and each path is cut LEVELS + 1 times.
-        spans.resize(2 + (2 * LEVELS + 2) * 5);
+        // Two whole paths; then each cut, of which a path has LEVELS + 1, adds the parts of a segment of each arm.
+        spans.resize(2 + 2 * (LEVELS + 1) * 2 * CURVES);
         pairs.reserve(1 << 14);
         boundaries.reserve(64);
     }
@@ -589,9 +590,10 @@ struct Limiter {
         return is_still ? widest_still[arm][frame] : widest[arm][frame][other];
     }
 
-    // Other margins from now on.
+    // Other margins from now on; what is no number keeps all away.
     void permit(const double* all) {
         margins.assign(all, all + std::size_t(model.count) * model.count);
+        for (double& each : margins) each = std::isnan(each) ? INF : each;
         std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
         std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
         for (arm = 0; arm < 2; ++arm)
@@ -753,7 +755,7 @@ struct Limiter {
         const bool cuts = can_cut && (own.most >= SIMILAR * its.most || !can_cut_theirs);
         const bool cuts_theirs = can_cut_theirs && (its.most > SIMILAR * own.most || !can_cut);
         if (finding.is_certain || !(cuts || cuts_theirs)) return refuse(finding);
-        Segment parts[3];
+        Segment parts[CURVES];
         int first = finding.mine, count = 1, their_first = finding.theirs, their_count = 1;
         if (cuts) {
             first = top, count = paths[arm].cut(own.segment, limits, parts);
@@ -763,7 +765,7 @@ struct Limiter {
             their_first = top, their_count = paths[1 - arm].cut(its.segment, limits, parts);
             for (int i = 0; i < their_count; ++i) span(1 - arm, top++, parts[i]);
         }
-        Finding found[6], *last = found;
+        Finding found[CURVES * CURVES], *last = found;
         const std::size_t known = pairs.size();
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < their_count; ++k) {
@@ -963,7 +965,7 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, std::int64_t
     path.begin(motion, limiter->limits);
     std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
     std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
-    Segment parts[3];
+    Segment parts[CURVES];
     std::int64_t count = 0;
     for (int curve = path.cut(path.whole, limiter->limits, parts); curve--;)
         for (int i = 0; i < 1 << level; ++i, ++count) {
