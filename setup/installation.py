@@ -204,7 +204,7 @@ def _install_clone(clone: Clone) -> None:
 
 def _compile_library(clone: Clone) -> None:
     command = [str(clone.python), "-m", "yumi.robot.collision_library"]
-    run(command, clone.logs / "library.log", "what keeps the arms apart could not be compiled")
+    run(command, clone.logs / "library.log", "the collision library could not be compiled")
 
 
 def _extend_activation(clone: Clone) -> None:

@@ -65,7 +65,9 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
         from yumi.robot import collision_library  # noqa: PLC0415 - that of the sources the wheel is made of
 
         packaged = collision_library.PACKAGED.relative_to(Path(self.root) / "src")
-        build_data["force_include"][str(collision_library.compiled())] = packaged.as_posix()
+        library = Path(self.root) / "build" / "collision" / "wheel.so"
+        collision_library.compile_to(library, *collision_library.PORTABLE)
+        build_data["force_include"][str(library)] = packaged.as_posix()
         platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{platform}"

@@ -12,7 +12,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from yumi.clock import ManualClock
-from yumi.control.controller import GoalKind, MemoryBuffer, read_goal
+from yumi.control.controller import GoalKind, MemoryBuffer, SessionGoal, read_goal
 from yumi.control.shared_state import CAUSES, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.messages import RefusalLog
@@ -401,26 +401,49 @@ def test_stream_of_invented_names_cannot_flood_the_log(node: Node, buffers: Boxe
     assert sum(counts) + len(node.warnings) == pytest.approx(6400, abs=3200)
 
 
-@pytest.mark.parametrize("waited", [0.0, 2.0])
-def test_command_that_waited_for_long_in_a_busy_driver_is_refused(
-    ros: None, buffers: Boxes, monkeypatch: pytest.MonkeyPatch, waited: float
-) -> None:
-    monkeypatch.setattr("yumi.ros.messages.time_ns", lambda: time_ns() + int(waited * 1e9))
-    driver = rclpy.create_node("driver")
-    topic = JointCommandTopic(driver, Side.RIGHT, buffers.goals, lambda: read_snapshot(buffers.snapshots))
-    log = Node()
-    monkeypatch.setattr(topic, "_refusals", RefusalLog(log, lambda: 0.0))
-    publisher = driver.create_publisher(JointState, "joint_commands", 1)
-    publisher.publish(goal(list(NAMES), [0.1] * 7))
-    deadline = time_ns() + 10_000_000_000
-    while not log.warnings and newest(buffers, 3) is None:
-        assert time_ns() < deadline
-        rclpy.spin_once(driver, timeout_sec=0.1)
-    driver.destroy_node()
-    assert (newest(buffers, 3) is None) == bool(log.warnings) == (waited > 0.0)
-    if waited:
-        assert re.fullmatch(
-            r"Goal refused: it waited for 2\.\d s in the driver and may be from before a stop, "
-            r"at most 0\.5 s are allowed; send it again\.",
-            *log.warnings,
-        )
+class Late:
+    """A topic of a driver that reads each message so long after it came [s]."""
+
+    def __init__(self, kind: type[CommandTopic], buffers: Boxes, waited: float, patch: pytest.MonkeyPatch) -> None:
+        patch.setattr("yumi.ros.messages.time_ns", lambda: time_ns() + int(waited * 1e9))
+        self.log, self._buffers = Node(), buffers
+        self._node = rclpy.create_node("driver")
+        snapshot = commanded(ZERO, goal_kind=kind.kind)
+        self._topic = kind(self._node, Side.RIGHT, buffers.goals, lambda: snapshot, lambda: 100.0)
+        patch.setattr(self._topic, "_refusals", RefusalLog(self.log, lambda: 0.0))
+        self._publisher = self._node.create_publisher(JointState, kind.name, 1)
+
+    def send(self, message: JointState) -> SessionGoal | None:
+        """What becomes of it; None once it is refused."""
+        self._publisher.publish(message)
+        deadline = time_ns() + 10_000_000_000
+        while not self.log.warnings and self._buffers.goals.read() is None:
+            assert time_ns() < deadline
+            rclpy.spin_once(self._node, timeout_sec=0.1)
+        self._node.destroy_node()
+        newest = self._buffers.goals.read()
+        return None if newest is None else newest[1]
+
+
+def test_command_counts_from_when_it_came_in(ros: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    sent = Late(JointCommandTopic, Boxes(), 0.3, monkeypatch).send(goal(list(NAMES), [0.1] * 7))
+    assert sent is not None
+    assert sent.time == pytest.approx(99.7, abs=0.1)
+
+
+def test_command_that_waited_for_long_in_a_busy_driver_is_refused(ros: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    late = Late(JointCommandTopic, Boxes(), 2.0, monkeypatch)
+    assert late.send(goal(list(NAMES), [0.1] * 7)) is None
+    assert re.fullmatch(
+        r"Goal refused: it waited for 2\.\d s in the driver and may be from before a stop, "
+        r"at most 0\.5 s are allowed; send it again\.",
+        *late.log.warnings,
+    )
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.1])
+def test_speed_of_zero_is_never_too_late(ros: None, monkeypatch: pytest.MonkeyPatch, speed: float) -> None:
+    sent = Late(JointVelocityTopic, Boxes(), 2.0, monkeypatch).send(
+        JointState(name=list(NAMES), velocity=[speed, *[0.0] * 6])
+    )
+    assert (sent is None) == (speed > 0.0)

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from ctypes import byref
 from functools import cached_property
-from math import dist, fsum, inf
+from math import dist, fsum, inf, isfinite
 from struct import Struct
 from typing import NamedTuple
 from weakref import finalize
@@ -65,7 +65,7 @@ class ArmMotion:
 
     def stays(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether a command changes nothing; arguments as of the class. Most of the time an arm stands."""
-        if self.sent != sent or self.robot != robot:
+        if self.sent != sent or self.robot != robot or self.coasts_to is not None:
             return False
         return self.planned is planned or dist(self.planned, planned) < _NOISE
 
@@ -242,6 +242,8 @@ class CollisionLimiter:
     """
 
     def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
+        if not (isfinite(margin) and isfinite(gain)):
+            raise ValueError(f"margin {margin} m and gain {gain} 1/s: both must be finite")
         self.model = model
         self.margin = margin
         self.limits = limits
@@ -261,7 +263,7 @@ class CollisionLimiter:
         self.handle: int = self.library.limiter_new(model.handle, braking.ctypes.data, names.ctypes.data)
         if not self.handle:
             raise MemoryError("no memory to keep the arms apart")
-        finalize(self, self.library.limiter_delete, self.handle)
+        finalize(self, self.library.limiter_delete, self.handle).atexit = False  # threads may still use it
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:

@@ -9,14 +9,13 @@
 #include <cmath>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <limits>
 #include <vector>
 
 namespace {
 
 constexpr int JOINTS = 7, LEVELS = 6, SAMPLES = 1 << LEVELS;
-constexpr int STRIP_LEVELS = 4, STRIPS = 1 << STRIP_LEVELS;  // of what a line sweeps in joint space
+constexpr int STRIP_LEVELS = 4, STRIPS = 1 << STRIP_LEVELS;  // of a sheet
 constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
 constexpr int NAMED = 3;            // boundaries that count at once
 constexpr double INF = std::numeric_limits<double>::infinity(), TINY = 1e-12;
@@ -350,7 +349,8 @@ bool is_slow(const Motion& motion, const Limits& limits) {
     return way < SLOW;
 }
 
-constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1, COASTING = 2;  // numbers of a path's curves; of all of them
+constexpr int CURVES = 3;                                         // of a path at most
+constexpr int WHOLE = -1, SENT = 0, FOLLOWING = 1, COASTING = 2;  // their numbers; of all of them
 
 // Postures along a path: a curve, or a straight line, of which there are only the ends.
 struct Curve {
@@ -364,7 +364,7 @@ struct Segment {
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
-    // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the line.
+    // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the slice.
 };
 
 // Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
@@ -375,9 +375,9 @@ struct Path {
     bool is_sheet;
     Segment whole;
     Motion motion;
-    int curves;      // of it; none before it is cut
-    Curve curve[3];  // how the position sent brakes, how the robot follows it, and a line or lines to where it may coast
-    double passed[SAMPLES + 1];  // way of the ends of a sheet's line so far
+    int curves;           // of it; none before it is cut
+    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and a line or lines to where it may coast
+    double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
 
     explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
         motion.planned[0] = INF;  // as of no arm
@@ -484,8 +484,8 @@ struct Path {
         passed[0] = 0.0;
         for (int i = 1; i <= SAMPLES; ++i) {
             passed[i] = passed[i - 1];
-            for (const Curve& ends : {std::cref(its), std::cref(curve[COASTING])})
-                for (int j = 0; j < JOINTS; ++j) passed[i] += std::abs(ends.postures[i][j] - ends.postures[i - 1][j]);
+            for (const Curve* ends : {&its, &curve[COASTING]})
+                for (int j = 0; j < JOINTS; ++j) passed[i] += std::abs(ends->postures[i][j] - ends->postures[i - 1][j]);
         }
     }
 
@@ -493,7 +493,7 @@ struct Path {
         return segment.curve < 0 || segment.level < LEVELS || (is_sheet && segment.curve < STRIPS);
     }
 
-    // What a segment consists of: at most three parts.
+    // What a segment consists of: at most CURVES parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
         if (is_sheet && segment.curve >= 0) {
             double off = 0.0, along = 0.0;
@@ -523,8 +523,9 @@ struct Path {
         int first = 0, last = SAMPLES;
         for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
             if (bit <= strip / 2) {
-                const double* middle = std::lower_bound(passed + first, passed + last, 0.5 * (passed[first] + passed[last]));
-                (strip & bit ? first : last) = std::max(std::min(int(middle - passed), last - 1), first);
+                const double half = 0.5 * (passed[first] + passed[last]);
+                const int middle = int(std::lower_bound(passed + first, passed + last, half) - passed);
+                (strip & bit ? first : last) = std::max(std::min(middle, last - 1), first);
             }
         const auto &starts = curve[FOLLOWING].postures, &ends = curve[COASTING].postures;
         const double *from = starts[first], *to = from;
@@ -678,8 +679,8 @@ struct Limiter {
     Decision* decision = nullptr;
 
     Limiter(const Model& its, const Limits& joints) : model(its), limits(joints) {
-        // A path is cut into three at most, and each level of it into two.
-        spans.resize(2 + 2 * (3 + 2 * (LEVELS + STRIP_LEVELS)));
+        // Two whole paths; then each cut, of which a path has so many, adds the parts of a segment of each arm.
+        spans.resize(2 + 2 * (LEVELS + STRIP_LEVELS + 1) * 2 * CURVES);
         pairs.reserve(1 << 14);
         boundaries.reserve(64);
     }
@@ -696,10 +697,11 @@ struct Limiter {
         return std::min(is_still ? widest_still[arm][frame] : widest[arm][frame][other], most_margin);
     }
 
-    // Other margins from now on.
+    // Other margins from now on; what is no number keeps all away.
     void permit(const double* all) {
         most_margin = INF;
         margins.assign(all, all + std::size_t(model.count) * model.count);
+        for (double& each : margins) each = std::isnan(each) ? INF : each;
         std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
         std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
         for (arm = 0; arm < 2; ++arm)
@@ -861,7 +863,7 @@ struct Limiter {
         const bool cuts = can_cut && (own.most >= SIMILAR * its.most || !can_cut_theirs);
         const bool cuts_theirs = can_cut_theirs && (its.most > SIMILAR * own.most || !can_cut);
         if (finding.is_certain || !(cuts || cuts_theirs)) return refuse(finding);
-        Segment parts[3];
+        Segment parts[CURVES];
         int first = finding.mine, count = 1, their_first = finding.theirs, their_count = 1;
         if (cuts) {
             first = top, count = paths[arm].cut(own.segment, limits, parts);
@@ -871,7 +873,7 @@ struct Limiter {
             their_first = top, their_count = paths[1 - arm].cut(its.segment, limits, parts);
             for (int i = 0; i < their_count; ++i) span(1 - arm, top++, parts[i]);
         }
-        Finding found[6], *last = found;
+        Finding found[CURVES * CURVES], *last = found;
         const std::size_t known = pairs.size();
         for (int i = 0; i < count; ++i)
             for (int k = 0; k < their_count; ++k) {
@@ -1074,11 +1076,11 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts,
     path.begin(motion, limiter->limits);
     std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
     std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
-    Segment parts[3];
+    Segment parts[CURVES];
     std::int64_t count = 0;
     for (int number = path.cut(path.whole, limiter->limits, parts); number--;)
         for (int i = 0; i < 1 << level; ++i, ++count) {
-            // Of a sheet, first in time, then along the line.
+            // Of a sheet, first in time, then into slices.
             const int strips = std::min(int(level), STRIP_LEVELS), along = int(level) - strips;
             const Segment segment = path.is_sheet ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
                                                   : path.part(parts[number].curve, int(level), i);

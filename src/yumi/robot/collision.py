@@ -227,7 +227,7 @@ class CollisionModel:
         self.handle: int = self._library.model_new(origins, counts.ctypes.data, shapes, still, len(boxes))
         if not self.handle:
             raise MemoryError("no memory for the shapes of the arms")
-        finalize(self, self._library.model_delete, self.handle)
+        finalize(self, self._library.model_delete, self.handle).atexit = False  # threads may still use it
 
     def contacts(self, positions: Array, within: float, alone: Side | None = None) -> Contacts:
         """The pairs of parts that are near each other.

@@ -17,6 +17,7 @@ import sysconfig
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from yumi.errors import MissingPrerequisite
 
@@ -26,7 +27,10 @@ PACKAGED = SOURCE.with_name("libcollision.so")
 
 COMPILERS = ("c++", "g++", "clang++")
 FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC")  # for any processor of its kind: what is compiled may be copied
-_PURPOSE = "What keeps the arms apart"
+PORTABLE = ("-static-libstdc++", "-static-libgcc")
+"""For a library that is copied to machines with another C++ library, as in a wheel."""
+
+_PURPOSE = "The collision library, which keeps the arms apart,"
 NAMED = 3
 """Boundaries that a decision has at most."""
 
@@ -82,8 +86,15 @@ def load() -> ctypes.PyDLL:
     Raises:
         MissingPrerequisite: it has to be compiled, and cannot be.
     """
-    # Calls take microseconds: giving up the interpreter for them would let other threads in between.
-    library = ctypes.PyDLL(str(PACKAGED if PACKAGED.exists() else compiled()))
+    path = PACKAGED if PACKAGED.exists() else compiled()
+    try:
+        # Calls take microseconds: giving up the interpreter for them would let other threads in between.
+        library = ctypes.PyDLL(str(path))
+    except OSError as error:
+        raise MissingPrerequisite(
+            f"{_PURPOSE} cannot be loaded: {error}. If it is damaged or of another machine, remove {path}: "
+            "it is compiled anew then."
+        ) from error
     address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
     packed, decision = ctypes.c_char_p, ctypes.POINTER(Decision)
     for name, result, *arguments in (
@@ -104,7 +115,7 @@ def load() -> ctypes.PyDLL:
 
 def compiled() -> Path:
     """The library compiled for this machine, from this edition of the source; compiles it where there is none."""
-    made_of = SOURCE.read_bytes() + " ".join((*FLAGS, sysconfig.get_platform())).encode()
+    made_of = SOURCE.read_bytes() + " ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode()
     digest = hashlib.sha256(made_of).hexdigest()[:16]
     library = _cache(os.environ) / f"collision-{digest}.so"
     if not library.exists():
@@ -112,7 +123,7 @@ def compiled() -> Path:
     return library
 
 
-def compile_to(library: Path) -> None:
+def compile_to(library: Path, *flags: str) -> None:
     """Compile the source. Several processes may do so at once: each replaces the file by the same one, at once."""
     named = shlex.split(os.environ.get("CXX", ""))
     compiler = named or [found for name in COMPILERS if (found := shutil.which(name))][:1]
@@ -121,23 +132,22 @@ def compile_to(library: Path) -> None:
             f"{_PURPOSE} must be compiled, and no C++ compiler was found: install one (Debian, Ubuntu: apt install "
             "g++), name one in CXX, or install yumi-ros2 from a wheel, which contains it compiled."
         )
-    own = library.with_name(f"{library.name}.{os.getpid()}")
-    command = [*compiler, *FLAGS, "-o", str(own), str(SOURCE)]
     try:
         library.parent.mkdir(parents=True, exist_ok=True)
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {shlex.join(command)}\n{done.stderr}")
-        own.replace(library)
+        with TemporaryDirectory(dir=library.parent) as folder:
+            own = Path(folder) / library.name
+            command = [*compiler, *FLAGS, *flags, "-o", str(own), str(SOURCE)]
+            done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
+            if done.returncode != 0:
+                raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {shlex.join(command)}\n{done.stderr}")
+            own.replace(library)
     except OSError as error:
         raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {error}") from error
-    finally:
-        own.unlink(missing_ok=True)
 
 
 def _cache(environment: Mapping[str, str]) -> Path:
     root = SOURCE.parents[3]
-    if (root / "pyproject.toml").exists():
+    if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
         return root / "build" / "collision"
     return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
 

@@ -117,9 +117,9 @@ class _ToolTopic(CommandTopic):
         except CommandRefused as error:
             raise CommandRefused(f"{self.noun} refused: {str(error).removeprefix('Pose refused: ')}") from error
 
-    def take(self, message: Any) -> None:
+    def take(self, message: Any, waited: float = 0.0) -> None:
         try:
-            super().take(message)
+            super().take(message, waited)
         except YumiError as error:  # the control process has ended
             self._refusals.warn(str(error))
 

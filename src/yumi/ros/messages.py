@@ -636,15 +636,15 @@ LONGEST_WAIT = 0.5
 """A command that waited for longer in the driver may be from before a stop that was recovered from meanwhile [s]."""
 
 
-def check_wait(noun: str, info: Mapping[str, Any]) -> None:
-    """Raise CommandRefused if a message was received too long ago, because the driver was busy.
+def waited_for(info: Mapping[str, Any]) -> float:
+    """For how long a busy driver has left a message unread [s]; 0 where the middleware does not say when it came."""
+    received = info["received_timestamp"]
+    return max((time_ns() - received) * 1e-9, 0.0) if received else 0.0
 
-    Args:
-        noun: what it is, e.g. ``Goal``.
-        info: what rclpy knows of the message; the middleware may not say when it was received.
-    """
-    waited = (time_ns() - info["received_timestamp"]) * 1e-9
-    if info["received_timestamp"] and waited > LONGEST_WAIT:
+
+def check_wait(noun: str, waited: float) -> None:
+    """Raise CommandRefused if a message has waited for too long; ``noun`` is what it is, e.g. ``Goal``."""
+    if waited > LONGEST_WAIT:
         raise CommandRefused(
             f"{noun} refused: it waited for {waited:.1f} s in the driver and may be from before a stop, "
             f"at most {LONGEST_WAIT} s are allowed; send it again."

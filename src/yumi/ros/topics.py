@@ -59,6 +59,7 @@ from yumi.ros.messages import (
     speeds_of,
     stamp,
     velocities_of,
+    waited_for,
 )
 
 # Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
@@ -111,20 +112,26 @@ class CommandTopic(ABC):
         self._node.destroy_subscription(self._subscription)
 
     def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
+        waited = waited_for(info)
         try:
-            check_wait(self.noun, info)
+            check_wait(self.noun, waited)
         except CommandRefused as error:
-            self._refusals.warn(str(error))
-        else:
-            self.take(message)
+            if not self.is_stop(message):
+                self._refusals.warn(str(error))
+                return
+        self.take(message, waited)
 
-    def take(self, message: Any) -> None:
-        """Pass a command on, or say why not."""
-        time = self._now()
+    def take(self, message: Any, waited: float = 0.0) -> None:
+        """Pass on a command that was received ``waited`` [s] ago, or say why not."""
+        time = self._now() - waited
         try:
             self._accept(message, time - self._age(message))
         except CommandRefused as error:
             self._refusals.warn(str(error))
+
+    def is_stop(self, message: Any) -> bool:
+        """Whether a command does nothing but end a motion, and is never too late."""
+        return False
 
     @abstractmethod
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
@@ -202,6 +209,9 @@ class JointVelocityTopic(CommandTopic):
     name, type, noun = "joint_velocity_commands", JointState, "Speed"
     kind, taker, controller = GoalKind.VELOCITY, "velocity controller", "joint_velocity_controller"
 
+    def is_stop(self, message: Any) -> bool:
+        return not any(message.velocity)
+
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         write_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
 
@@ -241,6 +251,9 @@ class ForwardTopic(CommandTopic):
 
     def is_for(self, kind: GoalKind) -> bool:
         return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
+
+    def is_stop(self, message: Any) -> bool:
+        return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(message.data)
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         self._check_active(snapshot.activation)

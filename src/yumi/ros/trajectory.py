@@ -57,6 +57,7 @@ from yumi.ros.messages import (
     state_message,
     tolerances_of,
     trajectory_of,
+    waited_for,
 )
 from yumi.settings import number
 
@@ -402,7 +403,7 @@ class TrajectoryAction:
         own = {side: Tolerances() for side in self._sides}
 
         def send() -> None:
-            check_wait("Trajectory", info)
+            check_wait("Trajectory", waited_for(info))
             self._send(message, own, None)
 
         self._try(send)

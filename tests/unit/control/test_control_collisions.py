@@ -785,3 +785,15 @@ def test_command_that_is_no_number_is_refused_beside_a_boundary_too() -> None:
     before = arms.limiters[Side.RIGHT].counters.refused
     arms.cycle({Side.RIGHT: to((inf,) * 7)})
     assert arms.limiters[Side.RIGHT].counters.refused == before + 1
+
+
+def test_arm_that_is_heard_again_coasts_no_further_though_it_is_sent_the_same() -> None:
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
+    arm, stands = both.arm(Side.RIGHT), READY[Side.RIGHT]
+    arm.sent(stands, Setpoint(stands), None)
+    arm.connection_lost()
+    assert arm.motion is not None
+    assert arm.motion.coasts_to == stands
+    arm.is_heard = True  # as after a command that was refused
+    arm.sent(stands, Setpoint(stands), None)
+    assert arm.motion.coasts_to is None

@@ -57,6 +57,15 @@ def test_library_that_cannot_be_compiled_says_why(
     installed: Path, tmp_path: Path, variables: dict[str, str], sentence: str
 ) -> None:
     _, error = start(installed, tmp_path / "cache", "load()", **variables).communicate(timeout=60.0)
-    assert "MissingPrerequisite: What keeps the arms apart" in error
+    assert "MissingPrerequisite: The collision library, which keeps the arms apart," in error
     assert sentence in error
     assert not list(tmp_path.glob("cache/yumi-ros2/*"))
+
+
+def test_damaged_library_says_what_to_do(installed: Path, tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert start(installed, cache, "load()").communicate(timeout=60.0) == ("", "")
+    (library,) = (cache / "yumi-ros2").iterdir()
+    library.write_bytes(b"")
+    _, error = start(installed, cache, "load()").communicate(timeout=60.0)
+    assert f"remove {library}: it is compiled anew then." in error
