@@ -376,7 +376,7 @@ struct Path {
     Segment whole;
     Motion motion;
     int curves;           // of it; none before it is cut
-    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and a line or lines to where it may coast
+    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and where it may coast
     double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
 
     explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
