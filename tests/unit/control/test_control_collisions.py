@@ -95,7 +95,7 @@ def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
     """Whether all but the body is beyond the margin, and the body as far as it has to be."""
-    near = arms.shapes.nearest(positions, 100)
+    near = arms.shapes.nearest(positions, 10_000)
 
     def least(each: Distance) -> float:
         return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else MARGIN
@@ -206,7 +206,7 @@ def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
         low, high = radians(20.0), radians(60.0)
         for _ in range(40):
             angle = 0.5 * (low + high)
-            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 100)
+            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 10_000)
             distance = min(each.distance for each in near if each.other.startswith("left"))
             low, high = (angle, high) if distance > MARGIN + beyond else (low, angle)
         return turned(Side.RIGHT, low)

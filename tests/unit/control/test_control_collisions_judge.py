@@ -49,7 +49,7 @@ def test_nothing_touches_in_adversarial_cycles(cycles: int) -> None:
         nearest_commanded = min(nearest_commanded, judge.distance(commanded))
         nearest_measured = min(nearest_measured, judge.distance(measured))
         if not was_lost:
-            for each in arms.shapes.nearest(commanded, 200):
+            for each in arms.shapes.nearest(commanded, 10_000):
                 is_body = each.other == "body" or "shoulder" in each.part + each.other
                 worst = min(worst, each.distance - (BODY_MARGIN if is_body else MARGIN))
         assert worst > -ROUNDING

@@ -69,7 +69,7 @@ def nearest(plan: Plan) -> float:
     distances = []
     for time in np.arange(0.0, plan.duration + 0.01, 0.01).tolist():
         at = {side: ways[side].position(time) if side in ways else plan.start[side] for side in Side}
-        pairs = SHAPES.nearest(at, 20)
+        pairs = SHAPES.nearest(at, 10_000)
         distances += [each.distance for each in pairs if not (each.part.endswith("upper arm") and each.other == "body")]
     return min(distances)
 
