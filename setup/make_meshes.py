@@ -1,7 +1,8 @@
-"""Make the meshes of the robot that are shown: src/yumi/robot/meshes/*.stl, from the shapes of robot/description.py.
+"""Make the meshes of the robot that are shown: src/yumi/robot/meshes/*.stl.
 
-Our own shapes, not ABB's: each link is a distance field, the smooth union of the capsules that collide, with a gap at
-each joint and a dark ring in it. Surface nets turn the fields into triangles.
+Our own shapes, not ABB's: each link is a distance field, the smooth union of the capsules that collide
+(robot/description.py), with a gap at each joint and a dark ring in it. The body is the smooth union of rounded boxes,
+which the boxes that collide contain. Surface nets turn the fields into triangles.
 
     python setup/make_meshes.py
 """
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.robot.description import BODY_SHAPES, FINGER_SHAPES, JOINT_ORIGINS, LINK_SHAPES, Box, Capsule, Origin
+from yumi.robot.description import FINGER_SHAPES, JOINT_ORIGINS, LINK_SHAPES, Box, Capsule, Origin
 
 Array = NDArray[np.float64]
 Field = Callable[[Array], Array]
@@ -31,6 +32,15 @@ GAP = 0.0035  # [m] on both sides of a joint's plane
 PLANES = ((-0.044, 1, 0.060), (0.0, -1, 0.058), (-0.004, 1, 0.053), (0.0, -1, 0.052), (-0.002, 1, 0.044))
 PLANES = (*PLANES, (0.0, -1, 0.042), (0.0, 1, 0.036))
 FAR = 0.2
+# Of the body, fitted to the public meshes of the covers (reference/yumi.md §1.10)
+BASE = Box((-358, -200, -100), (0, 200, 100))
+LOBES = Box((0, 50, -20), (135, 190, 60)), Box((0, -190, -20), (135, -50, 60))
+COLUMN = Box((-360, -112, 100), (-120, 112, 280))
+SHOULDERS = (
+    Box((-361, -130, 300), (43, 130, 448)),
+    Box((-361, -112, 448), (43, 112, 460)),
+    Box((-361, -93, 460), (43, 93, 471)),
+)
 
 
 def capsule(start: Array, end: Array, radius: float) -> Field:
@@ -202,7 +212,7 @@ def corners(shape: Box) -> tuple[Array, Array]:
 
 
 def main() -> None:
-    base, left, right, column, *shoulders = (corners(shape) for shape in BODY_SHAPES if isinstance(shape, Box))
+    base, left, right, column, *shoulders = (corners(each) for each in (BASE, *LOBES, COLUMN, *SHOULDERS))
     low, high = np.array([-0.37, -0.21, -0.11]), np.array([0.145, 0.21, 0.48])
     feet = union(box(*base, 0.03), box(*left, 0.02), box(*right, 0.02), blend=0.03)
     write("base", feet, low, np.array([0.145, 0.21, 0.11]), 0.020)

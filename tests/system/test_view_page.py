@@ -223,7 +223,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
         """The least distance of the right arm from the box [m]."""
         distances = []
         for position in way:
-            pairs = shapes.nearest({Side.RIGHT: position, Side.LEFT: home(Side.LEFT)}, 400)
+            pairs = shapes.nearest({Side.RIGHT: position, Side.LEFT: home(Side.LEFT)}, 10_000)
             distances.append(next(it.distance for it in pairs if it.other == BOX.name and it.part.startswith("right")))
         return min(distances)
 

@@ -450,13 +450,17 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
     topics: dict[int, str] = {}
     try:
         with file.open("rb") as stream:
-            for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
-                if isinstance(record, Channel):
-                    topics[record.id] = record.topic if record.message_encoding == "json" else ""
-                elif isinstance(record, Message) and topics[record.channel_id]:
-                    yield topics[record.channel_id], record.log_time, json.loads(record.data)
-                elif isinstance(record, Footer):
-                    yield None, 0, None
+            try:
+                for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
+                    if isinstance(record, Channel):
+                        topics[record.id] = record.topic if record.message_encoding == "json" else ""
+                    elif isinstance(record, Message) and topics[record.channel_id]:
+                        yield topics[record.channel_id], record.log_time, json.loads(record.data)
+                    elif isinstance(record, Footer):
+                        yield None, 0, None
+            except struct.error:
+                if stream.read(1):  # else it ends within a number, which the library reads without a check
+                    raise
     except EndOfFile:
         return  # its writer was stopped; what is complete has been read
     except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:

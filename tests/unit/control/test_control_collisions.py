@@ -87,7 +87,7 @@ def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
 
 def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
     """The smallest distance, but of the shoulders, which are as near to the other arm as to the body [m]."""
-    near = arms.shapes.nearest(positions, 1000)
+    near = arms.shapes.nearest(positions, 10_000)
     return min(
         each.distance for each in near if each.other.startswith("left") and "shoulder" not in each.part + each.other
     )
@@ -95,7 +95,7 @@ def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
     """Whether all but the body is beyond the margin, and the body as far as it has to be."""
-    near = arms.shapes.nearest(positions, 100)
+    near = arms.shapes.nearest(positions, 10_000)
 
     def least(each: Distance) -> float:
         return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else MARGIN
@@ -206,7 +206,7 @@ def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
         low, high = radians(20.0), radians(60.0)
         for _ in range(40):
             angle = 0.5 * (low + high)
-            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 100)
+            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 10_000)
             distance = min(each.distance for each in near if each.other.startswith("left"))
             low, high = (angle, high) if distance > MARGIN + beyond else (low, angle)
         return turned(Side.RIGHT, low)
@@ -599,7 +599,7 @@ def test_permitted_pairs_may_touch_and_no_others() -> None:
         arms.cycle({side: to(goal) for side, goal in goals.items()})
         lowest = min(lowest, between_arms(arms, arms.measured()))
     assert lowest < 0.0
-    body = next(each for each in arms.shapes.nearest(arms.commanded(), 500) if each.other == "body")
+    body = next(each for each in arms.shapes.nearest(arms.commanded(), 10_000) if each.other == "body")
     assert body.distance >= BODY_MARGIN - ROUNDING
 
 
@@ -611,7 +611,7 @@ def test_gripper_is_all_that_is_fixed_to_the_tool_frame() -> None:
     fingers = np.inf
     for _ in range(300):
         arms.cycle({side: to(goal) for side, goal in goals.items()})
-        near = arms.shapes.nearest(arms.commanded(), 1000)
+        near = arms.shapes.nearest(arms.commanded(), 10_000)
         fingers = min(
             fingers, *(it.distance for it in near if (it.part, it.other) == ("right fingers", "left fingers"))
         )

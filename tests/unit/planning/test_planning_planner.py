@@ -31,7 +31,7 @@ PROBLEMS = 200
 RANDOM = (0.7, 0.6, 0.9, 0.8, 1.5, 0.8, 2.0)
 """How far random postures are from one in front of the robot [rad]."""
 FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
-TO_BODY = (-0.3, *[0.0] * 6)
+TO_BODY = (-0.309, *[0.0] * 6)
 """From home the elbow comes so near to the body that the limiter stops the right arm [rad]."""
 
 
@@ -69,7 +69,7 @@ def nearest(plan: Plan) -> float:
     distances = []
     for time in np.arange(0.0, plan.duration + 0.01, 0.01).tolist():
         at = {side: ways[side].position(time) if side in ways else plan.start[side] for side in Side}
-        pairs = SHAPES.nearest(at, 20)
+        pairs = SHAPES.nearest(at, 10_000)
         distances += [each.distance for each in pairs if not (each.part.endswith("upper arm") and each.other == "body")]
     return min(distances)
 

@@ -122,6 +122,15 @@ def test_recording_that_was_cut_off_gives_what_is_whole(file: Path) -> None:
     assert 0 < len(recording.frames[Side.RIGHT]) < 2480
 
 
+def test_recording_may_be_cut_off_anywhere(file: Path) -> None:
+    frames = flown(20).frames()
+    write_flight_record(file, EPOCH, recorded_event(LOST, frames[-1].time), {Side.RIGHT: frames})
+    content = file.read_bytes()
+    for end in range(len(content) // 2, len(content) - 100, 7):
+        file.write_bytes(content[:end])
+        assert len(read_recording(file).frames.get(Side.RIGHT, ())) <= 20
+
+
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 @given(st.integers(8, 3000), st.integers(1, 255))
 def test_damaged_recording_is_refused_or_read_but_nothing_else(file: Path, place: int, change: int) -> None:

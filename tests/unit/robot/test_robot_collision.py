@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from itertools import product
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
+import yumi.robot
+from yumi.control.collisions import BODY_MARGIN
 from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
 from yumi.robot.description import (
+    BODY_SHAPES,
     FINGER_ORIGINS,
     FINGER_SHAPES,
     FINGER_TRAVEL,
@@ -22,7 +26,7 @@ from yumi.robot.description import (
     joint_1_origin,
 )
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Side, home, joints
+from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
 from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -311,10 +315,36 @@ def test_gripper_shapes_contain_the_described_gripper_in_every_opening(modules: 
         assert inside(first * (-1.0, -1.0, 1.0), parts).all()
 
 
+def outside(points: Array, boxes: tuple[Box, ...]) -> Array:
+    """How far each point is outside of the nearest box [mm], (n,)."""
+    beyond = (np.maximum(np.subtract(box.low_mm, points), np.subtract(points, box.high_mm)) for box in boxes)
+    return np.asarray(np.min([np.linalg.norm(np.maximum(each, 0.0), axis=1) for each in beyond], 0))
+
+
+@pytest.mark.parametrize("name", ["base", "torso"])
+def test_body_shapes_contain_the_meshes_of_its_covers(name: str) -> None:
+    """Within 2 mm, which arms keep to them at least: half of the padding."""
+    content = (Path(next(iter(yumi.robot.__path__))) / "meshes" / f"{name}.stl").read_bytes()[84:]
+    layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+    corners = np.frombuffer(content, dtype=layout)["corners"].astype(float) * 1e3
+    steps = range(5)  # between the corners of each triangle, too: boxes are in between
+    shares = [(i / 4.0, j / 4.0, (4 - i - j) / 4.0) for i in steps for j in steps if i + j <= 4]
+    far = np.stack([outside(np.einsum("c,ncx->nx", share, corners), BODY_SHAPES) for share in shares])
+    assert far.max() <= 2.0, f"{far.max():.1f} mm at {corners[far.max(0).argmax()].round()}"
+
+
 @pytest.mark.parametrize("modules", GripperModules)
 def test_arms_at_home_are_free(modules: GripperModules) -> None:
     nearest = CollisionModel(dict.fromkeys(Side, modules)).nearest(HOME)[0]
     assert nearest.distance > 0.0, nearest
+
+
+@pytest.mark.parametrize("name", POSES)
+@pytest.mark.parametrize("modules", GripperModules)
+def test_arms_at_named_poses_keep_their_margin_to_the_body(modules: GripperModules, name: str) -> None:
+    pose = {side: named_pose(side, name) for side in Side}
+    nearest = CollisionModel(dict.fromkeys(Side, modules)).nearest(pose)[0]
+    assert nearest.distance > BODY_MARGIN, nearest
 
 
 def test_arms_whose_shoulders_turn_towards_each_other_overlap() -> None:
@@ -329,7 +359,7 @@ def test_arms_whose_shoulders_turn_towards_each_other_overlap() -> None:
 def test_a_box_at_the_tool_is_named(side: Side) -> None:
     tip = tool0_to_body(side, home(side), Pose((0.0, 0.0, 0.20), UPRIGHT)).position
     model = CollisionModel(SERVO_GRIPPERS, obstacles=[Obstacle("crate", Pose(tip, UPRIGHT), (0.02, 0.02, 0.02))])
-    nearest = model.nearest(HOME, count=100)
+    nearest = model.nearest(HOME, count=10_000)
     crates = [each for each in nearest if each.other == "crate"]
     assert crates[0].part == f"{side.word} fingers"
     assert 0.02 < crates[0].distance < 0.06

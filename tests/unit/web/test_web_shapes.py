@@ -28,7 +28,7 @@ def test_nearest_pair_is_that_of_the_exact_shapes_and_its_points_are_as_far_from
             for side in Side
         }
         found = distances.nearest(positions)
-        pairs = [pair for pair in exact.nearest(positions, 200) if pair.other != "body"]
+        pairs = [pair for pair in exact.nearest(positions, 10_000) if pair.other != "body"]
         if found is None:
             assert pairs[0].distance > WITHIN - 0.003
             continue
