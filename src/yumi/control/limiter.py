@@ -15,10 +15,10 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from copy import copy
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
-from typing import TypeVar
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
@@ -37,8 +37,6 @@ from yumi.control.motion import (
 )
 from yumi.control.shared_state import Factor, Limited, Problem
 from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
-
-_T = TypeVar("_T")
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
@@ -397,18 +395,11 @@ _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 
 
-def _copied(limiter: _T) -> _T:
-    """A copy, as of :func:`copy.copy`, which takes three times as long."""
-    copied: _T = object.__new__(type(limiter))
-    copied.__dict__.update(limiter.__dict__)
-    return copied
-
-
 def _is_finite(command: ArmCommand) -> bool:
     return isfinite(sum(command.position) + sum(command.velocity))
 
 
-@dataclass
+@dataclass(slots=True)
 class LimiterCounters:
     """Cycles in which the limiter changed something.
 
@@ -468,7 +459,6 @@ class Limiter:
         self._references = ReferenceMonitor(gain)
         self._collisions = collisions
         self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
-        self._was_accepted = False  # whether the other arm knows of the command already
         self._session = 0
         self._sent_at = -inf
         self._stopped_in_a_row = 0  # datagrams that say that the robot does not follow
@@ -564,9 +554,8 @@ class Limiter:
             if checked is None:  # repeat the last command; before the first one, where the robot is
                 return self._begin(state) if self._sent_at == -inf else self._last
             state = checked
-        self._was_accepted = False
         command = self._limit(state, desired)
-        if self._collisions is not None and not self._was_accepted:
+        if self._collisions is not None:
             self._collisions.sent(state.planned, self._positions.motion, self._speeds.motion)
         return command
 
@@ -597,7 +586,7 @@ class Limiter:
         kept = self._positions, self._speeds, self.counters, self._settling_for
         candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, wanted)
         for index, candidate in enumerate(candidates):
-            self._positions, self._speeds, self.counters = _copied(kept[0]), _copied(kept[1]), _copied(kept[2])
+            self._positions, self._speeds, self.counters = copy(kept[0]), copy(kept[1]), copy(kept[2])
             command = self._next(state, candidate, dt)
             is_fed = candidate is not None and candidate.velocity is not ZERO
             motions = self._positions.motion, self._speeds.motion
@@ -605,7 +594,7 @@ class Limiter:
                 # A robot that only follows later is not led elsewhere.
                 if candidate is not None and wanted is not None:
                     self.counters.kept_apart += candidate.position is not wanted.position
-                self._was_refused, self._was_accepted = self._was_refused and index > 0, True
+                self._was_refused = self._was_refused and index > 0
                 return command
             self._positions, self._speeds, self.counters, self._settling_for = kept
         self.counters.kept_apart += 1

@@ -130,7 +130,7 @@ def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str
     for side in Side:
         names = link_names(side)
         yield body_link(), names[0], "Adjacent"
-        yield body_link(), names[1], "Adjacent"  # the shoulder turns it beside the body, 4 mm away at home
+        yield body_link(), names[1], "Adjacent"  # the shoulder turns it beside the body, a few millimetres away at home
         for pairs, reason in ((NEIGHBOURS, "Adjacent"), (NEVER, "Never")):
             for first, second in pairs:
                 yield names[first - 1], names[second - 1], reason

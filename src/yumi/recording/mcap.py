@@ -448,6 +448,7 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
     except ImportError as error:
         raise MissingPrerequisite(_MISSING) from error
     topics: dict[int, str] = {}
+    record = None
     try:
         with file.open("rb") as stream:
             try:
@@ -459,7 +460,7 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
                     elif isinstance(record, Footer):
                         yield None, 0, None
             except struct.error:
-                if stream.read(1):  # else it ends within a number, which the library reads without a check
+                if record is None or stream.read(1):  # else it ends within a number, which the library does not check
                     raise
     except EndOfFile:
         return  # its writer was stopped; what is complete has been read

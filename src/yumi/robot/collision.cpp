@@ -3,7 +3,7 @@
 //
 // Arms are 0, right, and 1, left. Parts are numbered as in CollisionModel.names: the capsules of the right arm, those of
 // the left one, then the boxes that stand still. Positions are in the body frame [m], joints in chain order [rad].
-// Whoever calls has checked sizes; not for several threads at once.
+// Callers check the sizes of arrays. Not for several threads at once.
 
 #include <algorithm>
 #include <cmath>
@@ -697,11 +697,10 @@ struct Limiter {
         return std::min(is_still ? widest_still[arm][frame] : widest[arm][frame][other], most_margin);
     }
 
-    // Other margins from now on; what is no number keeps all away.
+    // Other margins from now on.
     void permit(const double* all) {
         most_margin = INF;
         margins.assign(all, all + std::size_t(model.count) * model.count);
-        for (double& each : margins) each = std::isnan(each) ? INF : each;
         std::fill(&widest[0][0][0], &widest[0][0][0] + 2 * FRAMES * FRAMES, -INF);
         std::fill(&widest_still[0][0], &widest_still[0][0] + 2 * FRAMES, -INF);
         for (arm = 0; arm < 2; ++arm)
@@ -834,7 +833,7 @@ struct Limiter {
             boundary.normal[j] = -slopes[behind[0] <= behind[1] ? 0 : 1][j];
             boundary.least += boundary.normal[j] * own.segment.middle[j];
         }
-        for (Boundary& known : boundaries)  // of parts of the same names that where they are nearest
+        for (Boundary& known : boundaries)  // a part has several capsules: that which is nearest counts
             if (names[known.part] == names[boundary.part] && names[known.other] == names[boundary.other]) {
                 if (boundary.beyond < known.beyond) known = boundary;
                 return;

@@ -14,7 +14,6 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -117,7 +116,12 @@ def compiled() -> Path:
     """The library compiled for this machine, from this edition of the source; compiles it where there is none."""
     made_of = SOURCE.read_bytes() + " ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode()
     digest = hashlib.sha256(made_of).hexdigest()[:16]
-    library = _cache(os.environ) / f"collision-{digest}.so"
+    root = SOURCE.parents[3]
+    if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
+        folder = root / "build" / "collision"
+    else:
+        folder = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
+    library = folder / f"collision-{digest}.so"
     if not library.exists():
         compile_to(library)
     return library
@@ -143,13 +147,6 @@ def compile_to(library: Path, *flags: str) -> None:
             own.replace(library)
     except OSError as error:
         raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {error}") from error
-
-
-def _cache(environment: Mapping[str, str]) -> Path:
-    root = SOURCE.parents[3]
-    if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
-        return root / "build" / "collision"
-    return Path(environment.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
 
 
 if __name__ == "__main__":

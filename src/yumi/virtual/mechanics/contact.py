@@ -18,7 +18,7 @@ DEPTH = 0.003
 """Parts of both arms that overlap by less do not touch: the shapes are fitted to the outsides of covers [m]."""
 
 BODY_DEPTH = 0.030
-"""The same of an arm and the body, which at home are 8 mm apart: boxes stand for its rounded covers [m]."""
+"""The same of an arm and the body, which at home are 7 mm apart: boxes stand for its rounded covers [m]."""
 
 _DEEPER = 0.001  # [m] parts that overlap already touch anew once they are deeper by this
 _MOVED = 0.004  # [rad] of all joints together; with less, no part has moved by more than DEPTH
