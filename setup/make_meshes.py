@@ -1,8 +1,8 @@
 """Make the meshes of the robot that are shown: src/yumi/robot/meshes/*.stl.
 
 Our own shapes, not ABB's: each link is a distance field, the smooth union of the capsules that collide
-(robot/description.py), with a gap at each joint and a dark ring in it. The body is the smooth union of rounded boxes,
-which the boxes that collide contain. Surface nets turn the fields into triangles.
+(robot/description.py), with a gap at each joint and a dark ring in it. The body is the smooth union of those boxes,
+rounded. Both are within the shapes that collide. Surface nets turn the fields into triangles.
 
     python setup/make_meshes.py
 """
@@ -18,29 +18,21 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.robot.description import FINGER_SHAPES, JOINT_ORIGINS, LINK_SHAPES, Box, Capsule, Origin
+from yumi.robot.description import BODY_SHAPES, FINGER_SHAPES, JOINT_ORIGINS, LINK_SHAPES, Box, Capsule, Origin
 
 Array = NDArray[np.float64]
 Field = Callable[[Array], Array]
 """Distances of points (n, 3) from a surface [m], negative inside."""
 
 FOLDER = Path(__file__).parents[1] / "src/yumi/robot/meshes"
-BLEND = 0.040  # [m] within which two solids of a link flow into each other
+INSET = 0.004  # [m] of solids behind the shapes that collide
+BLEND = 4.0 * INSET  # [m] within which two of them flow into each other: by a quarter of it they bulge out
 EDGE = 0.014  # [m] within which an edge that was cut is rounded
 GAP = 0.0035  # [m] on both sides of a joint's plane
 # Of each joint, in the frame of its link: the height of its plane [m], the side of its link, and the radius there [m].
 PLANES = ((-0.044, 1, 0.060), (0.0, -1, 0.058), (-0.004, 1, 0.053), (0.0, -1, 0.052), (-0.002, 1, 0.044))
 PLANES = (*PLANES, (0.0, -1, 0.042), (0.0, 1, 0.036))
 FAR = 0.2
-# Of the body, fitted to the public meshes of the covers (reference/yumi.md §1.10)
-BASE = Box((-358, -200, -100), (0, 200, 100))
-LOBES = Box((0, 50, -20), (135, 190, 60)), Box((0, -190, -20), (135, -50, 60))
-COLUMN = Box((-360, -112, 100), (-120, 112, 280))
-SHOULDERS = (
-    Box((-361, -130, 300), (43, 130, 448)),
-    Box((-361, -112, 448), (43, 112, 460)),
-    Box((-361, -93, 460), (43, 93, 471)),
-)
 
 
 def capsule(start: Array, end: Array, radius: float) -> Field:
@@ -62,6 +54,10 @@ def box(low: Array, high: Array, rounding: float) -> Field:
         return np.asarray(outside + np.minimum(beyond.max(axis=1), 0.0) - rounding)
 
     return field
+
+
+def inset(low: Array, high: Array, rounding: float = 0.0) -> Field:
+    return box(low + INSET, high - INSET, rounding)
 
 
 def cylinder(low: float, high: float, radius: float, rounding: float = 0.0) -> Field:
@@ -107,6 +103,11 @@ def without(solid: Field, *cuts: Field) -> Field:
     return field
 
 
+def within(solid: Field, *bounds: Field) -> Field:
+    """What of a solid is in one of these."""
+    return lambda points: np.maximum(solid(points), np.min([each(points) for each in bounds], axis=0))
+
+
 def placed(field: Field, origin: Origin) -> Field:
     """A field of a child's frame in its parent's."""
     roll, pitch, yaw = origin.rpy
@@ -123,7 +124,7 @@ def link(index: int) -> tuple[Field, Field]:
     for shape in LINK_SHAPES[index]:
         if isinstance(shape, Capsule):
             start, end = np.array(shape.start_mm) / 1e3, np.array(shape.end_mm) / 1e3
-            solids.append(capsule(start, end, shape.radius_mm / 1e3 - 0.003))
+            solids.append(capsule(start, end, shape.radius_mm / 1e3 - INSET))
         else:  # the flange
             solids.append(cylinder(-0.026, 0.007, 0.0312, 0.003))
     plane, side, radius = PLANES[index]
@@ -212,16 +213,22 @@ def corners(shape: Box) -> tuple[Array, Array]:
 
 
 def main() -> None:
-    base, left, right, column, *shoulders = (corners(each) for each in (BASE, *LOBES, COLUMN, *SHOULDERS))
+    base, left, right, column, flare, *shoulders = (corners(each) for each in BODY_SHAPES)
     low, high = np.array([-0.37, -0.21, -0.11]), np.array([0.145, 0.21, 0.48])
-    feet = union(box(*base, 0.03), box(*left, 0.02), box(*right, 0.02), blend=0.03)
-    write("base", feet, low, np.array([0.145, 0.21, 0.11]), 0.020)
+    feet = union(inset(*base, 0.03), inset(*left, 0.02), inset(*right, 0.02), blend=0.01)
+    # The lobes begin inside the base.
+    bounds = [inset(*base), *(inset(each[0] - (0.05, 0.0, 0.0), each[1]) for each in (left, right))]
+    write("base", within(feet, *bounds), low, np.array([0.145, 0.21, 0.11]), 0.020)
+    up = np.array([0.0, 0.0, 0.03])  # column and flare end inside the shoulders
+    column, flare = ((start, end + up) for start, end in (column, flare))
     torso = union(
-        box(column[0] - (0.0, 0.0, 0.02), column[1] + (0.0, 0.0, 0.05), 0.045),
-        union(*(box(*each, 0.009 + 0.012 * (each is shoulders[0])) for each in shoulders), blend=0.02),
-        blend=0.09,
+        inset(*column, 0.045),
+        inset(*flare, 0.020),
+        union(*(inset(*each, 0.009 + 0.012 * (each is shoulders[0])) for each in shoulders), blend=0.02),
+        blend=0.03,
     )
-    write("torso", torso, np.array([-0.37, -0.14, 0.07]), high, 0.016)
+    torso = within(torso, *(inset(*each) for each in (column, flare, *shoulders)))
+    write("torso", torso, np.array([-0.37, -0.14, 0.07]), high, 0.014)
     for index in range(7):
         shell, ring = link(index)
         points = [

@@ -31,7 +31,7 @@ PROBLEMS = 200
 RANDOM = (0.7, 0.6, 0.9, 0.8, 1.5, 0.8, 2.0)
 """How far random postures are from one in front of the robot [rad]."""
 FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
-TO_BODY = (-0.309, *[0.0] * 6)
+TO_BODY = (-0.3, *[0.0] * 6)
 """From home the elbow comes so near to the body that the limiter stops the right arm [rad]."""
 
 

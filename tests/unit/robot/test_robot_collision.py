@@ -27,7 +27,7 @@ from yumi.robot.description import (
 )
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import POSES, YUMI_LIMITS, Joints, Pose, Side, home, joints, named_pose
-from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx, tool0_to_body
+from yumi.robot.kinematics import compose, inverse, matrix, quaternion_from_euler_zyx, tool0_to_body
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HOME = {side: home(side) for side in Side}
@@ -321,16 +321,48 @@ def outside(points: Array, boxes: tuple[Box, ...]) -> Array:
     return np.asarray(np.min([np.linalg.norm(np.maximum(each, 0.0), axis=1) for each in beyond], 0))
 
 
-@pytest.mark.parametrize("name", ["base", "torso"])
-def test_body_shapes_contain_the_meshes_of_its_covers(name: str) -> None:
-    """Within 2 mm, which arms keep to them at least: half of the padding."""
+def cover(name: str) -> Array:
+    """Points of a mesh that is shown, between the corners of each triangle, too [m], (n, 3)."""
     content = (Path(next(iter(yumi.robot.__path__))) / "meshes" / f"{name}.stl").read_bytes()[84:]
     layout = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
-    corners = np.frombuffer(content, dtype=layout)["corners"].astype(float) * 1e3
-    steps = range(5)  # between the corners of each triangle, too: boxes are in between
-    shares = [(i / 4.0, j / 4.0, (4 - i - j) / 4.0) for i in steps for j in steps if i + j <= 4]
-    far = np.stack([outside(np.einsum("c,ncx->nx", share, corners), BODY_SHAPES) for share in shares])
-    assert far.max() <= 2.0, f"{far.max():.1f} mm at {corners[far.max(0).argmax()].round()}"
+    corners = np.frombuffer(content, dtype=layout)["corners"].astype(float)
+    shares = [(i / 4.0, j / 4.0, (4 - i - j) / 4.0) for i in range(5) for j in range(5) if i + j <= 4]
+    return np.concatenate([np.einsum("c,ncx->nx", share, corners) for share in shares])
+
+
+WITHIN = 0.7e-3
+"""Covers are this near to the shapes that collide, so that the padding is left for what else there is [m]."""
+
+
+@pytest.mark.parametrize("name", ["base", "torso"])
+def test_body_shapes_contain_its_covers(name: str) -> None:
+    points = cover(name) * 1e3
+    far = outside(points, BODY_SHAPES)
+    assert far.max() <= WITHIN * 1e3, f"{far.max():.1f} mm at {points[far.argmax()].round()}"
+
+
+@pytest.mark.parametrize("index", range(7))
+def test_link_shapes_contain_their_covers(index: int) -> None:
+    """Those of the neighbours help, however the joints are turned; the first link's ring is sunk in the body."""
+    points = np.concatenate([cover(f"link_{index + 1}"), *([cover(f"ring_{index + 1}")] if 0 < index < 6 else [])])
+    far = np.full((5, len(points)), np.inf)
+    for part in link_parts():
+        if abs(part.frame - index) > 1:
+            continue
+        for turn, distances in zip(np.linspace(-2.0, 2.0, len(far)), far, strict=True):
+            to_link = Pose((0.0, 0.0, 0.0), UPRIGHT)
+            if part.frame != index:
+                origin = JOINT_ORIGINS[min(part.frame, index)]
+                turned = Pose((0.0, 0.0, 0.0), (np.cos(turn / 2.0), 0.0, 0.0, np.sin(turn / 2.0)))
+                to_link = compose(Pose(origin.xyz, quaternion_from_euler_zyx(origin.rpy)), turned)
+            if part.frame < index:
+                to_link = inverse(to_link)
+            start, end = (
+                np.broadcast_to(matrix(to_link.orientation) @ each + to_link.position, points.shape)
+                for each in (part.start, part.end)
+            )
+            distances[:] = np.minimum(distances, segment_distances(points, points, start, end) - part.radius)
+    assert far.max() <= WITHIN, f"{far.max() * 1e3:.1f} mm at {points[far.max(0).argmax()].round(3)}"
 
 
 @pytest.mark.parametrize("modules", GripperModules)
