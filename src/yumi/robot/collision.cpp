@@ -916,8 +916,11 @@ struct Limiter {
         for (const double* posture : {last.sent[0], last.planned}) {
             model.place(arm, posture, spans[2].placed);
             note(nullptr);
-            for (const double* other : {its ? its->sent[0] : nullptr, its ? its->planned : nullptr}) {
-                if (!other) continue;
+            if (!its) continue;
+            for (const double* other : {its->sent[0], its->planned}) {
+                // Only what is compared: a position sent may be nearer to the other robot than both are to each other.
+                const bool is_of_both = (posture == last.planned) == (other == its->planned);
+                if (!is_of_both && !(last.coasts > 0.0) && !(its->coasts > 0.0)) continue;
                 model.place(1 - arm, other, spans[3].placed);
                 note(&theirs);
             }
