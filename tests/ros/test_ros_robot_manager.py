@@ -71,6 +71,7 @@ def test_trigger_calls_its_method_and_passes_on_what_it_says(rig: RobotManagerRi
         (WriteSignal, "write_signal", {"name": "lamp", "value": "1"}),
         (WriteVariable, "write_variable", {"task": "T_ROB_L", "module": "m", "name": "n", "value": "1"}),
         (AllowCollision, "allow_collision", {"part": "right gripper", "other": "left gripper", "seconds": 5.0}),
+        (SetSpeedRatio, "set_speed_ratio", {"percent": 50}),
     ],
 )
 def test_request_that_moves_nothing_is_answered_while_a_routine_runs(

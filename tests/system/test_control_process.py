@@ -57,6 +57,17 @@ class Robot:
         self._poller.wait(5.0)
         return self._codec.decode(self._answers.pop())
 
+    def send_for(self, seconds: float, seqno: int) -> int:
+        """Send a datagram each cycle, whatever is answered; returns the number of the next one."""
+        clock = SystemClock()
+        begin, first = clock.now(), seqno
+        while (due := begin + (seqno - first) * CYCLE) < begin + seconds:
+            while (left := due - clock.now()) > 0.0:
+                self._poller.wait(left)
+            self._link.send(self._codec.encode(replace(MESSAGE, seqno=seqno, measured_time=1.0 + seqno * CYCLE)))
+            seqno += 1
+        return seqno
+
     def close(self) -> None:
         self._poller.close()
         self._link.close()
@@ -209,6 +220,28 @@ def test_control_process_tells_that_the_robot_is_lost_within_100_ms(
     assert event.side is RIGHT
     assert event.silence < 0.1
     assert not read_snapshot(control.buffers[RIGHT].snapshots).is_streaming
+
+
+@pytest.mark.parametrize("seconds", [0.3, 2.3])  # in the longer one the socket's buffer overflows
+def test_control_process_that_was_stopped_ends_the_motion(
+    control: ControlProcess, robot: Robot, events: Queue[Event], seconds: float
+) -> None:
+    robot.exchange(MESSAGE)
+    control.call(Commands.switch_controllers, RIGHT, (POSITION,))
+    write_goal(control.buffers[RIGHT].goals, 1, ELSEWHERE)
+    sent = robot.exchange(replace(MESSAGE, seqno=1, measured_time=1.0 + CYCLE)).position
+    child = next(child for child in active_children() if child.name == "yumi-control")
+    os.kill(child.pid, signal.SIGSTOP)
+    seqno = robot.send_for(seconds, 2)
+    os.kill(child.pid, signal.SIGCONT)
+    robot.send_for(0.2, seqno)
+    while not isinstance(event := events.get(timeout=5.0), SessionLost):
+        continue
+    assert event.deactivated == (POSITION,)
+    assert event.stood_still == pytest.approx(seconds, abs=0.1)
+    assert not control.snapshot(RIGHT).is_commanded
+    assert control.snapshot(RIGHT).is_streaming
+    assert control.snapshot(RIGHT).sent == pytest.approx(sent, abs=0.001)
 
 
 def test_control_process_says_that_its_port_is_taken(ports: Mapping[Side, int], events: Queue[Event]) -> None:

@@ -7,7 +7,7 @@ from math import radians
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.events import SessionLost
+from yumi.control.events import RobotFollows, SessionLost, SessionResumed
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
@@ -123,3 +123,40 @@ def test_power_cut_in_motion_is_told_within_100_ms_and_the_next_session_begins_w
     guided.start_egm()
     assert arm.snapshot.session == 2
     assert arm.admitted[0] == pytest.approx(arm.measured[0], abs=1e-9)
+
+
+def interrupt(system: System, fault: str, seconds: float) -> None:
+    setattr(system, fault, True)
+    system.wait(seconds)
+    setattr(system, fault, False)
+
+
+@pytest.mark.parametrize("seconds", [0.1, 2.3])
+@pytest.mark.parametrize(("fault", "cause"), [("stands_still", "control process stood still"), ("is_cut", "silent")])
+def test_motion_ends_when_the_driver_stood_still_as_when_the_link_was_lost(
+    guided: System, fault: str, cause: str, seconds: float
+) -> None:
+    arm = guided.arms[Side.RIGHT]
+    arm.go(GOALS[Side.RIGHT])
+    guided.wait(0.3)
+    arm.events.clear()
+    interrupt(guided, fault, seconds)
+    guided.wait(2.0)
+    lost, *others = arm.events
+    assert isinstance(lost, SessionLost)
+    assert lost.deactivated == ("joint_position_controller",)
+    assert cause in str(lost)
+    assert others == [SessionResumed(Side.RIGHT, 1), RobotFollows(Side.RIGHT)]
+    assert distance(arm, GOALS[Side.RIGHT]) > radians(5.0)
+    assert largest_step_share(arm) <= 1.001
+    assert arm.admitted[-1] == arm.admitted[-100]
+
+
+def test_motion_goes_on_when_the_driver_stood_still_for_a_few_cycles(guided: System) -> None:
+    arm = guided.arms[Side.RIGHT]
+    arm.go(GOALS[Side.RIGHT])
+    guided.wait(0.3)
+    arm.events.clear()
+    interrupt(guided, "stands_still", 3 * CYCLE)
+    guided.until(lambda: distance(arm, GOALS[Side.RIGHT]) < radians(0.1), 5.0)
+    assert arm.events == []

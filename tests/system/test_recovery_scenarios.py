@@ -10,7 +10,7 @@ import pytest
 from system.recovery_bench import MovingSystem
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
-from yumi.robot.joints import Side
+from yumi.robot.joints import CYCLE, Side
 from yumi.rws.transport import AnswerTimeout
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.fault_names import Fault
@@ -129,13 +129,26 @@ def test_one_arm_that_lost_egm_begins_again_while_the_other_goes_on() -> None:
     assert system.largest_jump < NO_JUMP
 
 
-def test_driver_that_stood_still_for_a_moment_goes_on(system: MovingSystem) -> None:
+def stand_still(system: MovingSystem, seconds: float) -> None:
     """The machine stalls: nothing is answered, then all that has come is there at once."""
-    arms, system.arms = system.arms, {}
-    system.wait(0.2)
-    system.arms = arms
+    system.stands_still = True
+    system.wait(seconds)
+    system.stands_still = False
     system.wait(0.05)
+
+
+def test_driver_that_stood_still_for_a_few_cycles_goes_on(system: MovingSystem) -> None:
+    stand_still(system, 3 * CYCLE)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
+    assert system.is_moving_again()
+    assert system.largest_jump < NO_JUMP
+
+
+def test_driver_that_stood_still_for_longer_takes_its_arms_again(system: MovingSystem) -> None:
+    stand_still(system, 0.2)
+    assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
+    system.recover()
+    assert system.told == ["No stop cause found in the event log", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 

@@ -277,6 +277,26 @@ def test_routine_that_does_not_end_is_explained(
         system.manager.run_routine(Side.LEFT, "runMoveAbsJ")
 
 
+def test_speed_ratio_is_changed_while_a_routine_runs(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
+    system.manager.make_ready()
+    thread = Thread(target=system.manager.set_speed_ratio, args=(20,))
+    during: list[int] = []
+    wait = system.wait
+
+    def wait_for_the_end(seconds: float) -> None:
+        """The routine's end is polled: its turn is taken."""
+        if system.manager._routines.is_running and thread.ident is None:
+            thread.start()
+            thread.join(1.0)
+            during.append(system.world.controller.speed_ratio)
+        wait(seconds)
+
+    monkeypatch.setattr(system, "wait", wait_for_the_end)
+    system.manager.run_routine(Side.LEFT, "runMoveToCalibrationPosition")
+    thread.join()
+    assert during == [20]
+
+
 def test_manager_refuses_a_routine_while_egm_runs(system: System) -> None:
     system.manager.start_egm()
     with pytest.raises(RobotNotReady, match=r"a state machine is not idle \(left arm: RUN_EGM_ROUTINE\); end EGM"):

@@ -5,17 +5,21 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from itertools import pairwise
+from pathlib import Path
 from queue import Queue
 from threading import Event
 
 import pytest
 
 from system.recovery_bench import MovingSystem
+from yumi.clock import ManualClock
+from yumi.control.events import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
 from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
 from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
+from yumi.recording.mcap import Recorder, read_recording
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.events import Change, OnChange, OnLost, Resource, Subscription
@@ -437,6 +441,27 @@ def test_end_of_egm_is_explained_within_half_a_second(
     assert causes[0].text.startswith(text)
     assert bool(causes[0].text) is bool(text)
     assert bool(causes[0].stop) is has_stop
+
+
+def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
+    monitored: Monitored, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
+    system, arm = monitored.system, monitored.system.arms[Side.RIGHT]
+    clock = ManualClock(system.now())
+    records = Recorder(
+        tmp_path, 50, {Side.RIGHT: arm.recorder}, lambda sentence: None, clock, monitored.monitor.describe
+    )
+    arm.events.clear()
+    system.faults.inject(Fault.COLLISION)
+    system.until(lambda: any(map(is_fault, arm.events)), 0.5)
+    stop = next(filter(is_fault, arm.events))
+    records.on_event(stop, system.now(), 1_800_000_000.0)
+    monitored.wait(1.0)
+    records.close()
+    recorded = read_recording(next(tmp_path.glob("*.mcap"))).stop
+    assert recorded is not None
+    assert recorded.sentence.startswith(f"{stop} Cause: 50204 Motion supervision")
 
 
 def test_stop_is_explained_to_all_who_wait_although_one_of_them_fails(

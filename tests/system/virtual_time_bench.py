@@ -114,6 +114,8 @@ class System(ManualClock):
         faults: what may happen to it.
         signals: of both hands; the hands are asked until it is opened.
         is_powered: whether the controller runs; set it to False for a power cut.
+        stands_still: whether the driver does not run, while the robot goes on.
+        is_cut: whether no datagram arrives, while the robot goes on.
         gives_signs: whether somebody gives the robot's watchdog its signs.
         faults: what may happen to the controller.
     """
@@ -128,6 +130,7 @@ class System(ManualClock):
     ) -> None:
         super().__init__()
         self.is_powered = True
+        self.stands_still = self.is_cut = False
         self.gives_signs = False
         workpieces = {Side.LEFT: Workpiece(object_width)}
         both = dict.fromkeys(Side, modules)
@@ -193,8 +196,11 @@ class System(ManualClock):
             departures = [each for each in self.world.exchange(inboxes) if not each.is_foreign]  # memory has no ports
             self.adapter.advance(self.now())
             for side, datagram, _ in departures:
-                self._robot_ends[side].send(datagram)
+                if not self.is_cut:
+                    self._robot_ends[side].send(datagram)
             looks = {side: max(1, sum(each.side is side for each in departures)) for side in Side}
+        if self.stands_still:
+            return
         for side, arm in self.arms.items():
             for _ in range(looks[side]):  # the driver looks again while something waits
                 for event in arm.advance(self.now()):

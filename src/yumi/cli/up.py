@@ -30,21 +30,13 @@ from yumi.cli.options import (
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
-from yumi.control.events import (
-    ControllerReport,
-    Event,
-    RobotStoppedFollowing,
-    SessionLost,
-    SessionStarted,
-    is_fault,
-)
+from yumi.control.events import ControllerReport, Event, is_fault
 from yumi.control.loop import Commands
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import CalibrateWhen, Settings, read_controllers
-from yumi.driver.stops import Cause, explained
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.errors import YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
@@ -199,7 +191,8 @@ def run_driver(
         stack.callback(control.stop)  # where something fails before it is waited for; else it has ended by then
         front = _with_ros(stack, parts, settings, ros_arguments) if with_ros else DriverWithoutRos(parts, settings)
         stack.callback(front.stop)
-        records = Recorder(Path(settings.recorder.folder), settings.recorder.keep, control.recorders, front.info, clock)
+        folder, keep = Path(settings.recorder.folder), settings.recorder.keep
+        records = Recorder(folder, keep, control.recorders, front.info, clock, manager.monitor.describe)
         stack.callback(records.close)
         if record:
             sources: dict[str, Source] = {STATE: manager.monitor.state}
@@ -327,16 +320,9 @@ class DriverWithoutRos:
 
     def on_event(self, event: Event) -> None:
         """Log an event of the control process, with its cause where EGM has ended."""
-
-        def report(cause: Cause = Cause()) -> None:  # noqa: B008 - it is frozen
-            self.log(logging.WARNING if is_fault(event) else logging.INFO, explained(event, cause))
-
-        if isinstance(event, ControllerReport):
-            return
-        if is_fault(event) and isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
-            self._parts.manager.monitor.explain(report)
-        else:
-            report()
+        if not isinstance(event, ControllerReport):
+            level = logging.WARNING if is_fault(event) else logging.INFO
+            self._parts.manager.monitor.describe(event, partial(self.log, level))
 
     def info(self, sentence: str) -> None:
         self.log(logging.INFO, sentence)

@@ -47,19 +47,29 @@ class SessionResumed:
 
 @dataclass(frozen=True, slots=True)
 class SessionLost:
-    """No datagram came for too long.
+    """No datagram was received for too long.
 
     Attributes:
-        silence: how long the robot has been silent [s].
+        silence: for how long [s].
         deactivated: controllers that commanded the arm until then; none after an ordered stop.
+        stood_still: how long the control process itself did not run meanwhile [s]; 0 where the robot was silent.
     """
 
     side: Side
     silence: float
     deactivated: tuple[str, ...]
+    stood_still: float = 0.0
 
     def __str__(self) -> str:
         arm, silence = self.side.word.capitalize(), f"silent for {self.silence * 1e3:.0f} ms"
+        if self.stood_still:
+            what = f"{arm} arm: the control process stood still for {self.stood_still:.2g} s"
+            if not self.deactivated:
+                return f"{what}; the arm was not controlled meanwhile."
+            return (
+                f"{what}, the arm was not controlled meanwhile; {', '.join(self.deactivated)} deactivated. "
+                "Call start_egm to go on."
+            )
         if not self.deactivated:
             return f"{arm} arm: EGM has ended, the robot is {silence}."
         return (

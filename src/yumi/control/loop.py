@@ -45,6 +45,9 @@ DOUBTS_REPORTED = 1.0
 LIMITED_SHOWN = 0.2
 """What an arm is kept apart from is in its snapshot for so long after the last cycle in which it was [s]."""
 
+STOOD_STILL = 0.040
+"""A control process that looked at an arm last before so long did not run: it does so every 20 ms at the latest [s]."""
+
 AT_REST = 1e-3
 """An arm whose joints all move slower than this stands [rad/s]."""
 
@@ -108,6 +111,7 @@ class ArmLoop:
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
+        self._looked = -inf  # when the arm was looked at last [s]
         self._position = ZERO
         self._events: list[Event] = []
 
@@ -197,6 +201,8 @@ class ArmLoop:
     def reply(self, now: float) -> Cycle | None:
         """Answer the newest datagram, if there is one; :meth:`settle` follows."""
         self._unsettled = None
+        # What waits in the socket says nothing about the time in which nothing was answered.
+        self._end_if_lost(now)
         self._stages.begin(now)
         self._unsettled = run_cycle(self._arm, self.manager, self._limiter, now, self._stages)
         return self._unsettled
@@ -229,13 +235,9 @@ class ArmLoop:
 
     def watch_silence(self, now: float) -> None:
         """Notice that the robot has stopped sending; to be called every few milliseconds."""
-        silence = self._arm.lost_after(now)
-        if silence is not None:
-            self._last = None
-            self._limiter.note_silence()
-            self._events.append(SessionLost(self._side, silence, self.manager.deactivate_commanding()))
-            self.publish(now)
-        elif self._last is None:
+        if self._end_if_lost(now):
+            return
+        if self._last is None:
             self._take_read_joints()
             # Who waits for a robot wants to know that another sender was heard.
             foreign = self._arm.wire_counters().foreign
@@ -248,6 +250,21 @@ class ArmLoop:
             self._interruptions += 1
             self._limiter.note_silence()
             self.publish(now)
+
+    def _end_if_lost(self, now: float) -> bool:
+        """Whether the arm was not heard for too long, be it that the robot was silent or that we did not run."""
+        looked, self._looked = self._looked, max(now, self._looked)
+        silence = self._arm.lost_after(now)
+        if silence is None:
+            return False
+        unwatched = now - looked
+        is_ours = unwatched > STOOD_STILL and silence - unwatched < self._interruption  # until then the robot was heard
+        self._last = None
+        self._limiter.note_silence()
+        deactivated = self.manager.deactivate_commanding()
+        self._events.append(SessionLost(self._side, silence, deactivated, unwatched if is_ours else 0.0))
+        self.publish(now)
+        return True
 
     def _take_read_joints(self) -> None:
         """The other arm keeps clear of where the controller says that this one is."""

@@ -21,10 +21,12 @@ from threading import Lock
 from typing import Any, Protocol
 
 from yumi.clock import Clock
+from yumi.control.events import Event as ArmEvent
+from yumi.control.events import RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
 from yumi.control.shared_state import JointStates, Snapshot
 from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
-from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain
+from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain, explained
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Side, joints
@@ -339,6 +341,13 @@ class RobotMonitor:
         with self._lock:
             self._unexplained.append((self._clock.now() + EXPLAINED, then))
         self._wake.set()
+
+    def describe(self, event: ArmEvent, then: Callable[[str], None]) -> None:
+        """Have ``then`` called with what happened to an arm: with the cause, once it is known, where EGM has ended."""
+        if is_fault(event) and isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
+            self.explain(lambda cause: then(explained(event, cause)))
+        else:
+            then(str(event))
 
     def wait_for_cause(self) -> Cause:
         """What stopped the robot, waiting until it is known as :meth:`explain` does; empty while it works."""

@@ -371,9 +371,14 @@ class RobotManager:
         return "The program pointers are at main"
 
     def set_speed_ratio(self, percent: int) -> str:
-        """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError."""
-        with self._changing():
+        """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError.
+
+        It waits for no routine that runs, whose motions it is for: it is one request, which needs no mastership.
+        """
+        try:
             self.panel.set_speed_ratio(percent)
+        finally:
+            self.monitor.refresh()
         return f"The speed ratio is {percent} %"
 
     def run_routine(self, side: Side, name: str) -> str:

@@ -24,15 +24,15 @@ from __future__ import annotations
 
 import json
 import struct
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
 from enum import Enum, IntEnum
 from math import inf, isfinite, nan
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from threading import Event as Flag
 from threading import Thread
 from types import TracebackType
@@ -290,6 +290,11 @@ def recorded_event(event: Event, time: float) -> RecordedEvent:
     return RecordedEvent(time, event.side, type(event).__name__, str(event), is_fault(event))
 
 
+def _described(event: RecordedEvent, sentence: Future[str]) -> RecordedEvent:
+    """``event`` with what is said of it, as far as that is known by now."""
+    return replace(event, sentence=sentence.result()) if sentence.done() else event
+
+
 class RecordingWriter:
     """A recording that is being written; a context manager.
 
@@ -482,6 +487,14 @@ SOURCE_PERIOD = 0.1
 Source = Callable[[], object | None]
 """What is known now: a value class; None, or a YumiError, while nothing is."""
 
+Describe = Callable[[Event, Callable[[str], None]], None]
+"""Calls back with what is said of an event: at once, or on another thread when its cause is known."""
+
+
+def _say_at_once(event: Event, then: Callable[[str], None]) -> None:
+    then(str(event))
+
+
 _NAME = "flight_"
 
 
@@ -494,6 +507,7 @@ class Recorder:
         recorders: the memory of each arm.
         report: called with one sentence for each file; on another thread.
         clock: of the events.
+        describe: what is said of an event; where its cause is known only later, that is recorded then.
     """
 
     def __init__(
@@ -503,7 +517,9 @@ class Recorder:
         recorders: Mapping[Side, FlightRecorder],
         report: Callable[[str], None],
         clock: Clock,
+        describe: Describe = _say_at_once,
     ) -> None:
+        self._describe = describe
         self._folder = folder
         self._keep = keep
         self._recorders = recorders
@@ -542,14 +558,16 @@ class Recorder:
             now: monotonic clock [s].
             time_of_day: at the same moment [s since 1970].
         """
+        sentence: Future[str] = Future()
         if is_fault(event):
             memory = self._recorders[event.side].copy()
             try:
-                self._begins.submit(self._write, recorded_event(event, now), event.side, memory, time_of_day)
+                self._begins.submit(self._write, recorded_event(event, now), sentence, event.side, memory, time_of_day)
             except RuntimeError as error:  # the operating system permits no thread
                 self._report(f"The flight record of the {event.side.word} arm could not be begun: {error}.")
         if self._full:
-            self._full.on_event(event, now)
+            self._full.on_event(event, now, sentence)
+        self._describe(event, sentence.set_result)
 
     def close(self) -> None:
         """Wait until everything is written; a record that is not at its end yet ends now."""
@@ -559,13 +577,15 @@ class Recorder:
         if self._full:
             self._full.close()
 
-    def _write(self, event: RecordedEvent, side: Side, memory: FlightRecorder, time_of_day: float) -> None:
+    def _write(
+        self, event: RecordedEvent, sentence: Future[str], side: Side, memory: FlightRecorder, time_of_day: float
+    ) -> None:
         """Write what led to the event; this process may end meanwhile."""
         moment = datetime.fromtimestamp(time_of_day)
         name = f"{_NAME}{moment:%Y-%m-%d_%H-%M-%S}-{moment.microsecond // 1000:03}_{side.word}.mcap"
         file = self._folder / name
 
-        def write(target: Path, frames: Sequence[Frame]) -> None:
+        def write(target: Path, frames: Sequence[Frame], event: RecordedEvent) -> None:
             with RecordingWriter(target, time_of_day - event.time) as writer:
                 for frame in frames:
                     writer.add_frame(side, frame)
@@ -574,7 +594,7 @@ class Recorder:
         try:
             # The cycles that led to the event; not those of an earlier session.
             frames = [frame for frame in memory.frames() if frame.time >= event.time - BEFORE]
-            write(file, frames)
+            write(file, frames, event)
             self._make_room()
         except (YumiError, OSError) as error:
             self._report(f"The flight record could not be written to {file}: {error}")
@@ -583,27 +603,29 @@ class Recorder:
             self._failures.note(f"Writing the flight record {file}", error)
             return
         try:
-            self._follows.submit(self._go_on, event, side, memory.newest, file, frames, write)
+            self._follows.submit(self._go_on, event, sentence, side, memory.newest, file, frames, write)
         except RuntimeError as error:  # the operating system permits no thread
             self._report_without_rest(file, error)
 
     def _go_on(
         self,
         event: RecordedEvent,
+        sentence: Future[str],
         side: Side,
         newest: int,
         file: Path,
         frames: Sequence[Frame],
-        write: Callable[[Path, Sequence[Frame]], None],
+        write: Callable[[Path, Sequence[Frame], RecordedEvent], None],
     ) -> None:
-        """Replace a record by one that also has what followed its event."""
+        """Replace a record by one that also has what followed its event, and what has become known of its cause."""
         whole = file.with_suffix(".part")
         after: list[Frame] = []
         try:
             self._is_over.wait(event.time + AFTER - self._clock.now())
             after += (each for each in self._recorders[side].since(newest) if each.time <= event.time + AFTER)
-            if after:
-                write(whole, [*frames, *after])
+            described = _described(event, sentence)
+            if after or described != event:
+                write(whole, [*frames, *after], described)
                 whole.replace(file)
             self._make_room()
         except Exception as error:
@@ -663,7 +685,7 @@ class FullRecorder:
         self._report = report
         self._last = {side: recorder.newest for side, recorder in recorders.items()}
         self._written = self._lost = 0
-        self._events: SimpleQueue[RecordedEvent] = SimpleQueue()
+        self._events: deque[tuple[RecordedEvent, Future[str]]] = deque()
         self._failures = Failures()
         self._is_over = Flag()
         self._thread = Thread(target=self._run, name="full-recorder", daemon=True)
@@ -672,9 +694,9 @@ class FullRecorder:
         """Begin; without a call of close the thread ends with the process."""
         self._thread.start()
 
-    def on_event(self, event: Event, now: float) -> None:
-        """Record ``event``, which happened at ``now`` on the monotonic clock [s]."""
-        self._events.put(recorded_event(event, now))
+    def on_event(self, event: Event, now: float, sentence: Future[str]) -> None:
+        """Record ``event``, which happened at ``now`` on the monotonic clock [s], once its sentence is known."""
+        self._events.append((recorded_event(event, now), sentence))
 
     def close(self) -> None:
         """Write what is left and close the file."""
@@ -702,9 +724,8 @@ class FullRecorder:
                 self._lost += frame.number - self._last[side] - 1
                 self._written += 1
                 self._last[side] = frame.number
-        with suppress(Empty):
-            while True:
-                self._writer.add_event(self._events.get_nowait())
+        while self._events and (self._events[0][1].done() or self._is_over.is_set()):  # in the order they happened
+            self._writer.add_event(_described(*self._events.popleft()))
         if self._clock is None or self._clock.now() - self._looked_at < SOURCE_PERIOD:
             return
         self._looked_at = now = self._clock.now()

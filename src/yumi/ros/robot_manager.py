@@ -65,7 +65,7 @@ class _Group(Enum):
     READ = auto()
     STOP = auto()
     CHANGE = auto()
-    WRITE = auto()  # signals and variables, for which a routine may wait
+    WRITE = auto()  # signals, variables and the speed, for which a routine may wait
     CONTACT = auto()
 
 
@@ -116,7 +116,6 @@ class RobotManagerServices:
         for name, (group, trigger) in triggers.items():
             self._serve(Trigger, name, group, partial(_without_request, trigger))
         changes: dict[str, tuple[Any, Callable[[Any], str]]] = {
-            "set_speed_ratio": (SetSpeedRatio, lambda ask: manager.set_speed_ratio(ask.percent)),
             "run_routine": (RunRoutine, lambda ask: manager.run_routine(side_of(ask.arm), ask.routine)),
             "load_module": (LoadModule, lambda ask: manager.load_module(side_of(ask.arm), ask.file_name, ask.text)),
             "run_module": (
@@ -130,6 +129,7 @@ class RobotManagerServices:
             "set_payload": (SetPayload, lambda ask: manager.set_payload(side_of(ask.arm), mass_of(ask.payload))),
         }
         writes: dict[str, tuple[Any, Callable[[Any], str]]] = {
+            "set_speed_ratio": (SetSpeedRatio, lambda ask: manager.set_speed_ratio(ask.percent)),
             "write_signal": (WriteSignal, write_signal),
             "write_variable": (WriteVariable, write_variable),
         }

@@ -129,6 +129,8 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
     feed(loop, arm, middle)
     loop.manager.switch(["pusher"], [], loop.state)
     loop.take_events()
+    for now in (1.015, 1.03, 1.05):
+        loop.watch_silence(now)
     arm.lost = 0.062
     loop.watch_silence(1.062)
     (event,) = loop.take_events()
@@ -140,6 +142,35 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
     assert read_snapshot(snapshots) == Snapshot(
         time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
     )
+
+
+def test_loop_that_stood_still_ends_what_commanded_before_it_answers_what_waits(
+    loop: ArmLoop, arm: ScriptedArm, middle: Joints
+) -> None:
+    feed(loop, arm, middle)
+    loop.manager.switch(["pusher"], [], loop.state)
+    feed(loop, arm, middle, now=1.004)
+    loop.take_events()
+    arm.lost = 2.3
+    feed(loop, arm, middle, now=3.304)
+    lost, resumed, _ = loop.take_events()
+    assert isinstance(lost, SessionLost)
+    assert (lost.silence, lost.deactivated, lost.stood_still) == (2.3, ("pusher",), pytest.approx(2.3))
+    assert str(lost) == (
+        "Left arm: the control process stood still for 2.3 s, the arm was not controlled meanwhile; pusher "
+        "deactivated. Call start_egm to go on."
+    )
+    assert resumed == SessionResumed(Side.LEFT, 1)
+    assert not loop.manager.is_commanding
+
+
+def test_loop_that_stood_still_without_a_motion_says_so(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:
+    feed(loop, arm, middle)
+    loop.take_events()
+    arm.lost = 0.3
+    loop.watch_silence(1.3)
+    (event,) = loop.take_events()
+    assert str(event) == ("Left arm: the control process stood still for 0.3 s; the arm was not controlled meanwhile.")
 
 
 def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from threading import Event as Flag
 
@@ -92,6 +94,49 @@ def test_record_goes_on_after_the_event_until_it_is_in_the_middle_of_the_picture
     assert said[0].startswith("The last 0.2 s of the right arm, and 2.0 s after the stop, are in ")
 
 
+CAUSE = f"{LOST} Cause: motion supervision of the right arm (50204)."
+
+
+def test_record_and_recording_say_what_became_known_of_the_cause(
+    recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[Event, Callable[[str], None]]] = []
+    records = Recorder(
+        tmp_path / "flights", 3, recorders, said.append, SystemClock(), lambda event, then: asked.append((event, then))
+    )
+    records.record_all(tmp_path / "session.mcap", EPOCH)
+    begun = []
+
+    def explain(seconds: float) -> None:
+        begun.append(read_recording(*files(tmp_path)).stop)
+        ((event, then),) = asked
+        assert event is LOST
+        then(CAUSE)
+
+    monkeypatch.setattr(records._is_over, "wait", explain)
+    records.on_event(LOST, 0.25, EPOCH)
+    records.close()
+    assert [stop and stop.sentence for stop in begun] == [str(LOST)]
+    for file in (*files(tmp_path), tmp_path / "session.mcap"):
+        stop = read_recording(file).stop
+        assert stop == RecordedEvent(0.25, RIGHT, "SessionLost", CAUSE, is_fault=True)
+    assert len(read_recording(files(tmp_path)[0]).frames[RIGHT]) == 50
+
+
+def test_record_whose_cause_stays_unknown_says_what_is_known(
+    recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path
+) -> None:
+    clock = ManualClock(0.25)
+    records = Recorder(tmp_path / "flights", 3, recorders, said.append, clock, lambda event, then: None)
+    records.record_all(tmp_path / "session.mcap", EPOCH)
+    records.on_event(LOST, 0.25, EPOCH)
+    records.close()
+    for file in (*files(tmp_path), tmp_path / "session.mcap"):
+        stop = read_recording(file).stop
+        assert stop is not None
+        assert stop.sentence == str(LOST)
+
+
 def test_record_is_complete_on_the_disk_before_it_goes_on(
     recorders: dict[Side, FlightRecorder], said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,7 +225,7 @@ def test_recording_has_every_cycle_and_event_of_both_arms(
     full.start()
     record_motion(recorders[RIGHT], 20)
     record_motion(recorders[LEFT], 30)
-    full.on_event(LOST, 0.3)
+    full.on_event(LOST, 0.3, Future())
     full.close()
     recording = read_recording(file)
     assert [frame.number for frame in recording.frames[RIGHT]] == list(range(51, 71))
@@ -210,7 +255,7 @@ def test_recording_on_a_full_disk_says_that_it_ended_early_and_why(
     assert said == ["The recording to /dev/full ended early: OSError: [Errno 28] No space left on device."]
     (record,) = caplog.records
     assert record.getMessage().startswith("Recording to /dev/full failed with OSError: ")
-    full.on_event(LOST, 0.3)  # what happens afterwards is not waited for
+    full.on_event(LOST, 0.3, Future())  # what happens afterwards is not waited for
     record_motion(recorders[RIGHT], 10)
     full.close()
     assert len(said) == 1
