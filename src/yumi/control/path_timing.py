@@ -34,6 +34,9 @@ _AVERAGED = 0.7  # of acceleration / jerk: how long each of the two averages is
 _SPREAD = 12  # cycles around a place that is passed too fast, over which more time is taken
 _EAGERNESS = 0.7  # of the time that is missing there, how much is added in a round
 _ROUNDS = 6
+UNLIMITED = 1e6
+"""A ceiling that no path comes to [1/s]."""
+_UNLIMITED = np.array([UNLIMITED])
 _ROOM = 1e-4  # [rad] that every joint has to the end of its range
 
 
@@ -152,12 +155,13 @@ class RoundedPath:
         return position, slope, curvature
 
 
-def fastest_along(path: RoundedPath, limits: MotionLimits) -> tuple[Array, Array]:
+def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNLIMITED) -> tuple[Array, Array]:
     """A motion along a path, from rest to rest, close to the fastest that keeps the limits.
 
     Args:
         path: where to.
         limits: of the joints.
+        ceiling: highest speeds of the path's parameter [1/s], at places that are evenly spaced along it, (m,).
 
     Returns:
         The parameter of the path in each cycle, (n,), and the positions [rad], (n, k).
@@ -169,7 +173,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits) -> tuple[Array, Array
     best, law_of_best, gaps_of_best = inf, np.zeros(0), np.zeros(0)
     width = max(int(_AVERAGED * float(np.max(limits.acceleration / limits.jerk)) / CYCLE), 1)
     for share in _SHARES:
-        law = _averaged(_averaged(accelerating_law(path, limits, share), width), width)
+        law = _averaged(_averaged(accelerating_law(path, limits, share, ceiling), width), width)
         gaps = np.ones(len(law) - 1)
         for _ in range(_ROUNDS):
             asked = demand(path.at(_stretched(law, gaps))[0], limits)
@@ -196,7 +200,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits) -> tuple[Array, Array
     raise CommandRefused("Nothing was planned: no motion along the path keeps the joints' limits; take another goal.")
 
 
-def accelerating_law(path: RoundedPath, limits: MotionLimits, share: float) -> Array:
+def accelerating_law(path: RoundedPath, limits: MotionLimits, share: float, ceiling: Array = _UNLIMITED) -> Array:
     """The parameter in each cycle on the fastest motion within speeds and a share of the accelerations."""
     count = max(int(path.length / _FINE), _FEWEST)
     fine, gap = np.linspace(0.0, path.length, count + 1), path.length / count
@@ -206,6 +210,7 @@ def accelerating_law(path: RoundedPath, limits: MotionLimits, share: float) -> A
     most, own = share * limits.acceleration / size, np.copysign(curvature, curvature * slope) / size
     highest = np.min((limits.velocity / size) ** 2, 1)
     highest = np.minimum(highest, np.min(share * limits.acceleration / np.maximum(np.abs(curvature), 1e-12), 1))
+    highest = np.minimum(highest, np.interp(fine, np.linspace(0.0, path.length, len(ceiling)), ceiling) ** 2)
     squared = highest.tolist()
     squared[0] = squared[-1] = 0.0
     for index in range(count - 1, -1, -1):

@@ -7,7 +7,8 @@
     robot.execute(plan)
 
 A path is found by RRT-Connect and shortened by RoboPlan. Its corners are rounded as far as there is room, and it is
-passed as fast as the joints' speeds, accelerations and jerks allow (:mod:`yumi.control.path_timing`).
+passed as fast as the joints' speeds, accelerations and jerks allow (:mod:`yumi.control.path_timing`),
+and slower where the limiter (:mod:`yumi.control.collisions`) would not let it pass.
 Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
 """
 
@@ -25,15 +26,26 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.collisions import BODY_MARGIN
-from yumi.control.path_timing import MotionLimits, RoundedPath, fastest_along
-from yumi.control.trajectory import TrajectoryPoint, smooth_spline_through, spline_through
+from yumi.control.collisions import BODY_MARGIN, CollisionLimiter
+from yumi.control.motion import EGM_GAIN, Setpoint
+from yumi.control.path_timing import UNLIMITED, MotionLimits, RoundedPath, fastest_along
+from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
 from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
 from yumi.planning.scene import GROUPS, planning_description, semantic_description
 from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
-from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
+from yumi.robot.joints import (
+    CYCLE,
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    JointLimits,
+    Joints,
+    Pose,
+    Side,
+    joint_names,
+    joints,
+)
 
 Array = NDArray[np.float64]
 
@@ -50,6 +62,11 @@ _SHORTCUTS = 10  # that are tried between two looks at the time
 _EVERY = 3  # cycles between two points of the result: a spline between them is a little above their rates
 _ARM_ANGLES = (0.0, 0.35, -0.35, 0.7, -0.7, 1.2, -1.2, 1.9, -1.9, pi)  # tried for a pose, from that of the start [rad]
 _GOALS = 12  # postures of a pose that are tried
+_SLOWER = (0.85, 0.75, 0.65, 0.55, 0.45)  # than before, where the limiter does not accept a motion
+_AROUND = 6  # cycles
+_PLACE = 0.01  # [s] at the joints' speeds, between two places at which a motion is made slower
+_CREEPING = 0.05  # of the joints' speeds: slower would be of no use
+_QUICKER = 1.02  # than it is, the limiter must accept a motion: a real robot lags
 _ATTEMPTS = 4  # with other random numbers: a tree that grew into a corner is given up
 
 
@@ -74,6 +91,7 @@ class Plan:
 
 
 Goal = Joints | Pose
+_Motion = Mapping[Side, tuple[TrajectoryPoint, ...]]
 
 
 class Planner:
@@ -140,7 +158,7 @@ class Planner:
         (group,) = (name for name, members in GROUPS.items() if set(members) == set(sides))
         clearance, free = self._free_targets(start, self._targets(start, goal))
         self._scene.setJointPositions(self._full(start))  # where an arm without a goal stays
-        timed: list[TrajectoryPoint] = []
+        found: dict[int, _Motion] = {}  # by how much of it the limiter would refuse
         for attempt, target in enumerate([*islice(free, _ATTEMPTS)] * _ATTEMPTS):
             if time.monotonic() - begin > timeout:
                 break
@@ -167,18 +185,20 @@ class Planner:
                 path = rrt.plan(*ends)
             except RuntimeError:  # not within its nodes or time
                 continue
-            if path is not None and (timed := self._timed(group, path, speed_scale, seed, begin + timeout)):
-                break
-        if not timed:
+            if path is None:
+                continue
+            motion, refused = self._timed(start, group, path, speed_scale, seed, begin + timeout)
+            if motion:
+                found.setdefault(refused, motion)
+                if not refused or clearance < CLEARANCES[0]:  # nearer than that, another way is no better
+                    break
+        if not found:
             raise PlanNotFound(
                 f"No way was found in {time.monotonic() - begin:.1f} s: every one that was tried comes too near to the "
                 "robot itself or to a box. Take a goal with more room about it, or plan in two steps."
             )
-        points = {}
-        for side in sides:
-            own = itemgetter(*(names.index(name) for name in joint_names(side)))
-            points[side] = tuple(TrajectoryPoint(at, *map(own, rows)) for at, *rows in timed)
-        return Plan(dict(start), points, timed[-1].time, time.monotonic() - begin, clearance)
+        points = found[min(found)]
+        return Plan(dict(start), points, _duration(points), time.monotonic() - begin, clearance)
 
     def is_free(self, positions: Mapping[Side, Joints]) -> bool:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
@@ -257,10 +277,19 @@ class Planner:
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
         return together
 
-    def _timed(self, group: str, path: Any, speed_scale: float, seed: int, deadline: float) -> list[TrajectoryPoint]:
-        """The motion of a group along a path: shortened until ``deadline``, and as fast as the joints may.
+    def _timed(
+        self,
+        start: Mapping[Side, Joints],
+        group: str,
+        path: Any,
+        speed_scale: float,
+        seed: int,
+        deadline: float,
+    ) -> tuple[_Motion, int]:
+        """The motion of a group along a path: shortened until ``deadline``, and as fast as joints and limiter let it.
 
-        Nothing, where the path has no room for corners that can be passed.
+        In how many cycles the limiter would refuse it; no motion, where the path has no room for corners that can be
+        passed.
         """
         from roboplan import core  # noqa: PLC0415
 
@@ -280,9 +309,9 @@ class Planner:
 
         corners = np.array(path.positions)
         corners = corners[np.concatenate([[True], np.max(np.abs(np.diff(corners, axis=0)), axis=1) > 1e-9])]
-        still = (0.0,) * len(names)
         if len(corners) == 1:  # it is there
-            return [TrajectoryPoint(at, tuple(corners[0].tolist()), still, still) for at in (0.0, CYCLE)]
+            here, still = tuple(corners[0].tolist()), (0.0,) * len(names)
+            return _of_each_arm(names, [TrajectoryPoint(at, here, still, still) for at in (0.0, CYCLE)]), 0
         rounded = RoundedPath(corners, velocity, _CORNER)
         places = np.linspace(0.0, rounded.length, int(rounded.length * float(np.max(velocity)) / _STEP) + 2)
         while True:
@@ -292,9 +321,54 @@ class Planner:
             if not len(touching):
                 break
             if not rounded.sharpen(touching):
-                return []
-        limits = MotionLimits(velocity, acceleration, jerk, lower, upper)
-        return _spline_points(fastest_along(rounded, limits)[1], limits)
+                return {}, 0
+        return self._accepted(start, names, rounded, MotionLimits(velocity, acceleration, jerk, lower, upper))
+
+    def _accepted(
+        self, start: Mapping[Side, Joints], names: Sequence[str], path: RoundedPath, limits: MotionLimits
+    ) -> tuple[_Motion, int]:
+        """The fastest motion along a path that the limiter accepts, or the one of which it refuses least; how much."""
+        places = np.linspace(0.0, path.length, int(path.length / _PLACE) + 2)
+        ceiling = np.full(len(places), UNLIMITED)
+        found: dict[int, _Motion] = {}
+        for slower in (*_SLOWER, 0.0):
+            try:
+                law, positions = fastest_along(path, limits, ceiling)
+            except CommandRefused:
+                if not found:
+                    raise
+                break  # with this ceiling alone
+            motion = _of_each_arm(names, _spline_points(positions, limits))
+            refused = self._refused(start, motion)
+            found.setdefault(len(refused), motion)
+            if not refused:
+                break
+            # A little around, too: the time law averages, and would fill a gap.
+            last = len(law) - 1
+            cycles = np.minimum(np.array(refused) / _duration(motion) * last, last).astype(int)
+            speeds = np.full(len(law), UNLIMITED)
+            speeds[cycles] = slower * np.maximum(np.gradient(law)[cycles] / CYCLE, _CREEPING)
+            edge = np.pad(speeds, _AROUND, mode="edge")
+            speeds = np.min(np.lib.stride_tricks.sliding_window_view(edge, 2 * _AROUND + 1), axis=1)
+            ceiling = np.minimum(ceiling, np.interp(places, law, speeds))
+        return found[min(found)], min(found)
+
+    def _refused(self, start: Mapping[Side, Joints], motion: _Motion) -> list[float]:
+        """When the limiter would not accept what the trajectory controllers send of a motion [s]."""
+        both = CollisionLimiter(self._collisions, self.limits, EGM_GAIN)
+        ways = {side: SplineSampler(spline_through(points)) for side, points in motion.items()}
+        planned, refused = dict(start), []
+        for at in np.arange(0.0, _duration(motion) + CYCLE, CYCLE).tolist():
+            for side in Side:
+                arm, now = both.arm(side), ways[side].setpoint(at) if side in ways else Setpoint(start[side])
+                now = now._replace(velocity=joints([_QUICKER * speed for speed in now.velocity]))
+                robot = now if any(now.velocity) else None  # which follows with what is fed forward
+                arm.begin_cycle(None, planned[side], CYCLE)
+                if not arm.accepts(planned[side], now, robot, is_fed=robot is not None):
+                    refused.append(at)
+                arm.sent(planned[side], now, robot)  # what comes then is judged all the same
+                planned[side] = now.position
+        return refused
 
 
 def _spline_points(positions: Array, limits: MotionLimits) -> list[TrajectoryPoint]:
@@ -325,6 +399,19 @@ def _spline_points(positions: Array, limits: MotionLimits) -> list[TrajectoryPoi
         )
         for each in points
     ]
+
+
+def _of_each_arm(names: Sequence[str], points: Sequence[TrajectoryPoint]) -> _Motion:
+    """The motion of joints of these names, arm by arm."""
+    motion = {}
+    for side in (side for side in Side if joint_names(side)[0] in names):
+        own = itemgetter(*(names.index(name) for name in joint_names(side)))
+        motion[side] = tuple(TrajectoryPoint(at, *map(own, rows)) for at, *rows in points)
+    return motion
+
+
+def _duration(motion: _Motion) -> float:
+    return max(points[-1].time for points in motion.values())
 
 
 def _way(start: Joints, end: Joints) -> float:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from soak import long, short, tell
-from yumi.control.path_timing import MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
+from yumi.control.path_timing import UNLIMITED, MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
 from yumi.robot.joints import CYCLE, YUMI_LIMITS
 
 Array = NDArray[np.float64]
@@ -59,6 +59,20 @@ def test_one_joint_on_a_straight_line_takes_little_more_than_its_least_time() ->
     # 180°/s, 20 rad/s², 300 rad/s³: way / speed + speed / acceleration + acceleration / jerk.
     best = 1.5 / BOTH.velocity[0] + BOTH.velocity[0] / 20.0 + 20.0 / 300.0
     assert best <= (len(positions) - 1) * CYCLE < 1.15 * best
+
+
+def test_path_is_passed_below_its_ceiling_and_not_slower_elsewhere() -> None:
+    given = corners(1, 2)
+    path = RoundedPath(given, BOTH.velocity, 0.15)
+    free, _ = fastest_along(path, BOTH)
+    places, most = np.linspace(0.0, path.length, 200), float(np.max(np.diff(free))) / CYCLE
+    ceiling = np.where(np.abs(places / path.length - 0.5) < 0.2, 0.3 * most, UNLIMITED)
+    law, positions = fastest_along(path, BOTH, ceiling)
+    assert float(np.max(demand(positions, BOTH))) <= 1.0
+    speeds, at = np.diff(law) / CYCLE, law[1:] / path.length
+    assert np.max(speeds[np.abs(at - 0.5) < 0.1]) <= 0.301 * most
+    assert np.max(speeds[at < 0.3]) > 0.5 * most
+    assert np.max(speeds[at > 0.7]) > 0.5 * most
 
 
 def test_rounded_path_bends_without_a_jump_and_stays_near_its_corners() -> None:

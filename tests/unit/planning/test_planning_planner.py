@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 from collections.abc import Iterator
-from itertools import combinations, islice
+from contextlib import suppress
+from itertools import combinations, cycle, islice
 from statistics import median
 
 import numpy as np
 import pytest
 
+from apart_arms import ApartArms
 from mesh_judge import MeshJudge
 from soak import long, short, tell
 from yumi.control.collisions import BODY_MARGIN
@@ -19,7 +21,7 @@ from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
 from yumi.planning.scene import disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, home, joint_names, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
@@ -28,6 +30,8 @@ BOX = Obstacle("box", Pose((0.42, 0.0, 0.15), IDENTITY), (0.25, 0.3, 0.3))
 SHAPES = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
 HOME = {side: home(side) for side in Side}
 PROBLEMS = 200
+MOTIONS = 1000
+SEED = 1
 RANDOM = (0.7, 0.6, 0.9, 0.8, 1.5, 0.8, 2.0)
 """How far random postures are from one in front of the robot [rad]."""
 FRONT = (0.0, -1.1, 0.0, 0.4, 0.0, 0.6, 0.0)
@@ -74,21 +78,21 @@ def nearest(plan: Plan) -> float:
     return min(distances)
 
 
+def free_posture(planner: Planner, random: np.random.Generator) -> dict[Side, Joints]:
+    while True:
+        both = {}
+        for side in Side:
+            values = np.array(FRONT) + random.uniform(-1.0, 1.0, 7) * RANDOM
+            both[side] = joints(np.clip(values, YUMI_LIMITS.lower, YUMI_LIMITS.upper).tolist())
+        if planner.is_free(both):
+            return both
+
+
 def problems(planner: Planner, seed: int) -> Iterator[tuple[dict[Side, Joints], dict[Side, Joints]]]:
     """Free postures of both arms between which the straight way is not free."""
     random = np.random.default_rng(seed)
-
-    def posture() -> dict[Side, Joints]:
-        while True:
-            both = {}
-            for side in Side:
-                values = np.array(FRONT) + random.uniform(-1.0, 1.0, 7) * RANDOM
-                both[side] = joints(np.clip(values, YUMI_LIMITS.lower, YUMI_LIMITS.upper).tolist())
-            if planner.is_free(both):
-                return both
-
     while True:
-        start, goal = posture(), posture()
+        start, goal = free_posture(planner, random), free_posture(planner, random)
         between = (
             {side: joints((np.array(start[side]) * (1 - s) + np.array(goal[side]) * s).tolist()) for side in Side}
             for s in np.linspace(0.0, 1.0, 60).tolist()
@@ -126,6 +130,46 @@ def test_way_of_both_arms_is_found_where_the_straight_one_is_not_free(planner: P
             )
     assert missed <= 0.05 * count
     assert min(distances) > -0.002  # between two checked postures
+
+
+def free_motions(planner: Planner, seed: int) -> Iterator[Plan]:
+    """Motions with twice the limiter's margin, of the right arm, the left arm and both in turn, from goal to goal."""
+    random = np.random.default_rng(seed)
+    start = free_posture(planner, random)
+    for moved in cycle(((Side.RIGHT,), (Side.LEFT,), tuple(Side))):
+        plan = None
+        while plan is None:
+            drawn = free_posture(planner, random)
+            goal = {side: drawn[side] for side in moved}
+            if planner.is_free({**start, **goal}):  # not where the other arm stays
+                with suppress(PlanNotFound):
+                    plan = planner.plan(start, goal, timeout=5.0)
+            if plan is None:
+                start = drawn
+        yield plan
+        start = {**start, **goal}
+
+
+@pytest.mark.parametrize("count", [short(6), long(MOTIONS, 3600.0)])
+def test_limiter_changes_nothing_of_motions_with_twice_its_margin(count: int) -> None:
+    planner, times, durations = Planner(obstacles=(BOX,)), [], []
+    for number, plan in enumerate(islice(free_motions(planner, SEED), count), 1):
+        assert plan.clearance == CLEARANCES[0]
+        ways, arms = splines(plan), ApartArms(plan.start, obstacles=(BOX,))
+        for time in np.arange(CYCLE, plan.duration + 0.1, CYCLE).tolist():
+            desired = {side: ArmCommand(*way.motion(time)) for side, way in ways.items()}
+            arms.cycle(dict.fromkeys(ways, lambda _, side, now=desired: now[side]))
+            for side, (position, velocity) in desired.items():
+                assert arms.sent[side].position == pytest.approx(position, abs=1e-3), (number, time, side)
+                assert arms.sent[side].velocity == pytest.approx(velocity, abs=1e-3), (number, time, side)
+        assert [arms.limiters[side].counters.kept_apart for side in Side] == [0, 0], number
+        times.append(plan.planning_time)
+        durations.append(plan.duration)
+        if count > 6 and number % 20 == 0:
+            tell(
+                f"{number} motions of {median(durations):.2f} s in the median; planned in {median(times):.2f} s in the "
+                f"median, {max(times):.1f} s at most"
+            )
 
 
 def test_way_is_found_from_where_the_limiter_holds_an_arm_at_the_body(planner: Planner) -> None:
