@@ -64,18 +64,50 @@ bool are_finite(const double* values, int count) {
 
 // ---- shapes
 
-struct Ball {
-    Vec centre;
-    double radius;
-};
-
 struct Capsule {
     double frame;  // that it moves with
     Vec start, end;
     double radius;
     double reach[JOINTS];  // by how much a radian of each joint moves its axis at most
-    Ball ball() const { return {0.5 * (start + end), 0.5 * length(end - start) + radius}; }
 };
+
+// The axis of a capsule.
+struct Axis {
+    Vec middle, half;  // which leads from there to its end
+};
+
+struct Around {
+    Axis axis;
+    double radius;
+};
+
+// A capsule around others, about a line through the middle of all, in the direction of one of the ways between their
+// ends: that which is smallest.
+Around around(const std::vector<Capsule>& capsules) {
+    Around least{{}, INF};
+    std::vector<std::pair<Vec, double>> balls;  // the ends
+    Vec middle{};
+    for (const Capsule& its : capsules)
+        for (Vec end : {its.start, its.end}) balls.push_back({end, its.radius}), middle = middle + end;
+    middle = (1.0 / double(balls.size())) * middle;
+    for (const auto& from : balls)
+        for (const auto& to : balls) {
+            const Vec way = to.first - from.first;
+            const Vec line = length(way) > TINY ? (1.0 / length(way)) * way : Vec{0.0, 0.0, 1.0};
+            auto off = [&](Vec at) { return length(at - middle - dot(at - middle, line) * line); };
+            double radius = 0.0, low = INF, high = -INF;
+            for (const auto& [at, its] : balls) radius = std::max(radius, off(at) + its);
+            for (const auto& [at, its] : balls) {
+                const double along = dot(at - middle, line), room = radius - its;
+                const double inside = std::sqrt(std::max(room * room - off(at) * off(at), 0.0));
+                low = std::min(low, along + inside), high = std::max(high, along - inside);
+            }
+            const double half = std::max(0.5 * (high - low), 0.0);
+            if (radius + half < least.radius + length(least.axis.half))
+                least = {{middle + 0.5 * (low + high) * line, half * line}, radius};
+        }
+    return least;
+}
 
 struct Box {
     Frame pose;
@@ -172,8 +204,9 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
 // An arm in one posture.
 struct Placed {
     Frame frames[FRAMES];
-    Vec moments[JOINTS];            // of the joints' axes
-    std::vector<Vec> centres, halves;  // of its capsules' axes; half of one leads to its end
+    Vec moments[JOINTS];     // of the joints' axes
+    Axis around[FRAMES];     // of what is around the parts of each
+    std::vector<Axis> axes;  // of its parts
 };
 
 // Two parts that are near each other, as in collision.py.
@@ -187,10 +220,10 @@ struct Contact {
 struct Arm {
     Frame origins[FRAMES];  // in the frame before
     std::vector<Capsule> parts;
-    std::vector<Ball> balls;           // around the parts
+    std::vector<Axis> axes;  // of the parts
     std::vector<int> of_frame[FRAMES];
-    Ball around[FRAMES];               // around all of a frame's
-    int first;                         // number of its first part
+    Around around[FRAMES];  // all parts of a frame
+    int first;              // number of its first part
 };
 
 struct Model {
@@ -209,78 +242,82 @@ struct Model {
             placed.moments[joint] = cross(frame.at, frame.z);
         }
         placed.frames[JOINTS] = frame * its.origins[JOINTS];
-        placed.centres.resize(its.parts.size());
-        placed.halves.resize(its.parts.size());
-        for (std::size_t i = 0; i < its.parts.size(); ++i) {
-            const Frame& of = placed.frames[int(its.parts[i].frame)];
-            placed.centres[i] = of * its.balls[i].centre;
-            placed.halves[i] = of.turn(0.5 * (its.parts[i].end - its.parts[i].start));
-        }
+        auto at = [&](int of, const Axis& axis) -> Axis {
+            return {placed.frames[of] * axis.middle, placed.frames[of].turn(axis.half)};
+        };
+        for (int of = 0; of < FRAMES; ++of) placed.around[of] = at(of, its.around[of].axis);
+        placed.axes.resize(its.parts.size());
+        for (std::size_t i = 0; i < its.parts.size(); ++i) placed.axes[i] = at(int(its.parts[i].frame), its.axes[i]);
     }
 
     // How near a part is to the other arm's, or to a box.
     Near near(int arm, const Placed& placed, int part, const Placed* others, int other) const {
-        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const auto [middle, half] = placed.axes[part];
         const double radius = arms[arm].parts[part].radius;
-        if (!others) return between_capsule_and_box(centre - half, centre + half, radius, boxes[other]);
-        return between_capsules(centre, half, radius, others->centres[other], others->halves[other],
-                                arms[1 - arm].parts[other].radius);
+        if (!others) return between_capsule_and_box(middle - half, middle + half, radius, boxes[other]);
+        const Axis& its = others->axes[other];
+        return between_capsules(middle, half, radius, its.middle, its.half, arms[1 - arm].parts[other].radius);
     }
 
     // Whether a quick look shows that they are further apart than this: by how far both reach along the line between
     // their middles, or along the edges of a box.
     bool is_far(int arm, const Placed& placed, int part, const Placed* others, int other, double within) const {
-        const Vec half = placed.halves[part];
-        const double radius = arms[arm].parts[part].radius;
-        if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
-        const Vec apart = others->centres[other] - placed.centres[part];
-        const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
-        const double reach = std::abs(dot(half, apart)) + std::abs(dot(others->halves[other], apart));
+        const double far = arms[arm].parts[part].radius + within;
+        if (!others) return is_far(placed.axes[part], boxes[other], far);
+        return is_far(placed.axes[part], others->axes[other], far + arms[1 - arm].parts[other].radius);
+    }
+
+    // The same of all parts of a frame, and all of a frame of the other arm or a box.
+    bool is_frame_far(int arm, const Placed& placed, int frame, const Placed* others, int other, double within) const {
+        const double far = arms[arm].around[frame].radius + within;
+        if (!others) return is_far(placed.around[frame], boxes[other], far);
+        return is_far(placed.around[frame], others->around[other], far + arms[1 - arm].around[other].radius);
+    }
+
+    static bool is_far(const Axis& axis, const Axis& other, double far) {
+        const Vec apart = other.middle - axis.middle;
+        const double size = dot(apart, apart), reach = std::abs(dot(axis.half, apart)) + std::abs(dot(other.half, apart));
         return far < 0.0 || size - reach > far * std::sqrt(size);
     }
 
-    static bool is_far(Vec middle, Vec half, double far, const Box& box) {
-        const Vec at = box.pose.to_local(middle), along = box.pose.turn_back(half);
+    static bool is_far(const Axis& axis, const Box& box, double far) {
+        const Vec at = box.pose.to_local(axis.middle), along = box.pose.turn_back(axis.half);
         const Vec out = {std::max(std::abs(at.x) - std::abs(along.x) - box.half.x, 0.0),
                          std::max(std::abs(at.y) - std::abs(along.y) - box.half.y, 0.0),
                          std::max(std::abs(at.z) - std::abs(along.z) - box.half.z, 0.0)};
         return far < 0.0 || dot(out, out) > far * far;
     }
 
-    // Pairs of parts of frames that are not further apart than `within` says of the frames; the other one is a number of
-    // the other arm's or of a box. Shoulders and body are bolted together and count as one.
-    template <class Within, class Visit>
-    void for_pairs(int arm, const Placed& placed, const Placed* others, Within within, Visit visit) const {
-        const Arm &its = arms[arm], &theirs = arms[1 - arm];
-        for (int frame = 0; frame < FRAMES; ++frame) {
-            if (its.of_frame[frame].empty()) continue;
-            const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
-            if (!others) {
-                for (int box = 0; box < int(boxes.size()); ++box)
-                    if ((frame > 0 || boxes[box].is_body == 0.0) &&
-                        !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
-                        for (int part : its.of_frame[frame]) visit(part, box);
-                continue;
+    // Frames of an arm that have parts, with those of the other arm or with boxes. Shoulders and body are bolted
+    // together and count as one.
+    template <class Visit>
+    void for_frames(int arm, bool is_still, Visit visit) const {
+        const int others = is_still ? int(boxes.size()) : FRAMES;
+        for (int frame = 0; frame < FRAMES; ++frame)
+            for (int other = 0; other < others; ++other) {
+                const bool is_bolted = frame == 0 && (is_still ? boxes[other].is_body > 0.0 : other == 0);
+                const bool has_parts = !arms[arm].of_frame[frame].empty() &&
+                                       (is_still || !arms[1 - arm].of_frame[other].empty());
+                if (has_parts && !is_bolted) visit(frame, other);
             }
-            for (int other = 0; other < FRAMES; ++other) {
-                if ((frame == 0 && other == 0) || theirs.of_frame[other].empty()) continue;
-                const Vec apart = others->frames[other] * theirs.around[other].centre - ball.centre;
-                const double far = ball.radius + theirs.around[other].radius + within(frame, other);
-                if (far < 0.0 || dot(apart, apart) > far * far) continue;
-                for (int part : its.of_frame[frame])
-                    for (int its_part : theirs.of_frame[other]) visit(part, its_part);
-            }
+    }
+
+    template <class Visit>
+    void for_parts(int arm, int frame, bool is_still, int other, Visit visit) const {
+        for (int part : arms[arm].of_frame[frame]) {
+            if (is_still) visit(part, other);
+            else for (int its_part : arms[1 - arm].of_frame[other]) visit(part, its_part);
         }
     }
 
     // How both ends of a part move along a line of nearest distance, towards the other part.
     void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2], double slopes[2][JOINTS]) const {
         const int last = std::min(int(arms[arm].parts[part].frame), JOINTS - 1);
-        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const auto [middle, half] = placed.axes[part];
         const double tilt = dot(half, normal);
         behind[0] = std::max(2.0 * tilt, 0.0), behind[1] = std::max(-2.0 * tilt, 0.0);
         // How fast a joint moves a point along a line is the product of the joint's screw and the line's.
-        const Vec moment = cross(centre, normal), turns = cross(half, normal);
+        const Vec moment = cross(middle, normal), turns = cross(half, normal);
         for (int joint = 0; joint <= last; ++joint) {
             const double moves = dot(placed.frames[joint].z, moment) + dot(placed.moments[joint], normal);
             const double tilts = dot(placed.frames[joint].z, turns);
@@ -643,8 +680,10 @@ struct Span {
     double moved_frames[FRAMES], most;  // and the parts of each frame, and any
 };
 
+// Two parts, or of two frames all parts, or of a frame and a box.
 struct Pair {
     int part, other;
+    bool are_frames;
 };
 
 // What was found of two segments. `pairs` are those that are not decided: first and behind the last in Limiter::pairs.
@@ -774,11 +813,6 @@ struct Limiter {
             const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
             const double kept = margin(part, other, is_still), within = kept + std::max(off - TOLERANCE, least);
             if (kept == -INF || model.is_far(arm, own.placed, part, placed, other, within)) return;
-            if (off > COARSE && can_cut) {
-                pairs.push_back({part, other});
-                if (-off < finding.free) finding.free = -off, finding.part = part, finding.other = other;
-                return;
-            }
             spend(1);
             const Near near = model.near(arm, own.placed, part, placed, other);
             double beyond = near.distance - kept;
@@ -797,7 +831,7 @@ struct Limiter {
                         free = beyond - nearer;
                     }
             }
-            if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other});
+            if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other, false});
             if (!(free < 0.0)) return;
             // Each path comes as near to the middle of a segment as it is off the line.
             double certain = beyond + moved(model.arms[arm].parts[part], own.segment.off);
@@ -811,14 +845,21 @@ struct Limiter {
             }
             finding.is_certain = finding.is_certain || is_certain;
         };
-        if (whole) {
-            for (std::size_t i = whole->first; i < whole->last; ++i) examine(pairs[i].part, pairs[i].other);
-        } else {
-            auto within = [&](int frame, int other) {
-                const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
-                return widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
-            };
-            model.for_pairs(arm, own.placed, placed, within, examine);
+        auto examine_frames = [&](int frame, int other) {
+            ++seen;
+            const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
+            const double within = widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
+            if (model.is_frame_far(arm, own.placed, frame, placed, other, within)) return;
+            if (!(off > COARSE && can_cut)) return model.for_parts(arm, frame, is_still, other, examine);
+            pairs.push_back({frame, other, true});
+            if (!(-off < finding.free)) return;
+            finding.free = -off, finding.part = model.arms[arm].of_frame[frame][0];
+            finding.other = is_still ? other : model.arms[1 - arm].of_frame[other][0];
+        };
+        if (!whole) model.for_frames(arm, is_still, examine_frames);
+        for (std::size_t i = whole ? whole->first : 0, last = whole ? whole->last : 0; i < last; ++i) {
+            const Pair pair = pairs[i];
+            pair.are_frames ? examine_frames(pair.part, pair.other) : examine(pair.part, pair.other);
         }
         finding.last = pairs.size();
         spend(PLACING + seen / SEEN);
@@ -898,8 +939,7 @@ struct Limiter {
         const Placed &own = spans[2].placed, &theirs = spans[3].placed;
         auto note = [&](const Placed* placed) {
             const bool is_still = !placed;
-            auto within = [&](int frame, int other) { return widest_of(frame, other, is_still); };
-            model.for_pairs(arm, own, placed, within, [&](int part, int other) {
+            auto find = [&](int part, int other) {
                 const double kept = margin(part, other, is_still);
                 if (kept == -INF || model.is_far(arm, own, part, placed, other, kept)) return;
                 const double now = model.near(arm, own, part, placed, other).distance;
@@ -910,6 +950,11 @@ struct Limiter {
                         return;
                     }
                 floored.push_back({model.arms[arm].first + part, number(other, is_still), now, 0.0});
+            };
+            model.for_frames(arm, is_still, [&](int frame, int other) {
+                const double within = widest_of(frame, other, is_still);
+                if (!model.is_frame_far(arm, own, frame, placed, other, within))
+                    model.for_parts(arm, frame, is_still, other, find);
             });
         };
         // Where the arms are sent, and where their robots plan to be.
@@ -991,17 +1036,14 @@ Model* model_new(const double* origins, const std::int64_t* counts, const Capsul
             its.first = arm ? int(counts[0]) : 0;
             its.parts.assign(capsules + its.first, capsules + its.first + counts[arm]);
             for (std::size_t i = 0; i < its.parts.size(); ++i) {
-                its.balls.push_back(its.parts[i].ball());
-                its.of_frame[int(its.parts[i].frame)].push_back(int(i));
+                const auto& [frame, start, end, radius, reach] = its.parts[i];
+                its.axes.push_back({0.5 * (start + end), 0.5 * (end - start)});
+                its.of_frame[int(frame)].push_back(int(i));
             }
             for (int frame = 0; frame < FRAMES; ++frame) {
-                Ball& around = its.around[frame];
-                const std::vector<int>& parts = its.of_frame[frame];
-                for (int i : parts) around.centre = around.centre + (1.0 / double(parts.size())) * its.balls[i].centre;
-                for (int i : parts) {
-                    const double reach = length(its.balls[i].centre - around.centre) + its.balls[i].radius;
-                    around.radius = std::max(around.radius, reach);
-                }
+                std::vector<Capsule> of_frame;
+                for (int i : its.of_frame[frame]) of_frame.push_back(its.parts[i]);
+                if (!of_frame.empty()) its.around[frame] = around(of_frame);
             }
         }
         model->boxes.assign(boxes, boxes + box_count);
@@ -1023,7 +1065,7 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
     if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
     const Placed* theirs = is_still ? nullptr : &others;
     std::int64_t count = 0;
-    model->for_pairs(int(arm), placed, theirs, [&](int, int) { return within; }, [&](int part, int other) {
+    auto note = [&](int part, int other) {
         const Near near = model->near(int(arm), placed, part, theirs, other);
         if (!(near.distance < within)) return;
         Contact& contact = contacts[count++] = Contact{};
@@ -1035,6 +1077,10 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
         model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
         if (is_still) return;
         model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+    };
+    model->for_frames(int(arm), is_still, [&](int frame, int other) {
+        if (!model->is_frame_far(int(arm), placed, frame, theirs, other, within))
+            model->for_parts(int(arm), frame, is_still, other, note);
     });
     return count;
 }
