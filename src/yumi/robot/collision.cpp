@@ -346,6 +346,7 @@ struct Limits {
 struct Braking {
     double at, sign, velocity, acceleration, jerk, peak, first, second, third;
 
+    Braking() = default;
     Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits)
         : at(start[0][joint]), jerk(limits.jerk[joint]) {
         const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
@@ -376,11 +377,12 @@ struct Braking {
     }
 };
 
-bool is_slow(const Motion& motion, const Limits& limits) {
+// Whether an arm that brakes like this comes to rest so soon that it is led along boundaries.
+bool is_slow(const Braking (&joints)[JOINTS]) {
     double way = 0.0;
-    for (int j = 0; j < JOINTS; ++j) {
-        double low = motion.sent[0][j], high = low;
-        Braking(motion.sent, j, limits).extend(low, high);
+    for (const Braking& joint : joints) {
+        double low = joint.at, high = low;
+        joint.extend(low, high);
         way += high - low;
     }
     return way < SLOW;
@@ -404,53 +406,75 @@ struct Segment {
     // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the slice.
 };
 
-// Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
-// fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot brakes. One that
-// is sent positions only rests where its position sent does, and one that follows speeds only is not known to stop.
+// Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it brakes:
+// one that is fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot
+// brakes. One that is sent positions only rests where its position sent does, and one that follows speeds only is not
+// known to stop.
 struct Path {
-    const bool coasts;
-    bool is_sheet;
-    Segment whole;
     Motion motion;
-    int curves;           // of it; none before it is cut
-    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and where it may coast
-    double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
+    bool coasts, can_sheet;
+    Braking braking[JOINTS];      // of the position sent
+    int curves;                   // of it; none before it is cut
+    Curve curve[CURVES];          // how the position sent brakes, how the robot follows it, and where it may coast
+    Segment all, sheet;           // of the path, and of one that coasts
+    double passed[SAMPLES + 1];   // the way of the ends of a sheet's line so far
 
-    explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
-        motion.planned[0] = INF;  // as of no arm
-    }
+    Path() { motion.planned[0] = INF; }  // as of no arm
+
+    bool is_sheet() const { return coasts && can_sheet; }
+    const Segment& whole() const { return is_sheet() ? sheet : all; }
 
     // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where it
     // plans to be to where it rests, and where it may coast.
-    void begin(const Motion& its, const Limits& limits) {
+    void begin(const Motion& its, const Limits& limits, bool its_coasts) {
+        coasts = its_coasts;
         if (std::memcmp(&motion, &its, sizeof motion) == 0) return;  // as of the other arm's command
         motion = its, curves = 0;
-        is_sheet = coasts && its.has_robot > 0.0 && !(its.coasts > 0.0) && limits.gain > 0.0;
-        whole = {};
-        whole.curve = WHOLE;
-        if (its.has_robot > 0.0) add_curves(limits);
+        const bool has_robot = its.has_robot > 0.0, is_led = its.coasts > 0.0;
+        can_sheet = has_robot && !is_led && limits.gain > 0.0;
+        double range[2][JOINTS];
         for (int j = 0; j < JOINTS; ++j) {
-            double low = is_sheet ? its.robot[0][j] : its.planned[j], high = low;
-            auto extend = [&](double to) { low = std::min(low, to), high = std::max(high, to); };
-            if (!is_sheet) {
-                extend(its.sent[0][j]);
-                Braking(its.sent, j, limits).extend(low, high);
-                if (its.coasts > 0.0) extend(its.coasts_to[j]);
-            }
-            // One that gets its speed by the position alone stays between these.
-            for (int i = 0; i <= SAMPLES && its.has_robot > 0.0; ++i) {
-                extend(curve[FOLLOWING].postures[i][j]);
-                if (is_sheet) extend(curve[COASTING].postures[i][j]);
-            }
-            whole.middle[j] = 0.5 * (low + high);
-            whole.half[j] = 0.5 * (high - low);
+            double &low = range[0][j], &high = range[1][j];
+            braking[j] = Braking(its.sent, j, limits);
+            low = high = its.sent[0][j];
+            braking[j].extend(low, high);
+            // A robot that gets its speed by the position alone stays between these.
+            extend(range, j, its.planned[j]);
+            if (is_led) extend(range, j, its.coasts_to[j]);
         }
-        std::copy(whole.half, whole.half + JOINTS, whole.off);
+        if (has_robot) {
+            add_curves(limits);
+            extend(range, curve[FOLLOWING]);
+        }
+        all = between(range);
+        if (!can_sheet) return;
+        std::fill(range[0], range[1], INF), std::fill(range[1], range[1] + JOINTS, -INF);
+        extend(range, curve[FOLLOWING]), extend(range, curve[COASTING]);
+        sheet = between(range);
+    }
+
+    static void extend(double (&range)[2][JOINTS], int joint, double to) {
+        range[0][joint] = std::min(range[0][joint], to), range[1][joint] = std::max(range[1][joint], to);
+    }
+
+    static void extend(double (&range)[2][JOINTS], const Curve& to) {
+        for (const auto& posture : to.postures)
+            for (int j = 0; j < JOINTS; ++j) extend(range, j, posture[j]);
+    }
+
+    static Segment between(const double (&range)[2][JOINTS]) {
+        Segment its{};
+        its.curve = WHOLE;
+        for (int j = 0; j < JOINTS; ++j) {
+            its.middle[j] = 0.5 * (range[0][j] + range[1][j]);
+            its.half[j] = its.off[j] = 0.5 * (range[1][j] - range[0][j]);
+        }
+        return its;
     }
 
     void add_curves(const Limits& limits) {
         if (curves) return;
-        add_braking(motion.sent, limits);
+        add_braking();
         add_following(limits);
         if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
     }
@@ -462,21 +486,18 @@ struct Path {
         std::copy(to, to + JOINTS, its.postures[1]);
     }
 
-    void add_braking(const double (&start)[3][JOINTS], const Limits& limits) {
+    void add_braking() {
         Curve& its = curve[curves++];
         its.is_straight = false;
         double longest = 0.0;
+        for (const Braking& joint : braking) longest = std::max(longest, joint.duration());
         for (int j = 0; j < JOINTS; ++j)
-            longest = std::max(longest, Braking(start, j, limits).duration());
-        for (int j = 0; j < JOINTS; ++j) {
-            const Braking braking(start, j, limits);
-            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = braking.position(longest * i / SAMPLES);
-        }
+            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = braking[j].position(longest * i / SAMPLES);
     }
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
     // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
-    // straight. For a sheet, with where it would coast to from there.
+    // straight. One that may coast on a sheet, with where it would coast to from there.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;
@@ -484,19 +505,18 @@ struct Path {
         its.is_straight = false;
         double time = 0.0;
         for (int j = 0; j < JOINTS; ++j) {
-            time = std::max(time, Braking(motion.sent, j, limits).duration());
+            time = std::max(time, braking[j].duration());
             if (is_fed) time = std::max(time, Braking(motion.robot, j, limits).duration());
         }
         const double dt = time / BRAKING, left = std::exp(-limits.gain * dt);
         for (int j = 0; j < JOINTS; ++j) {
-            const Braking braking(motion.sent, j, limits);
             const double top = limits.acceleration[j], rise = limits.jerk[j] * dt, half = 0.5 * rise;
             double position = is_fed ? motion.robot[0][j] : motion.planned[j];
             double speed = motion.robot[1][j], rate = motion.robot[2][j];
             for (int i = 0; i < BRAKING; ++i) {
                 its.postures[i][j] = position;
-                if (is_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
-                const double ahead = braking.position((i + 0.5) * dt);
+                if (can_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
+                const double ahead = braking[j].position((i + 0.5) * dt);
                 if (!is_fed) {
                     position = ahead + (position - ahead) * left;
                     continue;
@@ -509,15 +529,15 @@ struct Path {
                 position += (speed + (2.0 * before + rate) * dt / 6.0) * dt;
                 speed += 0.5 * (before + rate) * dt;
             }
-            const double rest = limits.gain > 0.0 ? braking.position(time) : position;
-            const double furthest = is_sheet ? position + speed / limits.gain : rest;
+            const double rest = limits.gain > 0.0 ? braking[j].position(time) : position;
+            const double furthest = can_sheet ? position + speed / limits.gain : rest;
             for (int i = BRAKING; i <= SAMPLES; ++i) {
                 const double share = double(i - BRAKING) / (SAMPLES - BRAKING);
                 its.postures[i][j] = position + (rest - position) * share;
-                if (is_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
+                if (can_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
             }
         }
-        if (!is_sheet) return;
+        if (!can_sheet) return;
         passed[0] = 0.0;
         for (int i = 1; i <= SAMPLES; ++i) {
             passed[i] = passed[i - 1];
@@ -527,12 +547,12 @@ struct Path {
     }
 
     bool can_cut(const Segment& segment) const {
-        return segment.curve < 0 || segment.level < LEVELS || (is_sheet && segment.curve < STRIPS);
+        return segment.curve < 0 || segment.level < LEVELS || (is_sheet() && segment.curve < STRIPS);
     }
 
     // What a segment consists of: at most CURVES parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
-        if (is_sheet && segment.curve >= 0) {
+        if (is_sheet() && segment.curve >= 0) {
             double off = 0.0, along = 0.0;
             for (int j = 0; j < JOINTS; ++j) off += segment.off[j], along += std::abs(segment.along[j]);
             const bool in_time = segment.curve < STRIPS && (off > WIDE * along || segment.level == LEVELS);
@@ -545,7 +565,7 @@ struct Path {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
-        if (is_sheet) {
+        if (is_sheet()) {
             parts[0] = swept(1, 0, 0);
             return 1;
         }
@@ -709,7 +729,7 @@ struct Limiter {
     int arm = 0;
     bool steers = false;
     double most_margin = INF;  // whatever the margins say
-    Path moving[2] = {Path(false), Path(false)}, coasting[2] = {Path(true), Path(true)}, *paths = moving;
+    Path paths[2];
     std::vector<Span> spans;
     std::vector<Pair> pairs;
     std::vector<Floor> floored;
@@ -982,19 +1002,21 @@ struct Limiter {
     bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, double apart, std::int64_t most,
                 Decision& result) {
         const bool coasts = apart < INF;
-        arm = which, steers = !coasts && is_slow(motion, limits), budget = most, decision = &result;
-        paths = coasts ? coasting : moving, most_margin = apart;
+        arm = which, budget = most, decision = &result, most_margin = apart;
         pairs.clear(), boundaries.clear(), floored.clear();
-        paths[arm].begin(motion, limits);
-        if (its) paths[1 - arm].begin(*its, limits);
+        Path &own = paths[arm], &other = paths[1 - arm];
+        own.begin(motion, limits, coasts);
+        if (its) other.begin(*its, limits, coasts);
+        steers = !coasts && is_slow(own.braking);
         // Robots that are sent positions only go nowhere else without their links.
-        if (coasts && !paths[arm].is_sheet && !(its && paths[1 - arm].is_sheet)) return true;
-        span(arm, 0, paths[arm].whole);
-        if (its) span(1 - arm, 1, paths[1 - arm].whole);
-        for (const Path* path : {&paths[0], &paths[1]})
-            if (!are_finite(path->whole.middle, JOINTS) || !are_finite(path->whole.half, JOINTS)) return false;
+        if (coasts && !own.is_sheet() && !(its && other.is_sheet())) return true;
+        for (int i = 0; i < (its ? 2 : 1); ++i) {
+            const Segment& whole = paths[i ? 1 - arm : arm].whole();
+            if (!are_finite(whole.middle, JOINTS) || !are_finite(whole.half, JOINTS)) return false;
+            span(i ? 1 - arm : arm, i, whole);
+        }
         Finding found[2] = {NOTHING, NOTHING};
-        if (!coasts || paths[arm].is_sheet) found[0] = compare(0, -1, nullptr);
+        if (!coasts || own.is_sheet()) found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
         bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
         if (is_open) find_floors(last, its);
@@ -1108,7 +1130,9 @@ void limiter_permit(Limiter* limiter, const double* margins) { limiter->permit(m
 bool limiter_is_slow(const Limiter* limiter, const char* packed) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    return is_slow(motion, limiter->limits);
+    Braking braking[JOINTS];
+    for (int j = 0; j < JOINTS; ++j) braking[j] = Braking(motion.sent, j, limiter->limits);
+    return is_slow(braking);
 }
 
 // The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
@@ -1117,17 +1141,17 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts,
                               double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    Path& path = coasts ? limiter->coasting[0] : limiter->moving[0];
-    path.begin(motion, limiter->limits);
-    std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
-    std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
+    Path& path = limiter->paths[0];
+    path.begin(motion, limiter->limits, coasts);
+    std::memcpy(whole, path.whole().middle, sizeof path.whole().middle);
+    std::memcpy(whole + JOINTS, path.whole().half, sizeof path.whole().half);
     Segment parts[CURVES];
     std::int64_t count = 0;
-    for (int number = path.cut(path.whole, limiter->limits, parts); number--;)
+    for (int number = path.cut(path.whole(), limiter->limits, parts); number--;)
         for (int i = 0; i < 1 << level; ++i, ++count) {
             // Of a sheet, first in time, then into slices.
             const int strips = std::min(int(level), STRIP_LEVELS), along = int(level) - strips;
-            const Segment segment = path.is_sheet ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
+            const Segment segment = path.is_sheet() ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
                                                   : path.part(parts[number].curve, int(level), i);
             for (const double* row : {segment.middle, segment.along, segment.off})
                 segments = std::copy(row, row + JOINTS, segments);
