@@ -397,13 +397,19 @@ struct Curve {
     double postures[SAMPLES + 1][JOINTS];
 };
 
+// What of a sheet is between two shares of the way from one of its corners to another.
+struct Slice {
+    const double *from, *to;
+    double low, high;
+};
+
 // Of a path: a straight line in joint space, and how far each joint may be off it.
 struct Segment {
     double middle[JOINTS], along[JOINTS];  // `along` leads from there to its end
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
-    // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the slice.
+    Slice slice;  // of what the line of a sheet sweeps on part i of 2^n of its way, where `curve` is 2^n + i
 };
 
 // Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it brakes:
@@ -556,18 +562,24 @@ struct Path {
             double off = 0.0, along = 0.0;
             for (int j = 0; j < JOINTS; ++j) off += segment.off[j], along += std::abs(segment.along[j]);
             const bool in_time = segment.curve < STRIPS && (off > WIDE * along || segment.level == LEVELS);
-            for (int i = 0; i < 2; ++i)
-                parts[i] = in_time ? swept(2 * segment.curve + i, segment.level, segment.index)
-                                   : swept(segment.curve, segment.level + 1, 2 * segment.index + i);
-            return 2;
+            const Slice its = segment.slice;
+            if (in_time) {
+                // A slice keeps its sides, so that its parts are all of it; before that, each part has its own way.
+                const Slice* sides = segment.level ? &its : nullptr;
+                int count = 0;
+                for (int i = 0; i < 2; ++i) count += sweep(2 * segment.curve + i, segment.level, sides, 1, parts + count);
+                return count;
+            }
+            const double middle = 0.5 * (its.low + its.high);
+            const Slice halves[2] = {{its.from, its.to, its.low, middle}, {its.from, its.to, middle, its.high}};
+            return sweep(segment.curve, segment.level + 1, halves, 2, parts);
         }
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
         if (is_sheet()) {
-            parts[0] = swept(1, 0, 0);
-            return 1;
+            return sweep(1, 0, nullptr, 1, parts);
         }
         add_curves(limits);
         const int first = coasts ? FOLLOWING : SENT;
@@ -575,8 +587,8 @@ struct Path {
         return curves - first;
     }
 
-    // A part of the sheet: of what its line sweeps in a part of the time, one of 2^level slices across its longest way.
-    Segment swept(int strip, int level, int index) const {
+    // Slices of what the line of a sheet sweeps on a part of its way, or all of that. Returns in how many something is.
+    int sweep(int strip, int level, const Slice* slices, int count, Segment* parts) const {
         int first = 0, last = SAMPLES;
         for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
             if (bit <= strip / 2) {
@@ -584,58 +596,75 @@ struct Path {
                 const int middle = int(std::lower_bound(passed + first, passed + last, half) - passed);
                 (strip & bit ? first : last) = std::max(std::min(middle, last - 1), first);
             }
-        const auto &starts = curve[FOLLOWING].postures, &ends = curve[COASTING].postures;
-        const double *from = starts[first], *to = from;
-        double size = TINY;
-        for (const double* corner : {ends[first], starts[last], ends[last]}) {
-            double far = 0.0;
-            for (int j = 0; j < JOINTS; ++j) far += (corner[j] - from[j]) * (corner[j] - from[j]);
-            if (far > size) size = far, to = corner;
+        const double(*ends[2])[JOINTS] = {curve[FOLLOWING].postures, curve[COASTING].postures};
+        Slice all = {ends[0][first], ends[0][first], -INF, INF};
+        if (!slices) {
+            // Along the longest line, since further cuts in time make it no shorter; without such, along the longest way.
+            double longest = TINY;
+            auto lead = [&](const double* from, const double* to) {
+                double size = 0.0;
+                for (int j = 0; j < JOINTS; ++j) size += (to[j] - from[j]) * (to[j] - from[j]);
+                if (size > longest) longest = size, all.from = from, all.to = to;
+            };
+            for (int i : {first, last}) lead(ends[0][i], ends[1][i]);
+            for (int end = 0; end < 2 && strip >= STRIPS; ++end) lead(ends[0][first], ends[end][last]);
+            slices = &all;
         }
+        const double* from = slices->from;
+        double way[JOINTS], size = TINY;
+        for (int j = 0; j < JOINTS; ++j) way[j] = slices->to[j] - from[j], size += way[j] * way[j];
         // How far along that way the lines begin and end, and how far off it.
         double along[2][SAMPLES + 1], off[2][SAMPLES + 1][JOINTS], nearest = INF, furthest = -INF;
         for (int end = 0; end < 2; ++end)
             for (int i = first; i <= last; ++i) {
-                const double* posture = (end ? ends : starts)[i];
-                double& share = along[end][i] = 0.0;
-                for (int j = 0; j < JOINTS; ++j) share += (posture[j] - from[j]) * (to[j] - from[j]) / size;
-                for (int j = 0; j < JOINTS; ++j) off[end][i][j] = posture[j] - from[j] - share * (to[j] - from[j]);
+                const double* posture = ends[end][i];
+                double share = 0.0;
+                for (int j = 0; j < JOINTS; ++j) share += (posture[j] - from[j]) * way[j];
+                share /= size, along[end][i] = share;
+                for (int j = 0; j < JOINTS; ++j) off[end][i][j] = posture[j] - from[j] - share * way[j];
                 nearest = std::min(nearest, share), furthest = std::max(furthest, share);
             }
-        const double slice = (furthest - nearest) / (1 << level), low = nearest + index * slice, high = low + slice;
-        double least[2][JOINTS], most[2][JOINTS];  // off that way, and of the joints
-        std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
-        auto extend = [&](int end, int i, int other_end, int other) {  // by what of an edge is in the slice
-            const double begin = along[end][i], way = along[other_end][other] - begin;
-            double shares[2] = {0.0, 1.0};
-            if (std::max(begin, begin + way) < low || std::min(begin, begin + way) > high) return;
-            if (std::abs(way) > TINY) {
-                const double a = (low - begin) / way, b = (high - begin) / way;
-                shares[0] = std::max(0.0, std::min(a, b)), shares[1] = std::min(1.0, std::max(a, b));
-            }
-            for (double share : shares)
-                for (int j = 0; j < JOINTS; ++j) {
-                    const double at = off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]);
-                    least[0][j] = std::min(least[0][j], at), most[0][j] = std::max(most[0][j], at);
-                    const double all = at + (begin + share * way) * (to[j] - from[j]);
-                    least[1][j] = std::min(least[1][j], all), most[1][j] = std::max(most[1][j], all);
+        int found = 0;
+        for (int which = 0; which < count; ++which) {
+            Segment& its = parts[found];
+            its.curve = strip, its.level = level, its.slice = slices[which];
+            const double low = its.slice.low = std::max(its.slice.low, nearest);
+            const double high = its.slice.high = std::min(its.slice.high, furthest);
+            if (low > high) continue;
+            double least[2][JOINTS], most[2][JOINTS];  // off that way, and of the joints
+            std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
+            auto extend = [&](int joint, double its_off, double share) {
+                const double at = its_off + share * way[joint];
+                least[0][joint] = std::min(least[0][joint], its_off), most[0][joint] = std::max(most[0][joint], its_off);
+                least[1][joint] = std::min(least[1][joint], at), most[1][joint] = std::max(most[1][joint], at);
+            };
+            auto cross = [&](int end, int i, int other_end, int other) {  // by where an edge crosses a side
+                const double begin = along[end][i], finish = along[other_end][other];
+                for (double side : {low, high})
+                    if ((begin < side) != (finish < side)) {
+                        const double share = (side - begin) / (finish - begin);
+                        for (int j = 0; j < JOINTS; ++j)
+                            extend(j, off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]), side);
+                    }
+            };
+            for (int i = first; i <= last; ++i) {
+                cross(0, i, 1, i);
+                for (int end = 0; end < 2; ++end) {
+                    if (i < last) cross(end, i, end, i + 1);
+                    const double share = along[end][i];
+                    for (int j = 0; j < JOINTS && share >= low && share <= high; ++j) extend(j, off[end][i][j], share);
                 }
-        };
-        for (int i = first; i <= last; ++i) {
-            extend(0, i, 1, i);
-            for (int end = 0; end < 2 && i < last; ++end) extend(end, i, end, i + 1);
+            }
+            for (int j = 0; j < JOINTS; ++j) {
+                const double middle = 0.5 * (low + high) * way[j] + 0.5 * (least[0][j] + most[0][j]);
+                its.middle[j] = from[j] + middle;
+                its.along[j] = 0.5 * (high - low) * way[j];
+                its.off[j] = 0.5 * (most[0][j] - least[0][j]);
+                its.half[j] = std::max(most[1][j] - middle, middle - least[1][j]);
+            }
+            ++found;
         }
-        Segment segment{};
-        segment.curve = strip, segment.level = level, segment.index = index;
-        for (int j = 0; j < JOINTS; ++j) {
-            const double way = to[j] - from[j];
-            const double middle = 0.5 * (low + high) * way + 0.5 * (least[0][j] + most[0][j]);
-            segment.middle[j] = from[j] + middle;
-            segment.along[j] = 0.5 * slice * way;
-            segment.off[j] = 0.5 * (most[0][j] - least[0][j]);
-            segment.half[j] = std::max(most[1][j] - middle, middle - least[1][j]);
-        }
-        return segment;
+        return found;
     }
 
     Segment part(int number, int level, int index) const {
@@ -1136,7 +1165,8 @@ bool limiter_is_slow(const Limiter* limiter, const char* packed) {
 }
 
 // The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
-// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. Those 2 i
+// and 2 i + 1 are cut from i of one cut less; what has nothing of the path is off it by -inf. For tests.
 std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts, std::int64_t level, double* segments,
                               double* whole) {
     Motion motion;
@@ -1147,15 +1177,20 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts,
     std::memcpy(whole + JOINTS, path.whole().half, sizeof path.whole().half);
     Segment parts[CURVES];
     std::int64_t count = 0;
-    for (int number = path.cut(path.whole(), limiter->limits, parts); number--;)
-        for (int i = 0; i < 1 << level; ++i, ++count) {
-            // Of a sheet, first in time, then into slices.
-            const int strips = std::min(int(level), STRIP_LEVELS), along = int(level) - strips;
-            const Segment segment = path.is_sheet() ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
-                                                  : path.part(parts[number].curve, int(level), i);
-            for (const double* row : {segment.middle, segment.along, segment.off})
-                segments = std::copy(row, row + JOINTS, segments);
+    auto add = [&](auto& add_halves, const Segment* segment, std::int64_t cuts) -> void {
+        Segment halves[CURVES];
+        const int number = segment && cuts ? path.cut(*segment, limiter->limits, halves) : 0;
+        for (int i = 0; i < 2 && cuts; ++i) add_halves(add_halves, i < number ? &halves[i] : nullptr, cuts - 1);
+        if (cuts) return;
+        for (int j = 0; j < JOINTS; ++j) {
+            segments[j] = segment ? segment->middle[j] : 0.0;
+            segments[JOINTS + j] = segment ? segment->along[j] : 0.0;
+            segments[2 * JOINTS + j] = segment ? segment->off[j] : -INF;
         }
+        segments += 3 * JOINTS, ++count;
+    };
+    const int number = path.cut(path.whole(), limiter->limits, parts);
+    for (int i = 0; i < number; ++i) add(add, &parts[i], level);
     return count;
 }
 
