@@ -75,6 +75,7 @@ struct Capsule {
 struct Axis {
     Vec middle, half;  // which leads from there to its end
 };
+Axis operator*(const Frame& frame, const Axis& axis) { return {frame * axis.middle, frame.turn(axis.half)}; }
 
 struct Around {
     Axis axis;
@@ -204,9 +205,10 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
 // An arm in one posture.
 struct Placed {
     Frame frames[FRAMES];
-    Vec moments[JOINTS];     // of the joints' axes
-    Axis around[FRAMES];     // of what is around the parts of each
-    std::vector<Axis> axes;  // of its parts
+    Vec moments[JOINTS];  // of the joints' axes
+    Axis around[FRAMES];  // of what is around the parts of each
+    std::vector<Axis> axes;  // of its parts; see Model::place_parts
+    bool has_parts;
 };
 
 // Two parts that are near each other, as in collision.py.
@@ -222,8 +224,9 @@ struct Arm {
     std::vector<Capsule> parts;
     std::vector<Axis> axes;  // of the parts
     std::vector<int> of_frame[FRAMES];
-    Around around[FRAMES];  // all parts of a frame
-    int first;              // number of its first part
+    Around around[FRAMES];         // all parts of a frame
+    double reach[FRAMES][JOINTS];  // the most of the parts of each
+    int first;                     // number of its first part
 };
 
 struct Model {
@@ -242,12 +245,18 @@ struct Model {
             placed.moments[joint] = cross(frame.at, frame.z);
         }
         placed.frames[JOINTS] = frame * its.origins[JOINTS];
-        auto at = [&](int of, const Axis& axis) -> Axis {
-            return {placed.frames[of] * axis.middle, placed.frames[of].turn(axis.half)};
-        };
-        for (int of = 0; of < FRAMES; ++of) placed.around[of] = at(of, its.around[of].axis);
+        for (int of = 0; of < FRAMES; ++of) placed.around[of] = placed.frames[of] * its.around[of].axis;
+        placed.has_parts = false;
+    }
+
+    // What is around them is often far enough from all else: its parts are placed only when it is not.
+    void place_parts(int arm, Placed& placed) const {
+        const Arm& its = arms[arm];
+        if (placed.has_parts) return;
+        placed.has_parts = true;
         placed.axes.resize(its.parts.size());
-        for (std::size_t i = 0; i < its.parts.size(); ++i) placed.axes[i] = at(int(its.parts[i].frame), its.axes[i]);
+        for (std::size_t i = 0; i < its.parts.size(); ++i)
+            placed.axes[i] = placed.frames[int(its.parts[i].frame)] * its.axes[i];
     }
 
     // How near a part is to the other arm's, or to a box.
@@ -725,8 +734,8 @@ struct Floor {
 struct Span {
     Segment segment;
     Placed placed;
-    std::vector<double> moved;          // how far each part may be from there
-    double moved_frames[FRAMES], most;  // and the parts of each frame, and any
+    double moved_frames[FRAMES], most;  // how far the parts of each frame, and any, may be from there
+    std::vector<double> moved;          // and each part
 };
 
 // Two parts, or of two frames all parts, or of a frame and a box.
@@ -806,23 +815,20 @@ struct Limiter {
 
     void span(int which, int number, const Segment& segment) {
         Span& its = spans[number];
-        const std::vector<Capsule>& parts = model.arms[which].parts;
         its.segment = segment;
         model.place(which, segment.middle, its.placed);
-        its.moved.resize(parts.size());
-        its.most = 0.0;
-        std::fill(its.moved_frames, its.moved_frames + FRAMES, 0.0);
-        for (std::size_t i = 0; i < parts.size(); ++i) {
-            its.moved[i] = moved(parts[i], segment.half);
-            double& of_frame = its.moved_frames[int(parts[i].frame)];
-            of_frame = std::max(of_frame, its.moved[i]);
-            its.most = std::max(its.most, its.moved[i]);
-        }
+        const Arm& its_arm = model.arms[which];
+        its.moved.resize(its_arm.parts.size());
+        for (std::size_t i = 0; i < its.moved.size(); ++i) its.moved[i] = moved(its_arm.parts[i].reach, segment.half);
+        for (int frame = 0; frame < FRAMES; ++frame)
+            its.moved_frames[frame] = moved(its_arm.reach[frame], segment.half);
+        its.most = *std::max_element(its.moved_frames, its.moved_frames + FRAMES);
     }
 
-    static double moved(const Capsule& part, const double* by) {
+    // How far a part with this reach comes when the joints move by so much.
+    static double moved(const double (&reach)[JOINTS], const double (&by)[JOINTS]) {
         double sum = 0.0;
-        for (int j = 0; j < JOINTS; ++j) sum += part.reach[j] * by[j];
+        for (int j = 0; j < JOINTS; ++j) sum += reach[j] * by[j];
         return sum;
     }
 
@@ -849,8 +855,9 @@ struct Limiter {
     // that were not decided on the segments that these are parts of.
     Finding compare(int mine, int theirs, const Finding* whole) {
         const bool is_still = theirs < 0;
-        const Span &own = spans[mine], *its = is_still ? nullptr : &spans[theirs];
+        Span &own = spans[mine], *its = is_still ? nullptr : &spans[theirs];
         const Placed* placed = is_still ? nullptr : &its->placed;
+        const std::vector<Capsule> &own_parts = model.arms[arm].parts, &its_parts = model.arms[1 - arm].parts;
         const double least = steers ? BOUNDARY_WITHIN : 0.0;
         Finding finding = NOTHING;
         finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
@@ -883,8 +890,8 @@ struct Limiter {
             if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other, false});
             if (!(free < 0.0)) return;
             // Each path comes as near to the middle of a segment as it is off the line.
-            double certain = beyond + moved(model.arms[arm].parts[part], own.segment.off);
-            if (!is_still) certain += moved(model.arms[1 - arm].parts[other], its->segment.off);
+            double certain = beyond + moved(own_parts[part].reach, own.segment.off);
+            if (!is_still) certain += moved(its_parts[other].reach, its->segment.off);
             finding.free = std::min(finding.free, free);
             const bool is_certain = certain < 0.0;
             const double severity = is_certain ? certain : free;
@@ -894,12 +901,19 @@ struct Limiter {
             }
             finding.is_certain = finding.is_certain || is_certain;
         };
+        auto place_parts = [&] {
+            model.place_parts(arm, own.placed);
+            if (!is_still) model.place_parts(1 - arm, its->placed);
+        };
         auto examine_frames = [&](int frame, int other) {
             ++seen;
             const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
             const double within = widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
             if (model.is_frame_far(arm, own.placed, frame, placed, other, within)) return;
-            if (!(off > COARSE && can_cut)) return model.for_parts(arm, frame, is_still, other, examine);
+            if (!(off > COARSE && can_cut)) {
+                place_parts();
+                return model.for_parts(arm, frame, is_still, other, examine);
+            }
             pairs.push_back({frame, other, true});
             if (!(-off < finding.free)) return;
             finding.free = -off, finding.part = model.arms[arm].of_frame[frame][0];
@@ -908,7 +922,12 @@ struct Limiter {
         if (!whole) model.for_frames(arm, is_still, examine_frames);
         for (std::size_t i = whole ? whole->first : 0, last = whole ? whole->last : 0; i < last; ++i) {
             const Pair pair = pairs[i];
-            pair.are_frames ? examine_frames(pair.part, pair.other) : examine(pair.part, pair.other);
+            if (pair.are_frames) {
+                examine_frames(pair.part, pair.other);
+            } else {
+                place_parts();
+                examine(pair.part, pair.other);
+            }
         }
         finding.last = pairs.size();
         spend(PLACING + seen / SEEN);
@@ -935,9 +954,11 @@ struct Limiter {
 
     bool refuse(const Finding& finding) {
         const bool is_still = finding.theirs < 0;
-        const Placed* theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        Placed &mine = spans[finding.mine].placed, *theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        model.place_parts(arm, mine);
+        if (theirs) model.place_parts(1 - arm, *theirs);
         decision->part = model.arms[arm].first + finding.part, decision->other = number(finding.other, is_still);
-        decision->distance = model.near(arm, spans[finding.mine].placed, finding.part, theirs, finding.other).distance;
+        decision->distance = model.near(arm, mine, finding.part, theirs, finding.other).distance;
         return false;
     }
 
@@ -1009,10 +1030,12 @@ struct Limiter {
         // Where the arms are sent, and where their robots plan to be.
         for (const double* posture : {last.sent[0], last.planned}) {
             model.place(arm, posture, spans[2].placed);
+            model.place_parts(arm, spans[2].placed);
             note(nullptr);
             for (const double* other : {its ? its->sent[0] : nullptr, its ? its->planned : nullptr}) {
                 if (!other) continue;
                 model.place(1 - arm, other, spans[3].placed);
+                model.place_parts(1 - arm, spans[3].placed);
                 note(&theirs);
             }
         }
@@ -1095,6 +1118,8 @@ Model* model_new(const double* origins, const std::int64_t* counts, const Capsul
                 std::vector<Capsule> of_frame;
                 for (int i : its.of_frame[frame]) of_frame.push_back(its.parts[i]);
                 if (!of_frame.empty()) its.around[frame] = around(of_frame);
+                for (const Capsule& part : of_frame)
+                    for (int j = 0; j < JOINTS; ++j) its.reach[frame][j] = std::max(its.reach[frame][j], part.reach[j]);
             }
         }
         model->boxes.assign(boxes, boxes + box_count);
@@ -1112,8 +1137,11 @@ void model_delete(Model* model) { delete model; }
 std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still,
                             Contact* contacts) {
     Placed placed, others;
-    model->place(int(arm), postures + JOINTS * arm, placed);
-    if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
+    for (int which : {int(arm), int(1 - arm)}) {
+        Placed& its = which == arm ? placed : others;
+        model->place(which, postures + JOINTS * which, its);
+        model->place_parts(which, its);
+    }
     const Placed* theirs = is_still ? nullptr : &others;
     std::int64_t count = 0;
     auto note = [&](int part, int other) {
