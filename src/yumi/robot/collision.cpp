@@ -735,7 +735,7 @@ struct Span {
     Segment segment;
     Placed placed;
     double moved_frames[FRAMES], most;  // how far the parts of each frame, and any, may be from there
-    std::vector<double> moved;          // and each part
+    std::vector<double> moved;          // and each part; see Limiter::place_parts
 };
 
 // Two parts, or of two frames all parts, or of a frame and a box.
@@ -817,12 +817,17 @@ struct Limiter {
         Span& its = spans[number];
         its.segment = segment;
         model.place(which, segment.middle, its.placed);
-        const Arm& its_arm = model.arms[which];
-        its.moved.resize(its_arm.parts.size());
-        for (std::size_t i = 0; i < its.moved.size(); ++i) its.moved[i] = moved(its_arm.parts[i].reach, segment.half);
         for (int frame = 0; frame < FRAMES; ++frame)
-            its.moved_frames[frame] = moved(its_arm.reach[frame], segment.half);
+            its.moved_frames[frame] = moved(model.arms[which].reach[frame], segment.half);
         its.most = *std::max_element(its.moved_frames, its.moved_frames + FRAMES);
+    }
+
+    void place_parts(int which, Span& its) {
+        const std::vector<Capsule>& parts = model.arms[which].parts;
+        if (its.placed.has_parts) return;
+        model.place_parts(which, its.placed);
+        its.moved.resize(parts.size());
+        for (std::size_t i = 0; i < parts.size(); ++i) its.moved[i] = moved(parts[i].reach, its.segment.half);
     }
 
     // How far a part with this reach comes when the joints move by so much.
@@ -864,6 +869,10 @@ struct Limiter {
         double worst = INF;
         const bool can_cut = paths[arm].can_cut(own.segment) || (!is_still && paths[1 - arm].can_cut(its->segment));
         int seen = 0;
+        auto place_both = [&] {
+            place_parts(arm, own);
+            if (!is_still) place_parts(1 - arm, *its);
+        };
         auto examine = [&](int part, int other) {
             ++seen;
             const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
@@ -901,17 +910,13 @@ struct Limiter {
             }
             finding.is_certain = finding.is_certain || is_certain;
         };
-        auto place_parts = [&] {
-            model.place_parts(arm, own.placed);
-            if (!is_still) model.place_parts(1 - arm, its->placed);
-        };
         auto examine_frames = [&](int frame, int other) {
             ++seen;
             const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
             const double within = widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
             if (model.is_frame_far(arm, own.placed, frame, placed, other, within)) return;
             if (!(off > COARSE && can_cut)) {
-                place_parts();
+                place_both();
                 return model.for_parts(arm, frame, is_still, other, examine);
             }
             pairs.push_back({frame, other, true});
@@ -925,7 +930,7 @@ struct Limiter {
             if (pair.are_frames) {
                 examine_frames(pair.part, pair.other);
             } else {
-                place_parts();
+                place_both();
                 examine(pair.part, pair.other);
             }
         }
@@ -954,9 +959,9 @@ struct Limiter {
 
     bool refuse(const Finding& finding) {
         const bool is_still = finding.theirs < 0;
-        Placed &mine = spans[finding.mine].placed, *theirs = is_still ? nullptr : &spans[finding.theirs].placed;
-        model.place_parts(arm, mine);
-        if (theirs) model.place_parts(1 - arm, *theirs);
+        const Placed &mine = spans[finding.mine].placed, *theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        place_parts(arm, spans[finding.mine]);
+        if (!is_still) place_parts(1 - arm, spans[finding.theirs]);
         decision->part = model.arms[arm].first + finding.part, decision->other = number(finding.other, is_still);
         decision->distance = model.near(arm, mine, finding.part, theirs, finding.other).distance;
         return false;
@@ -1006,7 +1011,7 @@ struct Limiter {
     void find_floors(const Motion& last, const Motion* its) {
         std::vector<Floor> none, &known = paths[arm].coasts ? none : floors[arm];
         floored.clear();
-        const Placed &own = spans[2].placed, &theirs = spans[3].placed;
+        Placed &own = spans[2].placed, &theirs = spans[3].placed;
         auto note = [&](const Placed* placed) {
             const bool is_still = !placed;
             auto find = [&](int part, int other) {
@@ -1023,19 +1028,19 @@ struct Limiter {
             };
             model.for_frames(arm, is_still, [&](int frame, int other) {
                 const double within = widest_of(frame, other, is_still);
-                if (!model.is_frame_far(arm, own, frame, placed, other, within))
-                    model.for_parts(arm, frame, is_still, other, find);
+                if (model.is_frame_far(arm, own, frame, placed, other, within)) return;
+                model.place_parts(arm, own);
+                if (!is_still) model.place_parts(1 - arm, theirs);
+                model.for_parts(arm, frame, is_still, other, find);
             });
         };
         // Where the arms are sent, and where their robots plan to be.
         for (const double* posture : {last.sent[0], last.planned}) {
             model.place(arm, posture, spans[2].placed);
-            model.place_parts(arm, spans[2].placed);
             note(nullptr);
             for (const double* other : {its ? its->sent[0] : nullptr, its ? its->planned : nullptr}) {
                 if (!other) continue;
                 model.place(1 - arm, other, spans[3].placed);
-                model.place_parts(1 - arm, spans[3].placed);
                 note(&theirs);
             }
         }
