@@ -26,7 +26,7 @@ constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led alon
 constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
 constexpr double SPARE = 5e-4;             // [m] so far within its margin a part may turn round
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
-constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
+constexpr double COARSE = 0.12;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double WIDE = 1.0;               // of a sheet: what is off its line by this share of its length is cut in time
@@ -506,8 +506,10 @@ struct Path {
         its.is_straight = false;
         double longest = 0.0;
         for (const Braking& joint : braking) longest = std::max(longest, joint.duration());
-        for (int j = 0; j < JOINTS; ++j)
-            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = braking[j].position(longest * i / SAMPLES);
+        for (int j = 0; j < JOINTS; ++j) {
+            const Braking joint = braking[j];  // a copy is known not to change with the postures
+            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = joint.position(longest * i / SAMPLES);
+        }
     }
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
@@ -525,13 +527,14 @@ struct Path {
         }
         const double dt = time / BRAKING, left = std::exp(-limits.gain * dt);
         for (int j = 0; j < JOINTS; ++j) {
+            const Braking joint = braking[j];
             const double top = limits.acceleration[j], rise = limits.jerk[j] * dt, half = 0.5 * rise;
             double position = is_fed ? motion.robot[0][j] : motion.planned[j];
             double speed = motion.robot[1][j], rate = motion.robot[2][j];
             for (int i = 0; i < BRAKING; ++i) {
                 its.postures[i][j] = position;
                 if (can_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
-                const double ahead = braking[j].position((i + 0.5) * dt);
+                const double ahead = joint.position((i + 0.5) * dt);
                 if (!is_fed) {
                     position = ahead + (position - ahead) * left;
                     continue;
@@ -544,7 +547,7 @@ struct Path {
                 position += (speed + (2.0 * before + rate) * dt / 6.0) * dt;
                 speed += 0.5 * (before + rate) * dt;
             }
-            const double rest = limits.gain > 0.0 ? braking[j].position(time) : position;
+            const double rest = limits.gain > 0.0 ? joint.position(time) : position;
             const double furthest = can_sheet ? position + speed / limits.gain : rest;
             for (int i = BRAKING; i <= SAMPLES; ++i) {
                 const double share = double(i - BRAKING) / (SAMPLES - BRAKING);
