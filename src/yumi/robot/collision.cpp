@@ -1014,8 +1014,8 @@ struct Limiter {
     void find_floors(const Motion& last, const Motion* its) {
         std::vector<Floor> none, &known = paths[arm].coasts ? none : floors[arm];
         floored.clear();
-        Placed &own = spans[2].placed, &theirs = spans[3].placed;
-        auto note = [&](const Placed* placed) {
+        Placed& own = spans[2].placed;
+        auto note = [&](Placed* placed) {
             const bool is_still = !placed;
             auto find = [&](int part, int other) {
                 const double kept = margin(part, other, is_still);
@@ -1033,19 +1033,19 @@ struct Limiter {
                 const double within = widest_of(frame, other, is_still);
                 if (model.is_frame_far(arm, own, frame, placed, other, within)) return;
                 model.place_parts(arm, own);
-                if (!is_still) model.place_parts(1 - arm, theirs);
+                if (!is_still) model.place_parts(1 - arm, *placed);
                 model.for_parts(arm, frame, is_still, other, find);
             });
         };
         // Where the arms are sent, and where their robots plan to be.
+        if (its) {
+            model.place(1 - arm, its->sent[0], spans[3].placed);
+            model.place(1 - arm, its->planned, spans[4].placed);
+        }
         for (const double* posture : {last.sent[0], last.planned}) {
-            model.place(arm, posture, spans[2].placed);
+            model.place(arm, posture, own);
             note(nullptr);
-            for (const double* other : {its ? its->sent[0] : nullptr, its ? its->planned : nullptr}) {
-                if (!other) continue;
-                model.place(1 - arm, other, spans[3].placed);
-                note(&theirs);
-            }
+            if (its) note(&spans[3].placed), note(&spans[4].placed);
         }
         for (Floor& floor : floored) {
             const std::size_t row = std::size_t(floor.part) * model.count;
