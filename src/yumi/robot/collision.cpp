@@ -428,11 +428,11 @@ struct Segment {
 struct Path {
     Motion motion;
     bool coasts, can_sheet;
-    Braking braking[JOINTS];      // of the position sent
-    int curves;                   // of it; none before it is cut
-    Curve curve[CURVES];          // how the position sent brakes, how the robot follows it, and where it may coast
-    Segment all, sheet;           // of the path, and of one that coasts
-    double passed[SAMPLES + 1];   // the way of the ends of a sheet's line so far
+    Braking braking[JOINTS];     // of the position sent
+    int curves;                  // of it; none before it is cut
+    Curve curve[CURVES];         // how the position sent brakes, how the robot follows it, and where it may coast
+    Segment all, sheet;          // the whole of a path, and of one that coasts on a sheet
+    double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
 
     Path() { motion.planned[0] = INF; }  // as of no arm
 
