@@ -47,8 +47,8 @@ class Setpoint(NamedTuple):
             return self
         return Setpoint(
             self.position,
-            _fixed([factor * each for each in self.velocity]),
-            _fixed([factor * factor * each for each in self.acceleration]),
+            fixed([factor * each for each in self.velocity]),
+            fixed([factor * factor * each for each in self.acceleration]),
         )
 
     def unscaled(self, factor: float) -> Setpoint:
@@ -58,7 +58,7 @@ class Setpoint(NamedTuple):
         """
         if factor == 1.0 or self.velocity is ZERO:
             return self
-        return Setpoint(self.position, _fixed([each / factor for each in self.velocity]))
+        return Setpoint(self.position, fixed([each / factor for each in self.velocity]))
 
 
 def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
@@ -72,9 +72,9 @@ def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, t
     """
     return replace(
         limits,
-        velocity=_fixed([speed * min(each, top_speed) for each in limits.velocity]),
-        acceleration=_fixed([acceleration * each for each in limits.acceleration]),
-        jerk=_fixed([acceleration * each for each in limits.jerk]),
+        velocity=fixed([speed * min(each, top_speed) for each in limits.velocity]),
+        acceleration=fixed([acceleration * each for each in limits.acceleration]),
+        jerk=fixed([acceleration * each for each in limits.jerk]),
     )
 
 
@@ -114,10 +114,7 @@ def step_towards(
     if not isinstance(trajectory, Trajectory):
         return None
     return Setpoint(
-        *(
-            _fixed([a + b for a, b in zip(*pair, strict=True)])
-            for pair in zip(goal, trajectory.at_time(dt), strict=True)
-        )
+        *(fixed([a + b for a, b in zip(*pair, strict=True)]) for pair in zip(goal, trajectory.at_time(dt), strict=True))
     )
 
 
@@ -127,13 +124,13 @@ def step_to_rest(now: Setpoint, limits: JointLimits, dt: float, enabled: Sequenc
     plan.enabled = list(enabled)
     trajectory = _calculate(plan)
     if isinstance(trajectory, Trajectory):
-        return Setpoint(*map(_fixed, trajectory.at_time(dt)))
+        return Setpoint(*map(fixed, trajectory.at_time(dt)))
     # Without a generator: at the highest acceleration, whatever the jerk.
     velocity = [
         copysign(max(0.0, abs(v) - top * dt), v) for v, top in zip(now.velocity, limits.acceleration, strict=True)
     ]
     rows = zip(now.position, now.velocity, velocity, strict=True)
-    return Setpoint(_fixed([p + 0.5 * (old + new) * dt for p, old, new in rows]), _fixed(velocity))
+    return Setpoint(fixed([p + 0.5 * (old + new) * dt for p, old, new in rows]), fixed(velocity))
 
 
 def _calculate(plan: InputParameter) -> Trajectory | Result | Exception:
@@ -368,7 +365,7 @@ class PointMotion:
         """Where the joints are ``time`` [s] >= 0 after the begin."""
         if self._at_time is None or time >= self.duration:
             return Setpoint(self.end)
-        return Setpoint(*map(_fixed, self._at_time(time)))
+        return Setpoint(*map(fixed, self._at_time(time)))
 
 
 def travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:
@@ -430,7 +427,8 @@ def _turning_points(profile: Any) -> Iterator[float]:
                     yield p + time * (v + time * (a / 2.0 + time * j / 6.0))
 
 
-def _fixed(values: Sequence[float]) -> Joints:
+def fixed(values: Sequence[float]) -> Joints:
+    """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
     return cast("Joints", tuple(values))
 
 

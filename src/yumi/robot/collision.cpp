@@ -26,7 +26,7 @@ constexpr double BOUNDARY_WITHIN = 0.002;  // [m] a boundary so near is led alon
 constexpr double ALLOWED_APPROACH = 1e-4;  // [m] in a cycle, of a part within its margin
 constexpr double SPARE = 5e-4;             // [m] so far within its margin a part may turn round
 constexpr double MOVED = 3e-4;             // [m] one that came nearer by more did so for another reason, and may go on
-constexpr double COARSE = 0.15;            // [m] where parts move further, segments are cut without looking closer
+constexpr double COARSE = 0.12;            // [m] where parts move further, segments are cut without looking closer
 constexpr int PLACING = 20, SEEN = 8;      // so many distances take as long as placing the arms; as one, so many looks
 constexpr double SLOW = 0.06;              // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double WIDE = 1.0;               // of a sheet: what is off its line by this share of its length is cut in time
@@ -64,18 +64,51 @@ bool are_finite(const double* values, int count) {
 
 // ---- shapes
 
-struct Ball {
-    Vec centre;
-    double radius;
-};
-
 struct Capsule {
     double frame;  // that it moves with
     Vec start, end;
     double radius;
     double reach[JOINTS];  // by how much a radian of each joint moves its axis at most
-    Ball ball() const { return {0.5 * (start + end), 0.5 * length(end - start) + radius}; }
 };
+
+// The axis of a capsule.
+struct Axis {
+    Vec middle, half;  // which leads from there to its end
+};
+Axis operator*(const Frame& frame, const Axis& axis) { return {frame * axis.middle, frame.turn(axis.half)}; }
+
+struct Around {
+    Axis axis;
+    double radius;
+};
+
+// A capsule around others, about a line through the middle of all, in the direction of one of the ways between their
+// ends: that which is smallest.
+Around around(const std::vector<Capsule>& capsules) {
+    Around least{{}, INF};
+    std::vector<std::pair<Vec, double>> balls;  // the ends
+    Vec middle{};
+    for (const Capsule& its : capsules)
+        for (Vec end : {its.start, its.end}) balls.push_back({end, its.radius}), middle = middle + end;
+    middle = (1.0 / double(balls.size())) * middle;
+    for (const auto& from : balls)
+        for (const auto& to : balls) {
+            const Vec way = to.first - from.first;
+            const Vec line = length(way) > TINY ? (1.0 / length(way)) * way : Vec{0.0, 0.0, 1.0};
+            auto off = [&](Vec at) { return length(at - middle - dot(at - middle, line) * line); };
+            double radius = 0.0, low = INF, high = -INF;
+            for (const auto& [at, its] : balls) radius = std::max(radius, off(at) + its);
+            for (const auto& [at, its] : balls) {
+                const double along = dot(at - middle, line), room = radius - its;
+                const double inside = std::sqrt(std::max(room * room - off(at) * off(at), 0.0));
+                low = std::min(low, along + inside), high = std::max(high, along - inside);
+            }
+            const double half = std::max(0.5 * (high - low), 0.0);
+            if (radius + half < least.radius + length(least.axis.half))
+                least = {{middle + 0.5 * (low + high) * line, half * line}, radius};
+        }
+    return least;
+}
 
 struct Box {
     Frame pose;
@@ -172,8 +205,10 @@ Near between_capsule_and_box(const Vec& start, const Vec& end, double radius, co
 // An arm in one posture.
 struct Placed {
     Frame frames[FRAMES];
-    Vec moments[JOINTS];            // of the joints' axes
-    std::vector<Vec> centres, halves;  // of its capsules' axes; half of one leads to its end
+    Vec moments[JOINTS];  // of the joints' axes
+    Axis around[FRAMES];  // of what is around the parts of each
+    std::vector<Axis> axes;  // of its parts; see Model::place_parts
+    bool has_parts;
 };
 
 // Two parts that are near each other, as in collision.py.
@@ -187,10 +222,11 @@ struct Contact {
 struct Arm {
     Frame origins[FRAMES];  // in the frame before
     std::vector<Capsule> parts;
-    std::vector<Ball> balls;           // around the parts
+    std::vector<Axis> axes;  // of the parts
     std::vector<int> of_frame[FRAMES];
-    Ball around[FRAMES];               // around all of a frame's
-    int first;                         // number of its first part
+    Around around[FRAMES];         // all parts of a frame
+    double reach[FRAMES][JOINTS];  // the most of the parts of each
+    int first;                     // number of its first part
 };
 
 struct Model {
@@ -209,78 +245,88 @@ struct Model {
             placed.moments[joint] = cross(frame.at, frame.z);
         }
         placed.frames[JOINTS] = frame * its.origins[JOINTS];
-        placed.centres.resize(its.parts.size());
-        placed.halves.resize(its.parts.size());
-        for (std::size_t i = 0; i < its.parts.size(); ++i) {
-            const Frame& of = placed.frames[int(its.parts[i].frame)];
-            placed.centres[i] = of * its.balls[i].centre;
-            placed.halves[i] = of.turn(0.5 * (its.parts[i].end - its.parts[i].start));
-        }
+        for (int of = 0; of < FRAMES; ++of) placed.around[of] = placed.frames[of] * its.around[of].axis;
+        placed.has_parts = false;
+    }
+
+    // What is around them is often far enough from all else: its parts are placed only when it is not.
+    void place_parts(int arm, Placed& placed) const {
+        const Arm& its = arms[arm];
+        if (placed.has_parts) return;
+        placed.has_parts = true;
+        placed.axes.resize(its.parts.size());
+        for (std::size_t i = 0; i < its.parts.size(); ++i)
+            placed.axes[i] = placed.frames[int(its.parts[i].frame)] * its.axes[i];
     }
 
     // How near a part is to the other arm's, or to a box.
     Near near(int arm, const Placed& placed, int part, const Placed* others, int other) const {
-        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const auto [middle, half] = placed.axes[part];
         const double radius = arms[arm].parts[part].radius;
-        if (!others) return between_capsule_and_box(centre - half, centre + half, radius, boxes[other]);
-        return between_capsules(centre, half, radius, others->centres[other], others->halves[other],
-                                arms[1 - arm].parts[other].radius);
+        if (!others) return between_capsule_and_box(middle - half, middle + half, radius, boxes[other]);
+        const Axis& its = others->axes[other];
+        return between_capsules(middle, half, radius, its.middle, its.half, arms[1 - arm].parts[other].radius);
     }
 
     // Whether a quick look shows that they are further apart than this: by how far both reach along the line between
     // their middles, or along the edges of a box.
     bool is_far(int arm, const Placed& placed, int part, const Placed* others, int other, double within) const {
-        const Vec half = placed.halves[part];
-        const double radius = arms[arm].parts[part].radius;
-        if (!others) return is_far(placed.centres[part], half, radius + within, boxes[other]);
-        const Vec apart = others->centres[other] - placed.centres[part];
-        const double size = dot(apart, apart), far = radius + arms[1 - arm].parts[other].radius + within;
-        const double reach = std::abs(dot(half, apart)) + std::abs(dot(others->halves[other], apart));
+        const double far = arms[arm].parts[part].radius + within;
+        if (!others) return is_far(placed.axes[part], boxes[other], far);
+        return is_far(placed.axes[part], others->axes[other], far + arms[1 - arm].parts[other].radius);
+    }
+
+    // The same of all parts of a frame, and all of a frame of the other arm or a box.
+    bool is_frame_far(int arm, const Placed& placed, int frame, const Placed* others, int other, double within) const {
+        const double far = arms[arm].around[frame].radius + within;
+        if (!others) return is_far(placed.around[frame], boxes[other], far);
+        return is_far(placed.around[frame], others->around[other], far + arms[1 - arm].around[other].radius);
+    }
+
+    static bool is_far(const Axis& axis, const Axis& other, double far) {
+        const Vec apart = other.middle - axis.middle;
+        const double size = dot(apart, apart), reach = std::abs(dot(axis.half, apart)) + std::abs(dot(other.half, apart));
         return far < 0.0 || size - reach > far * std::sqrt(size);
     }
 
-    static bool is_far(Vec middle, Vec half, double far, const Box& box) {
-        const Vec at = box.pose.to_local(middle), along = box.pose.turn_back(half);
+    static bool is_far(const Axis& axis, const Box& box, double far) {
+        const Vec at = box.pose.to_local(axis.middle), along = box.pose.turn_back(axis.half);
         const Vec out = {std::max(std::abs(at.x) - std::abs(along.x) - box.half.x, 0.0),
                          std::max(std::abs(at.y) - std::abs(along.y) - box.half.y, 0.0),
                          std::max(std::abs(at.z) - std::abs(along.z) - box.half.z, 0.0)};
         return far < 0.0 || dot(out, out) > far * far;
     }
 
-    // Pairs of parts of frames that are not further apart than `within` says of the frames; the other one is a number of
-    // the other arm's or of a box. Shoulders and body are bolted together and count as one.
-    template <class Within, class Visit>
-    void for_pairs(int arm, const Placed& placed, const Placed* others, Within within, Visit visit) const {
-        const Arm &its = arms[arm], &theirs = arms[1 - arm];
-        for (int frame = 0; frame < FRAMES; ++frame) {
-            if (its.of_frame[frame].empty()) continue;
-            const Ball ball = {placed.frames[frame] * its.around[frame].centre, its.around[frame].radius};
-            if (!others) {
-                for (int box = 0; box < int(boxes.size()); ++box)
-                    if ((frame > 0 || boxes[box].is_body == 0.0) &&
-                        !is_far(ball.centre, {}, ball.radius + within(frame, 0), boxes[box]))
-                        for (int part : its.of_frame[frame]) visit(part, box);
-                continue;
+    // Frames of an arm that have parts, with those of the other arm or with boxes. Shoulders and body are bolted
+    // together and count as one.
+    template <class Visit>
+    void for_frames(int arm, bool is_still, Visit visit) const {
+        const int others = is_still ? int(boxes.size()) : FRAMES;
+        for (int frame = 0; frame < FRAMES; ++frame)
+            for (int other = 0; other < others; ++other) {
+                const bool is_bolted = frame == 0 && (is_still ? boxes[other].is_body > 0.0 : other == 0);
+                const bool has_parts = !arms[arm].of_frame[frame].empty() &&
+                                       (is_still || !arms[1 - arm].of_frame[other].empty());
+                if (has_parts && !is_bolted) visit(frame, other);
             }
-            for (int other = 0; other < FRAMES; ++other) {
-                if ((frame == 0 && other == 0) || theirs.of_frame[other].empty()) continue;
-                const Vec apart = others->frames[other] * theirs.around[other].centre - ball.centre;
-                const double far = ball.radius + theirs.around[other].radius + within(frame, other);
-                if (far < 0.0 || dot(apart, apart) > far * far) continue;
-                for (int part : its.of_frame[frame])
-                    for (int its_part : theirs.of_frame[other]) visit(part, its_part);
-            }
+    }
+
+    template <class Visit>
+    void for_parts(int arm, int frame, bool is_still, int other, Visit visit) const {
+        for (int part : arms[arm].of_frame[frame]) {
+            if (is_still) visit(part, other);
+            else for (int its_part : arms[1 - arm].of_frame[other]) visit(part, its_part);
         }
     }
 
     // How both ends of a part move along a line of nearest distance, towards the other part.
     void forward(int arm, const Placed& placed, int part, Vec normal, double behind[2], double slopes[2][JOINTS]) const {
         const int last = std::min(int(arms[arm].parts[part].frame), JOINTS - 1);
-        const Vec centre = placed.centres[part], half = placed.halves[part];
+        const auto [middle, half] = placed.axes[part];
         const double tilt = dot(half, normal);
         behind[0] = std::max(2.0 * tilt, 0.0), behind[1] = std::max(-2.0 * tilt, 0.0);
         // How fast a joint moves a point along a line is the product of the joint's screw and the line's.
-        const Vec moment = cross(centre, normal), turns = cross(half, normal);
+        const Vec moment = cross(middle, normal), turns = cross(half, normal);
         for (int joint = 0; joint <= last; ++joint) {
             const double moves = dot(placed.frames[joint].z, moment) + dot(placed.moments[joint], normal);
             const double tilts = dot(placed.frames[joint].z, turns);
@@ -309,6 +355,7 @@ struct Limits {
 struct Braking {
     double at, sign, velocity, acceleration, jerk, peak, first, second, third;
 
+    Braking() = default;
     Braking(const double (&start)[3][JOINTS], int joint, const Limits& limits)
         : at(start[0][joint]), jerk(limits.jerk[joint]) {
         const double speed = start[1][joint], rate = start[2][joint], top = limits.acceleration[joint];
@@ -339,11 +386,12 @@ struct Braking {
     }
 };
 
-bool is_slow(const Motion& motion, const Limits& limits) {
+// Whether an arm that brakes like this comes to rest so soon that it is led along boundaries.
+bool is_slow(const Braking (&joints)[JOINTS]) {
     double way = 0.0;
-    for (int j = 0; j < JOINTS; ++j) {
-        double low = motion.sent[0][j], high = low;
-        Braking(motion.sent, j, limits).extend(low, high);
+    for (const Braking& joint : joints) {
+        double low = joint.at, high = low;
+        joint.extend(low, high);
         way += high - low;
     }
     return way < SLOW;
@@ -358,62 +406,90 @@ struct Curve {
     double postures[SAMPLES + 1][JOINTS];
 };
 
+// What of a sheet is between two shares of the way from one of its corners to another.
+struct Slice {
+    const double *from, *to;
+    double low, high;
+};
+
 // Of a path: a straight line in joint space, and how far each joint may be off it.
 struct Segment {
     double middle[JOINTS], along[JOINTS];  // `along` leads from there to its end
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
-    // Of a sheet, `curve` is 2^n + i for what its line sweeps on part i of 2^n of its way; the others are of the slice.
+    Slice slice;  // of what the line of a sheet sweeps on part i of 2^n of its way, where `curve` is 2^n + i
 };
 
-// Where an arm may come. With `coasts`, where its robot may, should its link be lost now or while it brakes: one that is
-// fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot brakes. One that
-// is sent positions only rests where its position sent does, and one that follows speeds only is not known to stop.
+// Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it brakes:
+// one that is fed speeds goes on straight by its speed over its gain, on a line that sweeps a sheet while the robot
+// brakes. One that is sent positions only rests where its position sent does, and one that follows speeds only is not
+// known to stop.
 struct Path {
-    const bool coasts;
-    bool is_sheet;
-    Segment whole;
     Motion motion;
-    int curves;           // of it; none before it is cut
-    Curve curve[CURVES];  // how the position sent brakes, how the robot follows it, and where it may coast
+    bool coasts, can_sheet;
+    Braking braking[JOINTS];     // of the position sent
+    int curves;                  // of it; none before it is cut
+    Curve curve[CURVES];         // how the position sent brakes, how the robot follows it, and where it may coast
+    Segment all, sheet;          // the whole of a path, and of one that coasts on a sheet
     double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
 
-    explicit Path(bool coasts) : coasts(coasts), is_sheet(false), whole{}, motion{}, curves(0) {
-        motion.planned[0] = INF;  // as of no arm
-    }
+    Path() { motion.planned[0] = INF; }  // as of no arm
+
+    bool is_sheet() const { return coasts && can_sheet; }
+    const Segment& whole() const { return is_sheet() ? sheet : all; }
 
     // Where an arm may come from now on: the braking path of the position sent, the robot's way behind it, from where it
     // plans to be to where it rests, and where it may coast.
-    void begin(const Motion& its, const Limits& limits) {
+    void begin(const Motion& its, const Limits& limits, bool its_coasts) {
+        coasts = its_coasts;
         if (std::memcmp(&motion, &its, sizeof motion) == 0) return;  // as of the other arm's command
         motion = its, curves = 0;
-        is_sheet = coasts && its.has_robot > 0.0 && !(its.coasts > 0.0) && limits.gain > 0.0;
-        whole = {};
-        whole.curve = WHOLE;
-        if (its.has_robot > 0.0) add_curves(limits);
+        const bool has_robot = its.has_robot > 0.0, is_led = its.coasts > 0.0;
+        can_sheet = has_robot && !is_led && limits.gain > 0.0;
+        double range[2][JOINTS];
         for (int j = 0; j < JOINTS; ++j) {
-            double low = is_sheet ? its.robot[0][j] : its.planned[j], high = low;
-            auto extend = [&](double to) { low = std::min(low, to), high = std::max(high, to); };
-            if (!is_sheet) {
-                extend(its.sent[0][j]);
-                Braking(its.sent, j, limits).extend(low, high);
-                if (its.coasts > 0.0) extend(its.coasts_to[j]);
-            }
-            // One that gets its speed by the position alone stays between these.
-            for (int i = 0; i <= SAMPLES && its.has_robot > 0.0; ++i) {
-                extend(curve[FOLLOWING].postures[i][j]);
-                if (is_sheet) extend(curve[COASTING].postures[i][j]);
-            }
-            whole.middle[j] = 0.5 * (low + high);
-            whole.half[j] = 0.5 * (high - low);
+            double &low = range[0][j], &high = range[1][j];
+            braking[j] = Braking(its.sent, j, limits);
+            low = high = its.sent[0][j];
+            braking[j].extend(low, high);
+            // A robot that gets its speed by the position alone stays between these.
+            extend(range, j, its.planned[j]);
+            if (is_led) extend(range, j, its.coasts_to[j]);
         }
-        std::copy(whole.half, whole.half + JOINTS, whole.off);
+        if (has_robot) {
+            add_curves(limits);
+            extend(range, curve[FOLLOWING]);
+        }
+        all = between(range);
+        if (!can_sheet) return;
+        std::fill(range[0], range[1], INF), std::fill(range[1], range[1] + JOINTS, -INF);
+        extend(range, curve[FOLLOWING]), extend(range, curve[COASTING]);
+        sheet = between(range);
+    }
+
+    static void extend(double (&range)[2][JOINTS], int joint, double to) {
+        range[0][joint] = std::min(range[0][joint], to), range[1][joint] = std::max(range[1][joint], to);
+    }
+
+    static void extend(double (&range)[2][JOINTS], const Curve& to) {
+        for (const auto& posture : to.postures)
+            for (int j = 0; j < JOINTS; ++j) extend(range, j, posture[j]);
+    }
+
+    static Segment between(const double (&range)[2][JOINTS]) {
+        Segment its{};
+        its.curve = WHOLE;
+        for (int j = 0; j < JOINTS; ++j) {
+            its.middle[j] = 0.5 * (range[0][j] + range[1][j]);
+            its.half[j] = its.off[j] = 0.5 * (range[1][j] - range[0][j]);
+        }
+        return its;
     }
 
     void add_curves(const Limits& limits) {
         if (curves) return;
-        add_braking(motion.sent, limits);
+        add_braking();
         add_following(limits);
         if (motion.coasts > 0.0) add_line(motion.planned, motion.coasts_to);
     }
@@ -425,21 +501,20 @@ struct Path {
         std::copy(to, to + JOINTS, its.postures[1]);
     }
 
-    void add_braking(const double (&start)[3][JOINTS], const Limits& limits) {
+    void add_braking() {
         Curve& its = curve[curves++];
         its.is_straight = false;
         double longest = 0.0;
-        for (int j = 0; j < JOINTS; ++j)
-            longest = std::max(longest, Braking(start, j, limits).duration());
+        for (const Braking& joint : braking) longest = std::max(longest, joint.duration());
         for (int j = 0; j < JOINTS; ++j) {
-            const Braking braking(start, j, limits);
-            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = braking.position(longest * i / SAMPLES);
+            const Braking joint = braking[j];  // a copy is known not to change with the postures
+            for (int i = 0; i <= SAMPLES; ++i) its.postures[i][j] = joint.position(longest * i / SAMPLES);
         }
     }
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
     // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
-    // straight. For a sheet, with where it would coast to from there.
+    // straight. One that may coast on a sheet, with where it would coast to from there.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;
@@ -447,19 +522,19 @@ struct Path {
         its.is_straight = false;
         double time = 0.0;
         for (int j = 0; j < JOINTS; ++j) {
-            time = std::max(time, Braking(motion.sent, j, limits).duration());
+            time = std::max(time, braking[j].duration());
             if (is_fed) time = std::max(time, Braking(motion.robot, j, limits).duration());
         }
         const double dt = time / BRAKING, left = std::exp(-limits.gain * dt);
         for (int j = 0; j < JOINTS; ++j) {
-            const Braking braking(motion.sent, j, limits);
+            const Braking joint = braking[j];
             const double top = limits.acceleration[j], rise = limits.jerk[j] * dt, half = 0.5 * rise;
             double position = is_fed ? motion.robot[0][j] : motion.planned[j];
             double speed = motion.robot[1][j], rate = motion.robot[2][j];
             for (int i = 0; i < BRAKING; ++i) {
                 its.postures[i][j] = position;
-                if (is_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
-                const double ahead = braking.position((i + 0.5) * dt);
+                if (can_sheet) curve[COASTING].postures[i][j] = position + speed / limits.gain;
+                const double ahead = joint.position((i + 0.5) * dt);
                 if (!is_fed) {
                     position = ahead + (position - ahead) * left;
                     continue;
@@ -472,15 +547,15 @@ struct Path {
                 position += (speed + (2.0 * before + rate) * dt / 6.0) * dt;
                 speed += 0.5 * (before + rate) * dt;
             }
-            const double rest = limits.gain > 0.0 ? braking.position(time) : position;
-            const double furthest = is_sheet ? position + speed / limits.gain : rest;
+            const double rest = limits.gain > 0.0 ? joint.position(time) : position;
+            const double furthest = can_sheet ? position + speed / limits.gain : rest;
             for (int i = BRAKING; i <= SAMPLES; ++i) {
                 const double share = double(i - BRAKING) / (SAMPLES - BRAKING);
                 its.postures[i][j] = position + (rest - position) * share;
-                if (is_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
+                if (can_sheet) curve[COASTING].postures[i][j] = furthest + (rest - furthest) * share;
             }
         }
-        if (!is_sheet) return;
+        if (!can_sheet) return;
         passed[0] = 0.0;
         for (int i = 1; i <= SAMPLES; ++i) {
             passed[i] = passed[i - 1];
@@ -490,27 +565,33 @@ struct Path {
     }
 
     bool can_cut(const Segment& segment) const {
-        return segment.curve < 0 || segment.level < LEVELS || (is_sheet && segment.curve < STRIPS);
+        return segment.curve < 0 || segment.level < LEVELS || (is_sheet() && segment.curve < STRIPS);
     }
 
     // What a segment consists of: at most CURVES parts.
     int cut(const Segment& segment, const Limits& limits, Segment* parts) {
-        if (is_sheet && segment.curve >= 0) {
+        if (is_sheet() && segment.curve >= 0) {
             double off = 0.0, along = 0.0;
             for (int j = 0; j < JOINTS; ++j) off += segment.off[j], along += std::abs(segment.along[j]);
             const bool in_time = segment.curve < STRIPS && (off > WIDE * along || segment.level == LEVELS);
-            for (int i = 0; i < 2; ++i)
-                parts[i] = in_time ? swept(2 * segment.curve + i, segment.level, segment.index)
-                                   : swept(segment.curve, segment.level + 1, 2 * segment.index + i);
-            return 2;
+            const Slice its = segment.slice;
+            if (in_time) {
+                // A slice keeps its sides, so that its parts are all of it; before that, each part has its own way.
+                const Slice* sides = segment.level ? &its : nullptr;
+                int count = 0;
+                for (int i = 0; i < 2; ++i) count += sweep(2 * segment.curve + i, segment.level, sides, 1, parts + count);
+                return count;
+            }
+            const double middle = 0.5 * (its.low + its.high);
+            const Slice halves[2] = {{its.from, its.to, its.low, middle}, {its.from, its.to, middle, its.high}};
+            return sweep(segment.curve, segment.level + 1, halves, 2, parts);
         }
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
             return 2;
         }
-        if (is_sheet) {
-            parts[0] = swept(1, 0, 0);
-            return 1;
+        if (is_sheet()) {
+            return sweep(1, 0, nullptr, 1, parts);
         }
         add_curves(limits);
         const int first = coasts ? FOLLOWING : SENT;
@@ -518,8 +599,8 @@ struct Path {
         return curves - first;
     }
 
-    // A part of the sheet: of what its line sweeps in a part of the time, one of 2^level slices across its longest way.
-    Segment swept(int strip, int level, int index) const {
+    // Slices of what the line of a sheet sweeps on a part of its way, or all of that. Returns in how many something is.
+    int sweep(int strip, int level, const Slice* slices, int count, Segment* parts) const {
         int first = 0, last = SAMPLES;
         for (int bit = STRIPS; bit; bit >>= 1)  // the bits behind the first one say which half of which half
             if (bit <= strip / 2) {
@@ -527,58 +608,75 @@ struct Path {
                 const int middle = int(std::lower_bound(passed + first, passed + last, half) - passed);
                 (strip & bit ? first : last) = std::max(std::min(middle, last - 1), first);
             }
-        const auto &starts = curve[FOLLOWING].postures, &ends = curve[COASTING].postures;
-        const double *from = starts[first], *to = from;
-        double size = TINY;
-        for (const double* corner : {ends[first], starts[last], ends[last]}) {
-            double far = 0.0;
-            for (int j = 0; j < JOINTS; ++j) far += (corner[j] - from[j]) * (corner[j] - from[j]);
-            if (far > size) size = far, to = corner;
+        const double(*ends[2])[JOINTS] = {curve[FOLLOWING].postures, curve[COASTING].postures};
+        Slice all = {ends[0][first], ends[0][first], -INF, INF};
+        if (!slices) {
+            // Along the longest line, since further cuts in time make it no shorter; without such, along the longest way.
+            double longest = TINY;
+            auto lead = [&](const double* from, const double* to) {
+                double size = 0.0;
+                for (int j = 0; j < JOINTS; ++j) size += (to[j] - from[j]) * (to[j] - from[j]);
+                if (size > longest) longest = size, all.from = from, all.to = to;
+            };
+            for (int i : {first, last}) lead(ends[0][i], ends[1][i]);
+            for (int end = 0; end < 2 && strip >= STRIPS; ++end) lead(ends[0][first], ends[end][last]);
+            slices = &all;
         }
+        const double* from = slices->from;
+        double way[JOINTS], size = TINY;
+        for (int j = 0; j < JOINTS; ++j) way[j] = slices->to[j] - from[j], size += way[j] * way[j];
         // How far along that way the lines begin and end, and how far off it.
         double along[2][SAMPLES + 1], off[2][SAMPLES + 1][JOINTS], nearest = INF, furthest = -INF;
         for (int end = 0; end < 2; ++end)
             for (int i = first; i <= last; ++i) {
-                const double* posture = (end ? ends : starts)[i];
-                double& share = along[end][i] = 0.0;
-                for (int j = 0; j < JOINTS; ++j) share += (posture[j] - from[j]) * (to[j] - from[j]) / size;
-                for (int j = 0; j < JOINTS; ++j) off[end][i][j] = posture[j] - from[j] - share * (to[j] - from[j]);
+                const double* posture = ends[end][i];
+                double share = 0.0;
+                for (int j = 0; j < JOINTS; ++j) share += (posture[j] - from[j]) * way[j];
+                share /= size, along[end][i] = share;
+                for (int j = 0; j < JOINTS; ++j) off[end][i][j] = posture[j] - from[j] - share * way[j];
                 nearest = std::min(nearest, share), furthest = std::max(furthest, share);
             }
-        const double slice = (furthest - nearest) / (1 << level), low = nearest + index * slice, high = low + slice;
-        double least[2][JOINTS], most[2][JOINTS];  // off that way, and of the joints
-        std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
-        auto extend = [&](int end, int i, int other_end, int other) {  // by what of an edge is in the slice
-            const double begin = along[end][i], way = along[other_end][other] - begin;
-            double shares[2] = {0.0, 1.0};
-            if (std::max(begin, begin + way) < low || std::min(begin, begin + way) > high) return;
-            if (std::abs(way) > TINY) {
-                const double a = (low - begin) / way, b = (high - begin) / way;
-                shares[0] = std::max(0.0, std::min(a, b)), shares[1] = std::min(1.0, std::max(a, b));
-            }
-            for (double share : shares)
-                for (int j = 0; j < JOINTS; ++j) {
-                    const double at = off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]);
-                    least[0][j] = std::min(least[0][j], at), most[0][j] = std::max(most[0][j], at);
-                    const double all = at + (begin + share * way) * (to[j] - from[j]);
-                    least[1][j] = std::min(least[1][j], all), most[1][j] = std::max(most[1][j], all);
+        int found = 0;
+        for (int which = 0; which < count; ++which) {
+            Segment& its = parts[found];
+            its.curve = strip, its.level = level, its.slice = slices[which];
+            const double low = its.slice.low = std::max(its.slice.low, nearest);
+            const double high = its.slice.high = std::min(its.slice.high, furthest);
+            if (low > high) continue;
+            double least[2][JOINTS], most[2][JOINTS];  // off that way, and of the joints
+            std::fill(least[0], least[0] + 2 * JOINTS, INF), std::fill(most[0], most[0] + 2 * JOINTS, -INF);
+            auto extend = [&](int joint, double its_off, double share) {
+                const double at = its_off + share * way[joint];
+                least[0][joint] = std::min(least[0][joint], its_off), most[0][joint] = std::max(most[0][joint], its_off);
+                least[1][joint] = std::min(least[1][joint], at), most[1][joint] = std::max(most[1][joint], at);
+            };
+            auto cross = [&](int end, int i, int other_end, int other) {  // by where an edge crosses a side
+                const double begin = along[end][i], finish = along[other_end][other];
+                for (double side : {low, high})
+                    if ((begin < side) != (finish < side)) {
+                        const double share = (side - begin) / (finish - begin);
+                        for (int j = 0; j < JOINTS; ++j)
+                            extend(j, off[end][i][j] + share * (off[other_end][other][j] - off[end][i][j]), side);
+                    }
+            };
+            for (int i = first; i <= last; ++i) {
+                cross(0, i, 1, i);
+                for (int end = 0; end < 2; ++end) {
+                    if (i < last) cross(end, i, end, i + 1);
+                    const double share = along[end][i];
+                    for (int j = 0; j < JOINTS && share >= low && share <= high; ++j) extend(j, off[end][i][j], share);
                 }
-        };
-        for (int i = first; i <= last; ++i) {
-            extend(0, i, 1, i);
-            for (int end = 0; end < 2 && i < last; ++end) extend(end, i, end, i + 1);
+            }
+            for (int j = 0; j < JOINTS; ++j) {
+                const double middle = 0.5 * (low + high) * way[j] + 0.5 * (least[0][j] + most[0][j]);
+                its.middle[j] = from[j] + middle;
+                its.along[j] = 0.5 * (high - low) * way[j];
+                its.off[j] = 0.5 * (most[0][j] - least[0][j]);
+                its.half[j] = std::max(most[1][j] - middle, middle - least[1][j]);
+            }
+            ++found;
         }
-        Segment segment{};
-        segment.curve = strip, segment.level = level, segment.index = index;
-        for (int j = 0; j < JOINTS; ++j) {
-            const double way = to[j] - from[j];
-            const double middle = 0.5 * (low + high) * way + 0.5 * (least[0][j] + most[0][j]);
-            segment.middle[j] = from[j] + middle;
-            segment.along[j] = 0.5 * slice * way;
-            segment.off[j] = 0.5 * (most[0][j] - least[0][j]);
-            segment.half[j] = std::max(most[1][j] - middle, middle - least[1][j]);
-        }
-        return segment;
+        return found;
     }
 
     Segment part(int number, int level, int index) const {
@@ -639,12 +737,14 @@ struct Floor {
 struct Span {
     Segment segment;
     Placed placed;
-    std::vector<double> moved;          // how far each part may be from there
-    double moved_frames[FRAMES], most;  // and the parts of each frame, and any
+    double moved_frames[FRAMES], most;  // how far the parts of each frame, and any, may be from there
+    std::vector<double> moved;          // and each part; see Limiter::place_parts
 };
 
+// Two parts, or of two frames all parts, or of a frame and a box.
 struct Pair {
     int part, other;
+    bool are_frames;
 };
 
 // What was found of two segments. `pairs` are those that are not decided: first and behind the last in Limiter::pairs.
@@ -670,7 +770,7 @@ struct Limiter {
     int arm = 0;
     bool steers = false;
     double most_margin = INF;  // whatever the margins say
-    Path moving[2] = {Path(false), Path(false)}, coasting[2] = {Path(true), Path(true)}, *paths = moving;
+    Path paths[2];
     std::vector<Span> spans;
     std::vector<Pair> pairs;
     std::vector<Floor> floored;
@@ -718,23 +818,25 @@ struct Limiter {
 
     void span(int which, int number, const Segment& segment) {
         Span& its = spans[number];
-        const std::vector<Capsule>& parts = model.arms[which].parts;
         its.segment = segment;
         model.place(which, segment.middle, its.placed);
-        its.moved.resize(parts.size());
-        its.most = 0.0;
-        std::fill(its.moved_frames, its.moved_frames + FRAMES, 0.0);
-        for (std::size_t i = 0; i < parts.size(); ++i) {
-            its.moved[i] = moved(parts[i], segment.half);
-            double& of_frame = its.moved_frames[int(parts[i].frame)];
-            of_frame = std::max(of_frame, its.moved[i]);
-            its.most = std::max(its.most, its.moved[i]);
-        }
+        for (int frame = 0; frame < FRAMES; ++frame)
+            its.moved_frames[frame] = moved(model.arms[which].reach[frame], segment.half);
+        its.most = *std::max_element(its.moved_frames, its.moved_frames + FRAMES);
     }
 
-    static double moved(const Capsule& part, const double* by) {
+    void place_parts(int which, Span& its) {
+        const std::vector<Capsule>& parts = model.arms[which].parts;
+        if (its.placed.has_parts) return;
+        model.place_parts(which, its.placed);
+        its.moved.resize(parts.size());
+        for (std::size_t i = 0; i < parts.size(); ++i) its.moved[i] = moved(parts[i].reach, its.segment.half);
+    }
+
+    // How far a part with this reach comes when the joints move by so much.
+    static double moved(const double (&reach)[JOINTS], const double (&by)[JOINTS]) {
         double sum = 0.0;
-        for (int j = 0; j < JOINTS; ++j) sum += part.reach[j] * by[j];
+        for (int j = 0; j < JOINTS; ++j) sum += reach[j] * by[j];
         return sum;
     }
 
@@ -761,24 +863,24 @@ struct Limiter {
     // that were not decided on the segments that these are parts of.
     Finding compare(int mine, int theirs, const Finding* whole) {
         const bool is_still = theirs < 0;
-        const Span &own = spans[mine], *its = is_still ? nullptr : &spans[theirs];
+        Span &own = spans[mine], *its = is_still ? nullptr : &spans[theirs];
         const Placed* placed = is_still ? nullptr : &its->placed;
+        const std::vector<Capsule> &own_parts = model.arms[arm].parts, &its_parts = model.arms[1 - arm].parts;
         const double least = steers ? BOUNDARY_WITHIN : 0.0;
         Finding finding = NOTHING;
         finding.first = pairs.size(), finding.mine = mine, finding.theirs = theirs;
         double worst = INF;
         const bool can_cut = paths[arm].can_cut(own.segment) || (!is_still && paths[1 - arm].can_cut(its->segment));
         int seen = 0;
+        auto place_both = [&] {
+            place_parts(arm, own);
+            if (!is_still) place_parts(1 - arm, *its);
+        };
         auto examine = [&](int part, int other) {
             ++seen;
             const double off = own.moved[part] + (is_still ? 0.0 : its->moved[other]);
             const double kept = margin(part, other, is_still), within = kept + std::max(off - TOLERANCE, least);
             if (kept == -INF || model.is_far(arm, own.placed, part, placed, other, within)) return;
-            if (off > COARSE && can_cut) {
-                pairs.push_back({part, other});
-                if (-off < finding.free) finding.free = -off, finding.part = part, finding.other = other;
-                return;
-            }
             spend(1);
             const Near near = model.near(arm, own.placed, part, placed, other);
             double beyond = near.distance - kept;
@@ -797,11 +899,11 @@ struct Limiter {
                         free = beyond - nearer;
                     }
             }
-            if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other});
+            if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other, false});
             if (!(free < 0.0)) return;
             // Each path comes as near to the middle of a segment as it is off the line.
-            double certain = beyond + moved(model.arms[arm].parts[part], own.segment.off);
-            if (!is_still) certain += moved(model.arms[1 - arm].parts[other], its->segment.off);
+            double certain = beyond + moved(own_parts[part].reach, own.segment.off);
+            if (!is_still) certain += moved(its_parts[other].reach, its->segment.off);
             finding.free = std::min(finding.free, free);
             const bool is_certain = certain < 0.0;
             const double severity = is_certain ? certain : free;
@@ -811,14 +913,29 @@ struct Limiter {
             }
             finding.is_certain = finding.is_certain || is_certain;
         };
-        if (whole) {
-            for (std::size_t i = whole->first; i < whole->last; ++i) examine(pairs[i].part, pairs[i].other);
-        } else {
-            auto within = [&](int frame, int other) {
-                const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
-                return widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
-            };
-            model.for_pairs(arm, own.placed, placed, within, examine);
+        auto examine_frames = [&](int frame, int other) {
+            ++seen;
+            const double off = own.moved_frames[frame] + (is_still ? 0.0 : its->moved_frames[other]);
+            const double within = widest_of(frame, other, is_still) + std::max(off - TOLERANCE, least);
+            if (model.is_frame_far(arm, own.placed, frame, placed, other, within)) return;
+            if (!(off > COARSE && can_cut)) {
+                place_both();
+                return model.for_parts(arm, frame, is_still, other, examine);
+            }
+            pairs.push_back({frame, other, true});
+            if (!(-off < finding.free)) return;
+            finding.free = -off, finding.part = model.arms[arm].of_frame[frame][0];
+            finding.other = is_still ? other : model.arms[1 - arm].of_frame[other][0];
+        };
+        if (!whole) model.for_frames(arm, is_still, examine_frames);
+        for (std::size_t i = whole ? whole->first : 0, last = whole ? whole->last : 0; i < last; ++i) {
+            const Pair pair = pairs[i];
+            if (pair.are_frames) {
+                examine_frames(pair.part, pair.other);
+            } else {
+                place_both();
+                examine(pair.part, pair.other);
+            }
         }
         finding.last = pairs.size();
         spend(PLACING + seen / SEEN);
@@ -845,9 +962,11 @@ struct Limiter {
 
     bool refuse(const Finding& finding) {
         const bool is_still = finding.theirs < 0;
-        const Placed* theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        const Placed &mine = spans[finding.mine].placed, *theirs = is_still ? nullptr : &spans[finding.theirs].placed;
+        place_parts(arm, spans[finding.mine]);
+        if (!is_still) place_parts(1 - arm, spans[finding.theirs]);
         decision->part = model.arms[arm].first + finding.part, decision->other = number(finding.other, is_still);
-        decision->distance = model.near(arm, spans[finding.mine].placed, finding.part, theirs, finding.other).distance;
+        decision->distance = model.near(arm, mine, finding.part, theirs, finding.other).distance;
         return false;
     }
 
@@ -895,11 +1014,10 @@ struct Limiter {
     void find_floors(const Motion& last, const Motion* its) {
         std::vector<Floor> none, &known = paths[arm].coasts ? none : floors[arm];
         floored.clear();
-        const Placed &own = spans[2].placed, &theirs = spans[3].placed;
-        auto note = [&](const Placed* placed) {
+        Placed& own = spans[2].placed;
+        auto note = [&](Placed* placed) {
             const bool is_still = !placed;
-            auto within = [&](int frame, int other) { return widest_of(frame, other, is_still); };
-            model.for_pairs(arm, own, placed, within, [&](int part, int other) {
+            auto find = [&](int part, int other) {
                 const double kept = margin(part, other, is_still);
                 if (kept == -INF || model.is_far(arm, own, part, placed, other, kept)) return;
                 const double now = model.near(arm, own, part, placed, other).distance;
@@ -910,20 +1028,27 @@ struct Limiter {
                         return;
                     }
                 floored.push_back({model.arms[arm].first + part, number(other, is_still), now, 0.0});
+            };
+            model.for_frames(arm, is_still, [&](int frame, int other) {
+                const double within = widest_of(frame, other, is_still);
+                if (model.is_frame_far(arm, own, frame, placed, other, within)) return;
+                model.place_parts(arm, own);
+                if (!is_still) model.place_parts(1 - arm, *placed);
+                model.for_parts(arm, frame, is_still, other, find);
             });
         };
         // Where the arms are sent, and where their robots plan to be.
+        if (its) {
+            model.place(1 - arm, its->sent[0], spans[3].placed);
+            model.place(1 - arm, its->planned, spans[4].placed);
+        }
         for (const double* posture : {last.sent[0], last.planned}) {
-            model.place(arm, posture, spans[2].placed);
+            model.place(arm, posture, own);
             note(nullptr);
-            if (!its) continue;
-            for (const double* other : {its->sent[0], its->planned}) {
-                // Only what is compared: a position sent may be nearer to the other robot than both are to each other.
-                const bool is_of_both = (posture == last.planned) == (other == its->planned);
-                if (!is_of_both && !(last.coasts > 0.0) && !(its->coasts > 0.0)) continue;
-                model.place(1 - arm, other, spans[3].placed);
-                note(&theirs);
-            }
+            // Only what is compared: a position sent may be nearer to the other robot than both are to each other.
+            const bool with_all = its && (last.coasts > 0.0 || its->coasts > 0.0), is_sent = posture == last.sent[0];
+            if (its && (is_sent || with_all)) note(&spans[3].placed);
+            if (its && (!is_sent || with_all)) note(&spans[4].placed);
         }
         for (Floor& floor : floored) {
             const std::size_t row = std::size_t(floor.part) * model.count;
@@ -940,19 +1065,21 @@ struct Limiter {
     bool decide(int which, const Motion& motion, const Motion& last, const Motion* its, double apart, std::int64_t most,
                 Decision& result) {
         const bool coasts = apart < INF;
-        arm = which, steers = !coasts && is_slow(motion, limits), budget = most, decision = &result;
-        paths = coasts ? coasting : moving, most_margin = apart;
+        arm = which, budget = most, decision = &result, most_margin = apart;
         pairs.clear(), boundaries.clear(), floored.clear();
-        paths[arm].begin(motion, limits);
-        if (its) paths[1 - arm].begin(*its, limits);
+        Path &own = paths[arm], &other = paths[1 - arm];
+        own.begin(motion, limits, coasts);
+        if (its) other.begin(*its, limits, coasts);
+        steers = !coasts && is_slow(own.braking);
         // Robots that are sent positions only go nowhere else without their links.
-        if (coasts && !paths[arm].is_sheet && !(its && paths[1 - arm].is_sheet)) return true;
-        span(arm, 0, paths[arm].whole);
-        if (its) span(1 - arm, 1, paths[1 - arm].whole);
-        for (const Path* path : {&paths[0], &paths[1]})
-            if (!are_finite(path->whole.middle, JOINTS) || !are_finite(path->whole.half, JOINTS)) return false;
+        if (coasts && !own.is_sheet() && !(its && other.is_sheet())) return true;
+        for (int i = 0; i < (its ? 2 : 1); ++i) {
+            const Segment& whole = paths[i ? 1 - arm : arm].whole();
+            if (!are_finite(whole.middle, JOINTS) || !are_finite(whole.half, JOINTS)) return false;
+            span(i ? 1 - arm : arm, i, whole);
+        }
         Finding found[2] = {NOTHING, NOTHING};
-        if (!coasts || paths[arm].is_sheet) found[0] = compare(0, -1, nullptr);
+        if (!coasts || own.is_sheet()) found[0] = compare(0, -1, nullptr);
         if (its) found[1] = compare(0, 1, nullptr);
         bool is_open = found[0].free < 0.0 || found[1].free < 0.0;
         if (is_open) find_floors(last, its);
@@ -994,17 +1121,16 @@ Model* model_new(const double* origins, const std::int64_t* counts, const Capsul
             its.first = arm ? int(counts[0]) : 0;
             its.parts.assign(capsules + its.first, capsules + its.first + counts[arm]);
             for (std::size_t i = 0; i < its.parts.size(); ++i) {
-                its.balls.push_back(its.parts[i].ball());
-                its.of_frame[int(its.parts[i].frame)].push_back(int(i));
+                const auto& [frame, start, end, radius, reach] = its.parts[i];
+                its.axes.push_back({0.5 * (start + end), 0.5 * (end - start)});
+                its.of_frame[int(frame)].push_back(int(i));
             }
             for (int frame = 0; frame < FRAMES; ++frame) {
-                Ball& around = its.around[frame];
-                const std::vector<int>& parts = its.of_frame[frame];
-                for (int i : parts) around.centre = around.centre + (1.0 / double(parts.size())) * its.balls[i].centre;
-                for (int i : parts) {
-                    const double reach = length(its.balls[i].centre - around.centre) + its.balls[i].radius;
-                    around.radius = std::max(around.radius, reach);
-                }
+                std::vector<Capsule> of_frame;
+                for (int i : its.of_frame[frame]) of_frame.push_back(its.parts[i]);
+                if (!of_frame.empty()) its.around[frame] = around(of_frame);
+                for (const Capsule& part : of_frame)
+                    for (int j = 0; j < JOINTS; ++j) its.reach[frame][j] = std::max(its.reach[frame][j], part.reach[j]);
             }
         }
         model->boxes.assign(boxes, boxes + box_count);
@@ -1022,11 +1148,14 @@ void model_delete(Model* model) { delete model; }
 std::int64_t model_contacts(const Model* model, const double* postures, double within, std::int64_t arm, bool is_still,
                             Contact* contacts) {
     Placed placed, others;
-    model->place(int(arm), postures + JOINTS * arm, placed);
-    if (!is_still) model->place(int(1 - arm), postures + JOINTS * (1 - arm), others);
+    for (int which : {int(arm), int(1 - arm)}) {
+        Placed& its = which == arm ? placed : others;
+        model->place(which, postures + JOINTS * which, its);
+        model->place_parts(which, its);
+    }
     const Placed* theirs = is_still ? nullptr : &others;
     std::int64_t count = 0;
-    model->for_pairs(int(arm), placed, theirs, [&](int, int) { return within; }, [&](int part, int other) {
+    auto note = [&](int part, int other) {
         const Near near = model->near(int(arm), placed, part, theirs, other);
         if (!(near.distance < within)) return;
         Contact& contact = contacts[count++] = Contact{};
@@ -1038,6 +1167,10 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
         model->forward(int(arm), placed, part, near.normal, contact.behind[0], contact.slopes[0]);
         if (is_still) return;
         model->forward(int(1 - arm), others, other, -1.0 * near.normal, contact.behind[1], contact.slopes[1]);
+    };
+    model->for_frames(int(arm), is_still, [&](int frame, int other) {
+        if (!model->is_frame_far(int(arm), placed, frame, theirs, other, within))
+            model->for_parts(int(arm), frame, is_still, other, note);
     });
     return count;
 }
@@ -1065,30 +1198,38 @@ void limiter_permit(Limiter* limiter, const double* margins) { limiter->permit(m
 bool limiter_is_slow(const Limiter* limiter, const char* packed) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    return is_slow(motion, limiter->limits);
+    Braking braking[JOINTS];
+    for (int j = 0; j < JOINTS; ++j) braking[j] = Braking(motion.sent, j, limiter->limits);
+    return is_slow(braking);
 }
 
 // The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
-// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. For tests.
+// the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. Those 2 i
+// and 2 i + 1 are cut from i of one cut less; what has nothing of the path is off it by -inf. For tests.
 std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts, std::int64_t level, double* segments,
                               double* whole) {
     Motion motion;
     std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
-    Path& path = coasts ? limiter->coasting[0] : limiter->moving[0];
-    path.begin(motion, limiter->limits);
-    std::memcpy(whole, path.whole.middle, sizeof path.whole.middle);
-    std::memcpy(whole + JOINTS, path.whole.half, sizeof path.whole.half);
+    Path& path = limiter->paths[0];
+    path.begin(motion, limiter->limits, coasts);
+    std::memcpy(whole, path.whole().middle, sizeof path.whole().middle);
+    std::memcpy(whole + JOINTS, path.whole().half, sizeof path.whole().half);
     Segment parts[CURVES];
     std::int64_t count = 0;
-    for (int number = path.cut(path.whole, limiter->limits, parts); number--;)
-        for (int i = 0; i < 1 << level; ++i, ++count) {
-            // Of a sheet, first in time, then into slices.
-            const int strips = std::min(int(level), STRIP_LEVELS), along = int(level) - strips;
-            const Segment segment = path.is_sheet ? path.swept((1 << strips) + (i >> along), along, i % (1 << along))
-                                                  : path.part(parts[number].curve, int(level), i);
-            for (const double* row : {segment.middle, segment.along, segment.off})
-                segments = std::copy(row, row + JOINTS, segments);
+    auto add = [&](auto& add_halves, const Segment* segment, std::int64_t cuts) -> void {
+        Segment halves[CURVES];
+        const int number = segment && cuts ? path.cut(*segment, limiter->limits, halves) : 0;
+        for (int i = 0; i < 2 && cuts; ++i) add_halves(add_halves, i < number ? &halves[i] : nullptr, cuts - 1);
+        if (cuts) return;
+        for (int j = 0; j < JOINTS; ++j) {
+            segments[j] = segment ? segment->middle[j] : 0.0;
+            segments[JOINTS + j] = segment ? segment->along[j] : 0.0;
+            segments[2 * JOINTS + j] = segment ? segment->off[j] : -INF;
         }
+        segments += 3 * JOINTS, ++count;
+    };
+    const int number = path.cut(path.whole(), limiter->limits, parts);
+    for (int i = 0; i < number; ++i) add(add, &parts[i], level);
     return count;
 }
 

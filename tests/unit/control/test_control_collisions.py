@@ -8,6 +8,7 @@ from math import dist, inf, radians
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
@@ -271,6 +272,7 @@ class Segments:
     Attributes:
         lines: of the segments that are cut ``level`` times, up to 6: middle, line to the end, and how far off it each
             joint may be, (n, 3, 7) [rad].
+        tree: the same, where 2 i and 2 i + 1 are the halves of i of one cut less; empty ones are off by -inf.
         middle, half: of the whole path [rad], (7,).
     """
 
@@ -278,7 +280,8 @@ class Segments:
         both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
         lines, whole = np.empty((3 * 64, 3, 7)), np.empty((2, 7))
         arguments = motion.packed, coasts, level, lines.ctypes.data, whole.ctypes.data
-        self.lines = lines[: both.library.limiter_segments(both.handle, *arguments)]
+        self.tree = lines[: both.library.limiter_segments(both.handle, *arguments)]
+        self.lines = self.tree[self.tree[:, 2, 0] >= 0.0]
         self.middle, self.half = whole
 
     def off(self, postures: Array) -> float:
@@ -291,6 +294,14 @@ class Segments:
             out = np.abs(apart - shares[:, None] * lines[:, 1]) - lines[:, 2]
             worst = max(worst, float(out.max(1).min()))
         return worst
+
+    def have(self, posture: Array) -> NDArray[np.bool_]:
+        """Which of ``tree`` have a posture (7,), (n,): the same share of its line leads each joint near enough."""
+        apart, off = posture - self.tree[:, 0], self.tree[:, 2] + 1e-9
+        along = np.where(np.abs(self.tree[:, 1]) > 1e-12, self.tree[:, 1], 1e-12)
+        shares = np.sort([(apart - off) / along, (apart + off) / along], axis=0)
+        has_way = np.maximum(shares[0].max(1), -1.0) <= np.minimum(shares[1].min(1), 1.0) + 1e-9
+        return np.asarray(has_way & (off[:, 0] >= 0.0))
 
     def covers(self, postures: Array) -> bool:
         """Whether the whole path has these postures (n, 7) [rad]."""
@@ -392,6 +403,23 @@ def test_robot_whose_link_is_lost_goes_where_it_was_compared(monkeypatch: pytest
     within = [Segments(motion, level, coasts=True).off(coasting.lines[:, 0]) for level in range(6)]
     assert max(within) < 1e-3
     assert coasting.covers(coasting.lines[:, 0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_halves_of_where_a_robot_may_coast_are_all_of_it(seed: int) -> None:
+    """What is clear is not cut further: the way from here without a link is in one half of each segment that has it."""
+    generator = np.random.default_rng(seed)
+    for _ in range(5):
+        sent, robot = moving(generator, Side.RIGHT), moving(generator, Side.RIGHT)
+        robot = robot._replace(position=joints(list(sent.position + generator.normal(0.0, 0.1, 7))))
+        motion = ArmMotion(robot.position, sent, robot)
+        paths = [Segments(motion, level, coasts=True) for level in range(7)]
+        for share in np.linspace(0.0, 1.0, 11):
+            posture = np.array(robot.position) + share / EGM_GAIN * np.array(robot.velocity)
+            has_it = paths[0].have(posture)
+            for path in paths[1:]:
+                has_it = has_it.repeat(2) & path.have(posture)
+                assert has_it.any()
 
 
 def moving(generator: np.random.Generator, side: Side) -> Setpoint:
