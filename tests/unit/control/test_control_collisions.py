@@ -522,7 +522,10 @@ def test_arms_that_were_led_into_each_other_come_back() -> None:
 
 
 def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
-    """Both arms sent to where they meet, from shortly before, until no command has changed for 0.2 s."""
+    """Both arms sent to where they meet, from shortly before, until no command has changed for 0.4 s.
+
+    Until then robots that lag have caught up.
+    """
     arms, generator = ApartArms(BEFORE_MEETING, obstacles=()), np.random.default_rng(1)
 
     def noisy(goal: Joints) -> Drive:
@@ -536,7 +539,7 @@ def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
         arms.cycle(drives)
         now = arms.commanded()
         stood, before = stood + 1 if now == before else 0, now
-        if stood == 50:
+        if stood == 100:
             break
     else:
         raise AssertionError(f"The arms go on for ever, at {now}.")
