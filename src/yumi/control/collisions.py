@@ -40,6 +40,7 @@ _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the pad
 _FED = 0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
 _DISTANCES_FED = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
+_UNFED_FOR = 5  # cycles in which no speed is fed forward to a robot that would have coasted too far
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
 _STAYS = 1e-6  # [rad]
@@ -318,7 +319,6 @@ class ArmCollisionLimiter:
         is_heard: whether its robot's datagrams arrive.
         is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
-        coasts_too_far: whether a command was refused last only for where a robot would coast without its link.
         boundaries: near it.
     """
 
@@ -327,7 +327,6 @@ class ArmCollisionLimiter:
         self.motion: ArmMotion | None = None
         self.is_heard = self.is_read = False
         self.limited: Limited | None = None
-        self.coasts_too_far = False
         self.boundaries: list[Boundary] = []
         self._both = both
         # Its motion, the other arm's and the margins that were found to be clear last.
@@ -335,7 +334,8 @@ class ArmCollisionLimiter:
         self._progress = ProgressCheck()
         self._distances_left = _DISTANCES  # in this cycle
         self._decision = collision_library.Decision()
-        self._coasts_into: Limited | None = None  # in this cycle, should a command that was refused have been sent
+        self._unfed_for = 0  # cycles, since a robot that speeds are fed forward to would have coasted too far
+        self._coasts_into: Limited | None = None  # what it would have coasted into
 
     @property
     def other(self) -> ArmCollisionLimiter:
@@ -345,7 +345,8 @@ class ArmCollisionLimiter:
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
         before, self.limited, self._distances_left = self.limited, None, _DISTANCES
-        self.coasts_too_far, self._coasts_into = False, None
+        self._unfed_for = max(self._unfed_for - 1, 0)
+        self._coasts_into = self._coasts_into if self._unfed_for else None
         if self.motion is None:
             return False
         its = self.other
@@ -405,7 +406,7 @@ class ArmCollisionLimiter:
             robot: how the robot would, where a speed is fed forward.
             is_fed: whether one is desired; else it is only taken back.
         """
-        is_back, self.is_heard, self.coasts_too_far = not self.is_heard, True, False
+        is_back, self.is_heard = not self.is_heard, True
         last, its = self.motion, self.other.motion
         if last is not None and not is_back and last.stays(planned, sent, robot):
             # What it stands at may have left it, or have come nearer; else nothing has changed.
@@ -421,6 +422,11 @@ class ArmCollisionLimiter:
             self._compared = (motion, its, self._both.margins)
             return True
         return False
+
+    @property
+    def may_be_fed(self) -> bool:
+        """Whether a speed may be fed forward; else the robot would coast too far if its link were lost."""
+        return self._unfed_for == 0
 
     @property
     def _is_slow(self) -> bool:
@@ -451,8 +457,9 @@ class ArmCollisionLimiter:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
         most, apart = (_DISTANCES_FED, _FED) if is_fed else (_DISTANCES, _COASTING)
         is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)
-        self._coasts_into = limited or self._coasts_into
-        self.coasts_too_far = not is_clear
+        if not is_clear:
+            self._coasts_into = limited or self._coasts_into
+            self._unfed_for = _UNFED_FOR if is_fed else self._unfed_for
         return is_clear
 
     def _decide(self, motion: ArmMotion, last: ArmMotion, most: int, apart: float = inf) -> tuple[bool, Limited | None]:

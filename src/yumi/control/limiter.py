@@ -618,8 +618,10 @@ class Limiter:
     def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand) -> Iterator[ArmCommand]:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
         first = collisions.steered(desired)
-        yield first
-        if collisions.coasts_too_far and first.velocity is not ZERO:
+        is_fed = first.velocity is not ZERO
+        if not is_fed or collisions.may_be_fed:
+            yield first
+        if is_fed and not collisions.may_be_fed:
             yield ArmCommand(first.position)  # may go there, but the robot has to follow it late
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)

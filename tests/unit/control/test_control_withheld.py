@@ -114,7 +114,7 @@ def test_joint_goal_that_is_stopped_in_front_of_the_limit_is_given_up_at_once() 
     rig.manager.receive("go", JointGoal(far), rig.line.state)
     rig.run_until(lambda: bool(rig.snapshot.limited_part) and rig.cycles[-1].beyond > 0.1, limit=10.0)
     rig.manager.receive("go", StopMotion(), rig.line.state)
-    rig.run(1.0)
+    rig.run(1.5)  # along the limit to where its stop leads, as far as that goes
     assert rests_where_it_is(rig)
 
 
