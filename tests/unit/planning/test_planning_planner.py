@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import combinations, cycle, islice
+from itertools import combinations, cycle, islice, pairwise
+from math import dist
 from statistics import median
 
 import numpy as np
