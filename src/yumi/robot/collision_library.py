@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 from yumi.errors import MissingPrerequisite
 
 SOURCE = Path(__file__).with_name("collision.cpp")
+HEADERS = tuple(SOURCE.with_name(f"collision_{part}.h") for part in ("shapes", "paths", "limiter"))
 PACKAGED = SOURCE.with_name("libcollision.so")
 """Where a wheel has the library."""
 
@@ -114,8 +115,9 @@ def load() -> ctypes.PyDLL:
 
 def compiled() -> Path:
     """The library compiled for this machine, from this edition of the source; compiles it where there is none."""
-    made_of = SOURCE.read_bytes() + " ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode()
-    digest = hashlib.sha256(made_of).hexdigest()[:16]
+    made_of = [each.read_bytes() for each in (SOURCE, *HEADERS)]
+    made_of.append(" ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
+    digest = hashlib.sha256(b"".join(made_of)).hexdigest()[:16]
     root = SOURCE.parents[3]
     if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
         folder = root / "build" / "collision"

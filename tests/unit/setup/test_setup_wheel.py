@@ -14,6 +14,8 @@ from zipfile import ZipFile
 import pytest
 from wheel_hook import RECORDS, destination
 
+from yumi.robot import collision_library
+
 ROOT = Path(__file__).resolve().parents[3]
 
 READ_SETTINGS = (
@@ -55,7 +57,10 @@ def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
     run([sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(tmp_path)], source)
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as files:
-        assert "yumi_ros2-0.1.0/src/yumi/robot/collision.cpp" in files.getnames()
+        names = files.getnames()
+        assert "yumi_ros2-0.1.0/src/yumi/robot/collision.cpp" in names
+        for header in collision_library.HEADERS:
+            assert f"yumi_ros2-0.1.0/src/yumi/robot/{header.name}" in names
 
 
 @pytest.fixture(params=["wheel", "colcon"], scope="module")
