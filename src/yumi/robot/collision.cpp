@@ -5,7 +5,7 @@
 // the left one, then the boxes that stand still. Positions are in the body frame [m], joints in chain order [rad].
 // Callers check the sizes of arrays. Not for several threads at once.
 
-#include "collision_limiter.h"
+#include "collision_limiter.hpp"
 
 constexpr int MOTION_SIZE = sizeof(Motion) / sizeof(double);
 static_assert(MOTION_SIZE == 58 && sizeof(Capsule) == 15 * sizeof(double) && sizeof(Box) == 16 * sizeof(double),

@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from yumi.errors import MissingPrerequisite
 
 SOURCE = Path(__file__).with_name("collision.cpp")
-HEADERS = tuple(SOURCE.with_name(f"collision_{part}.h") for part in ("shapes", "paths", "limiter"))
+HEADERS = tuple(SOURCE.with_name(f"collision_{part}.hpp") for part in ("shapes", "paths", "limiter"))
 PACKAGED = SOURCE.with_name("libcollision.so")
 """Where a wheel has the library."""
 
