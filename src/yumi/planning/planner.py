@@ -350,7 +350,9 @@ class Planner:
             speeds[cycles] = slower * np.maximum(np.gradient(law)[cycles] / CYCLE, _CREEPING)
             edge = np.pad(speeds, _AROUND, mode="edge")
             speeds = np.min(np.lib.stride_tricks.sliding_window_view(edge, 2 * _AROUND + 1), axis=1)
-            ceiling = np.minimum(ceiling, np.interp(places, law, speeds))
+            following = np.clip(np.searchsorted(places, law), 1, len(places) - 1)
+            for place in (following - 1, following):  # those between which it is in each cycle
+                np.minimum.at(ceiling, place, speeds)
         return found[min(found)], min(found)
 
     def _refused(self, start: Mapping[Side, Joints], motion: _Motion) -> list[float]:
