@@ -34,9 +34,11 @@ struct Decision {
     Boundary boundaries[MOST_BOUNDARIES];
 };
 
-// Of parts within their margins: how near they may be, and how near in this cycle.
+// Of parts within their margins: how near they may be, and how near in this cycle. Positions sent and robots have their
+// own: a position sent is led no nearer because its robot is.
 struct Floor {
     int part, other;
+    bool is_robots;
     double floor, allowed;
 };
 
@@ -199,12 +201,17 @@ struct Limiter {
                 if (!is_still) nearer += towards(1 - arm, *its, other, -1.0 * near.normal);
                 nearer = std::min(nearer, off);
                 free = beyond - std::max(nearer - TOLERANCE, 0.0);
+                double allowed[2] = {kept, kept};  // of positions sent, and of robots; the whole path is of both
                 for (const Floor& floor : floored)
-                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still)) {
-                        // A part within its margin already comes no nearer, and may leave it.
-                        beyond = near.distance - floor.allowed;
-                        free = beyond - nearer;
-                    }
+                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still))
+                        allowed[floor.is_robots] = floor.allowed;
+                if (own.segment.curve == SENT) allowed[1] = allowed[0];
+                if (own.segment.curve > SENT) allowed[0] = allowed[1];
+                // A part within its margin already comes no nearer, and may leave it.
+                if (std::min(allowed[0], allowed[1]) < kept) {
+                    beyond = near.distance - std::min(allowed[0], allowed[1]);
+                    free = near.distance - std::max(allowed[0], allowed[1]) - nearer;
+                }
             }
             if (free < 0.0 || (steers && beyond - off < BOUNDARY_WITHIN)) pairs.push_back({part, other, false});
             if (!(free < 0.0)) return;
@@ -322,7 +329,7 @@ struct Limiter {
         std::vector<Floor> none, &known = paths[arm].coasts ? none : floors[arm];
         floored.clear();
         Placed& own = spans[2].placed;
-        auto note = [&](Placed* placed) {
+        auto note = [&](Placed* placed, bool is_robots) {
             const bool is_still = !placed;
             auto find = [&](int part, int other) {
                 const double kept = margin(part, other, is_still);
@@ -330,11 +337,12 @@ struct Limiter {
                 const double now = model.near(arm, own, part, placed, other).distance;
                 if (!(now < kept)) return;
                 for (Floor& floor : floored)
-                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still)) {
+                    if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still) &&
+                        floor.is_robots == is_robots) {
                         floor.floor = std::min(floor.floor, now);
                         return;
                     }
-                floored.push_back({model.arms[arm].first + part, number(other, is_still), now, 0.0});
+                floored.push_back({model.arms[arm].first + part, number(other, is_still), is_robots, now, 0.0});
             };
             model.for_frames(arm, is_still, [&](int frame, int other) {
                 const double within = widest_of(frame, other, is_still);
@@ -351,18 +359,22 @@ struct Limiter {
         }
         for (const double* posture : {last.sent[0], last.planned}) {
             model.place(arm, posture, own);
-            note(nullptr);
-            // Only what is compared: a position sent may be nearer to the other robot than both are to each other.
-            const bool with_all = its && (last.coasts > 0.0 || its->coasts > 0.0), is_sent = posture == last.sent[0];
-            if (its && (is_sent || with_all)) note(&spans[3].placed);
-            if (its && (!is_sent || with_all)) note(&spans[4].placed);
+            const bool is_sent = posture == last.sent[0], may_lag = last.coasts > 0.0 || (its && its->coasts > 0.0);
+            // Robots are on their way to where they are sent, one later than the other.
+            for (bool is_robots : {false, true}) {
+                if (!is_robots && !is_sent && !may_lag) continue;
+                note(nullptr, is_robots);
+                if (its) note(&spans[3].placed, is_robots);
+                if (its && (is_robots || may_lag)) note(&spans[4].placed, is_robots);
+            }
         }
         for (Floor& floor : floored) {
             const std::size_t row = std::size_t(floor.part) * model.count;
             const double now = floor.floor, kept = std::min(margins[row + floor.other], most_margin);
             // What was once left does not come back; an arm that came nearer all the same may go on from there.
             for (const Floor& before : known)
-                if (before.part == floor.part && before.other == floor.other && now >= before.floor - UNPLANNED_APPROACH)
+                if (before.part == floor.part && before.other == floor.other && before.is_robots == floor.is_robots &&
+                    now >= before.floor - UNPLANNED_APPROACH)
                     floor.floor = std::max(now, std::min(before.floor, kept - TURNING_DEPTH));
             floor.allowed = std::min(floor.floor - ALLOWED_APPROACH, now);
         }
