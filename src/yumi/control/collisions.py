@@ -1,6 +1,6 @@
 """Keeps both arms apart from each other, from the body and from what stands around the robot.
 
-The invariant, kept in every cycle for whatever moves the arms: if both arms brake now as hard as they may, no two parts
+The invariant, for whatever moves the arms: if both arms brake now as hard as they may, no two parts
 come nearer to each other than the margin. A command is sent only if the whole of its braking path is clear of the whole
 of the other arm's; else the arm brakes, along the path that was found clear when the command before was sent. So what
 was once kept is kept, however the commands are chosen. And if the link of either arm is lost, now or while it brakes,
@@ -37,10 +37,12 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the padding is left
-_FED = 0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
+_COASTING_AHEAD = (
+    0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
+)
 _DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
-_DISTANCES_FED = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
-_UNFED_FOR = 5  # cycles in which no speed is fed forward to a robot that would have coasted too far
+_DISTANCES_AHEAD = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
+_WITHHELD_FOR = 5  # cycles in which no speed is fed forward to a robot that would have coasted too far
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
 _STAYS = 1e-6  # [rad]
@@ -334,7 +336,9 @@ class ArmCollisionLimiter:
         self._progress = ProgressCheck()
         self._distances_left = _DISTANCES  # in this cycle
         self._decision = collision_library.Decision()
-        self._unfed_for = 0  # cycles, since a robot that speeds are fed forward to would have coasted too far
+        self._feedforward_withheld_for = (
+            0  # cycles, since a robot that speeds are fed forward to would have coasted too far
+        )
         self._coasts_into: Limited | None = None  # what it would have coasted into
 
     @property
@@ -345,8 +349,8 @@ class ArmCollisionLimiter:
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
         before, self.limited, self._distances_left = self.limited, None, _DISTANCES
-        self._unfed_for = max(self._unfed_for - 1, 0)
-        self._coasts_into = self._coasts_into if self._unfed_for else None
+        self._feedforward_withheld_for = max(self._feedforward_withheld_for - 1, 0)
+        self._coasts_into = self._coasts_into if self._feedforward_withheld_for else None
         if self.motion is None:
             return False
         its = self.other
@@ -397,14 +401,14 @@ class ArmCollisionLimiter:
         self.is_heard = True
         self.limited = self.limited or self._coasts_into
 
-    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, *, is_fed: bool = False) -> bool:
+    def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, *, feeds_forward: bool = False) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
 
         Args:
             planned: where its robot plans to be [rad], (7,).
             sent: how the position sent would move at the end of this cycle's step.
             robot: how the robot would, where a speed is fed forward.
-            is_fed: whether one is desired; else it is only taken back.
+            feeds_forward: whether one is desired; else it is only taken back.
         """
         is_back, self.is_heard = not self.is_heard, True
         last, its = self.motion, self.other.motion
@@ -417,16 +421,18 @@ class ArmCollisionLimiter:
         else:
             motion = ArmMotion(planned, sent, robot)
         # Its first command is where it stands.
-        if last is None or (self._is_clear(motion, last) and self._coasts_clear(motion, last, is_fed=is_fed)):
+        if last is None or (
+            self._is_clear(motion, last) and self._coasts_clear(motion, last, feeds_forward=feeds_forward)
+        ):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
             return True
         return False
 
     @property
-    def may_be_fed(self) -> bool:
+    def may_feed_forward(self) -> bool:
         """Whether a speed may be fed forward; else the robot would coast too far if its link were lost."""
-        return self._unfed_for == 0
+        return self._feedforward_withheld_for == 0
 
     @property
     def _is_slow(self) -> bool:
@@ -453,17 +459,25 @@ class ArmCollisionLimiter:
         ]
         return is_clear
 
-    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, is_fed: bool) -> bool:
+    def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, feeds_forward: bool) -> bool:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
-        most, apart = (_DISTANCES_FED, _FED) if is_fed else (_DISTANCES, _COASTING)
+        most, apart = (_DISTANCES_AHEAD, _COASTING_AHEAD) if feeds_forward else (_DISTANCES, _COASTING)
         is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)
         if not is_clear:
             self._coasts_into = limited or self._coasts_into
-            self._unfed_for = _UNFED_FOR if is_fed else self._unfed_for
+            self._feedforward_withheld_for = _WITHHELD_FOR if feeds_forward else self._feedforward_withheld_for
         return is_clear
 
     def _decide(self, motion: ArmMotion, last: ArmMotion, most: int, apart: float = inf) -> tuple[bool, Limited | None]:
-        """The same, with ``most`` distances; and what is too near, where that is known."""
+        """Whether ``collision.cpp`` finds a motion clear after ``last``, and what is too near, where that is known.
+
+        Args:
+            motion: an arm's, should the command be sent.
+            last: that of the command before.
+            most: distances that may be calculated for it.
+            apart: how far parts have to stay from each other where robots coast without their links [m]; where they
+                move with them when it is infinite.
+        """
         both, found, its = self._both, self._decision, self.other.motion
         is_clear: bool = both.library.limiter_is_clear(
             both.handle,

@@ -420,6 +420,7 @@ class LimiterCounters:
         slowed: commands that would have exceeded a joint's speed, acceleration or jerk.
         implausible: measured or planned positions that no arm can have reached.
         kept_apart: commands that would have led an arm too near to something.
+        feedforward_withheld: speeds not fed forward, since the robot would have coasted too near to something.
     """
 
     refused: int = 0
@@ -427,6 +428,7 @@ class LimiterCounters:
     slowed: int = 0
     implausible: int = 0
     kept_apart: int = 0
+    feedforward_withheld: int = 0
 
 
 class Limiter:
@@ -599,12 +601,13 @@ class Limiter:
         for index, candidate in enumerate(candidates):
             self._positions, self._speeds, self.counters = _copy(kept[0]), _copy(kept[1]), _copy(kept[2])
             command = self._next(state, candidate, dt)
-            is_fed = candidate is not None and candidate.velocity is not ZERO
+            feeds_forward = candidate is not None and candidate.velocity is not ZERO
             motions = self._positions.motion, self._speeds.motion
-            if collisions.accepts(state.planned, *motions, is_fed=is_fed):
-                # A robot that only follows later is not led elsewhere.
+            if collisions.accepts(state.planned, *motions, feeds_forward=feeds_forward):
                 if candidate is not None and wanted is not None:
+                    # A robot that only follows later is not led elsewhere.
                     self.counters.kept_apart += candidate.position is not wanted.position
+                    self.counters.feedforward_withheld += wanted.velocity is not ZERO and not feeds_forward
                 self._was_refused = self._was_refused and index > 0
                 return command
             self._positions, self._speeds, self.counters, self._settling_for = kept
@@ -618,10 +621,10 @@ class Limiter:
     def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand) -> Iterator[ArmCommand]:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
         first = collisions.steered(desired)
-        is_fed = first.velocity is not ZERO
-        if not is_fed or collisions.may_be_fed:
+        feeds_forward = first.velocity is not ZERO
+        if not feeds_forward or collisions.may_feed_forward:
             yield first
-        if is_fed and not collisions.may_be_fed:
+        if feeds_forward and not collisions.may_feed_forward:
             yield ArmCommand(first.position)  # may go there, but the robot has to follow it late
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)

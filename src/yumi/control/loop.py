@@ -284,7 +284,8 @@ class ArmLoop:
 
     def _note_limited(self, now: float) -> None:
         """Remember what the arm is kept apart from, for as long as those who look now and then need to see it."""
-        count, last = self._limiter.counters.kept_apart, self._last
+        counters, last = self._limiter.counters, self._last
+        count = counters.kept_apart + counters.feedforward_withheld
         # Without a new count the limiter's pair may be that of an earlier cycle. An arm at its goal misses nothing.
         misses = self._sent_moves or (last is not None and last.beyond > AT_GOAL)
         limited = self._limiter.limited if count != self._kept_apart and misses else None

@@ -57,6 +57,10 @@ INTERRUPTED = (
 """Why a motion is refused that was planned for another EGM session or another activation."""
 
 
+_UNDECIDED = 0.05
+"""Parts further apart than this limit an arm only where it was not calculated in time that they do not [m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Limited:
     """What limits an arm.
@@ -72,7 +76,9 @@ class Limited:
     distance: float
 
     def __str__(self) -> str:
-        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm"
+        # What needs more distances than a cycle has counts as too near, wherever it is.
+        how = f"{self.distance * 1e3:.0f} mm" if self.distance < _UNDECIDED else "not compared in time"
+        return f"{self.part} - {self.other}, {how}"
 
 
 class Snapshot(NamedTuple):

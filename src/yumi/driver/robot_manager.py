@@ -146,7 +146,7 @@ class RobotManager:
             self.monitor.allowed_collisions = tuple(f"{part} - {other}" for part, other in event.pairs)
         elif isinstance(event, ControlProcessEnded):
             self.monitor.allowed_collisions = ()
-        if isinstance(event, SessionLost) and event.deactivated:
+        if isinstance(event, SessionLost) and event.deactivated and not event.stood_still:
             self._lost_link.add(event.side)
         elif isinstance(event, RobotStoppedFollowing) and event.deactivated:
             self._lost_link.discard(event.side)
@@ -373,7 +373,7 @@ class RobotManager:
     def set_speed_ratio(self, percent: int) -> str:
         """Override of the speeds of RAPID motions, 0 to 100 %; it does not change EGM motions. Raises YumiError.
 
-        It waits for no routine that runs, whose motions it is for: it is one request, which needs no mastership.
+        It waits for no routine that runs, whose motions it is for: it needs no mastership.
         """
         try:
             self.panel.set_speed_ratio(percent)

@@ -322,26 +322,32 @@ class Planner:
                 break
             if not rounded.sharpen(touching):
                 return {}, 0
-        return self._accepted(start, names, rounded, MotionLimits(velocity, acceleration, jerk, lower, upper))
+        return self._accepted(start, names, rounded, MotionLimits(velocity, acceleration, jerk, lower, upper), deadline)
 
     def _accepted(
-        self, start: Mapping[Side, Joints], names: Sequence[str], path: RoundedPath, limits: MotionLimits
+        self,
+        start: Mapping[Side, Joints],
+        names: Sequence[str],
+        path: RoundedPath,
+        limits: MotionLimits,
+        deadline: float,
     ) -> tuple[_Motion, int]:
-        """The fastest motion along a path that the limiter accepts, or the one of which it refuses least; how much."""
+        """The fastest motion along a path that the limiter accepts, or the one of which it refuses least; how much.
+
+        It is made slower in places until ``deadline``. Nothing, where no motion along it keeps the joints' limits.
+        """
         places = np.linspace(0.0, path.length, int(path.length / _PLACE) + 2)
         ceiling = np.full(len(places), UNLIMITED)
         found: dict[int, _Motion] = {}
         for slower in (*_SLOWER, 0.0):
             try:
                 law, positions = fastest_along(path, limits, ceiling)
-            except CommandRefused:
-                if not found:
-                    raise
-                break  # with this ceiling alone
+            except CommandRefused:  # no motion along it keeps the limits, or none with this ceiling
+                break
             motion = _of_each_arm(names, _spline_points(positions, limits))
             refused = self._refused(start, motion)
             found.setdefault(len(refused), motion)
-            if not refused:
+            if not refused or time.monotonic() > deadline:
                 break
             # A little around, too: the time law averages, and would fill a gap.
             last = len(law) - 1
@@ -353,7 +359,8 @@ class Planner:
             following = np.clip(np.searchsorted(places, law), 1, len(places) - 1)
             for place in (following - 1, following):  # those between which it is in each cycle
                 np.minimum.at(ceiling, place, speeds)
-        return found[min(found)], min(found)
+        least = min(found, default=0)
+        return found.get(least, {}), least
 
     def _refused(self, start: Mapping[Side, Joints], motion: _Motion) -> list[float]:
         """When the limiter would not accept what the trajectory controllers send of a motion [s]."""
@@ -366,7 +373,7 @@ class Planner:
                 now = now._replace(velocity=joints([_QUICKER * speed for speed in now.velocity]))
                 robot = now if any(now.velocity) else None  # which follows with what is fed forward
                 arm.begin_cycle(None, planned[side], CYCLE)
-                if not arm.accepts(planned[side], now, robot, is_fed=robot is not None):
+                if not arm.accepts(planned[side], now, robot, feeds_forward=robot is not None):
                     refused.append(at)
                 arm.sent(planned[side], now, robot)  # what comes then is judged all the same
                 planned[side] = now.position
