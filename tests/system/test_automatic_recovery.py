@@ -51,6 +51,17 @@ def test_lost_link_is_recovered_without_a_person() -> None:
     assert system.is_moving_again()
 
 
+def test_driver_that_stood_still_itself_leaves_it_to_a_person() -> None:
+    """What commanded the arms until then, a stream perhaps, must not move them without being asked again."""
+    system = SelfRecovering()
+    system.stands_still = True
+    system.wait(0.3)
+    system.stands_still = False
+    system.live(3.0)
+    assert not system.is_guided
+    assert system.lines == []
+
+
 def test_time_out_of_egm_is_recovered_without_a_person() -> None:
     system = SelfRecovering(EgmMotionSettings(comm_timeout=1.0))
     system.be_silent(1.5)
