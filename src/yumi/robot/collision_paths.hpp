@@ -94,7 +94,8 @@ struct Segment {
     double off[JOINTS];                    // it by so much, at most
     double half[JOINTS];                   // how far each joint is from the middle, at most
     int curve, level, index;               // of 2^level segments of a curve; of the whole path without a curve
-    Slice slice;  // of what the line of a sheet sweeps on part i of 2^n of its way, where `curve` is 2^n + i
+    int strip;                             // of a sheet: 2^n + i for what its line sweeps on part i of 2^n of its way
+    Slice slice;                           // of that strip
 };
 
 // Where an arm may come, or, of a path that coasts, where its robot may, should its link be lost now or while it brakes:
@@ -241,7 +242,7 @@ struct Path {
     }
 
     bool can_cut(const Segment& segment) const {
-        return segment.curve < 0 || segment.level < LEVELS || (is_sheet() && segment.curve < STRIPS);
+        return segment.curve < 0 || segment.level < LEVELS || (is_sheet() && segment.strip < STRIPS);
     }
 
     // What a segment consists of: at most CURVES parts.
@@ -249,18 +250,18 @@ struct Path {
         if (is_sheet() && segment.curve >= 0) {
             double off = 0.0, along = 0.0;
             for (int j = 0; j < JOINTS; ++j) off += segment.off[j], along += std::abs(segment.along[j]);
-            const bool in_time = segment.curve < STRIPS && (off > WIDE * along || segment.level == LEVELS);
+            const bool in_time = segment.strip < STRIPS && (off > WIDE * along || segment.level == LEVELS);
             const Slice its = segment.slice;
             if (in_time) {
                 // A slice keeps its sides, so that its parts are all of it; before that, each part has its own way.
                 const Slice* sides = segment.level ? &its : nullptr;
                 int count = 0;
-                for (int i = 0; i < 2; ++i) count += sweep(2 * segment.curve + i, segment.level, sides, 1, parts + count);
+                for (int i = 0; i < 2; ++i) count += sweep(2 * segment.strip + i, segment.level, sides, 1, parts + count);
                 return count;
             }
             const double middle = 0.5 * (its.low + its.high);
             const Slice halves[2] = {{its.from, its.to, its.low, middle}, {its.from, its.to, middle, its.high}};
-            return sweep(segment.curve, segment.level + 1, halves, 2, parts);
+            return sweep(segment.strip, segment.level + 1, halves, 2, parts);
         }
         if (segment.curve >= 0) {
             for (int i = 0; i < 2; ++i) parts[i] = part(segment.curve, segment.level + 1, 2 * segment.index + i);
@@ -315,7 +316,7 @@ struct Path {
         int found = 0;
         for (int which = 0; which < count; ++which) {
             Segment& its = parts[found];
-            its.curve = strip, its.level = level, its.slice = slices[which];
+            its.curve = COASTING, its.strip = strip, its.level = level, its.slice = slices[which];
             const double low = its.slice.low = std::max(its.slice.low, nearest);
             const double high = its.slice.high = std::min(its.slice.high, furthest);
             if (low > high) continue;
