@@ -62,7 +62,7 @@ _SHORTCUTS = 10  # that are tried between two looks at the time
 _EVERY = 3  # cycles between two points of the result: a spline between them is a little above their rates
 _ARM_ANGLES = (0.0, 0.35, -0.35, 0.7, -0.7, 1.2, -1.2, 1.9, -1.9, pi)  # tried for a pose, from that of the start [rad]
 _GOALS = 12  # postures of a pose that are tried
-_SLOWER = (0.85, 0.75, 0.65, 0.55, 0.45)  # than before, where the limiter does not accept a motion
+_SLOWER = (0.85, 0.75, 0.65, 0.55, *(0.45,) * 5)  # than before, where the limiter does not accept a motion
 _AROUND = 6  # cycles
 _PLACE = 0.01  # [s] at the joints' speeds, between two places at which a motion is made slower
 _CREEPING = 0.05  # of the joints' speeds: slower would be of no use
@@ -189,8 +189,8 @@ class Planner:
                 continue
             motion, refused = self._timed(start, group, path, speed_scale, seed, begin + timeout)
             if motion:
-                found.setdefault(refused, motion)
-                if not refused or clearance < CLEARANCES[0]:  # nearer than that, another way is no better
+                is_new = found.setdefault(refused, motion) is motion or found[refused] != motion
+                if not refused or not is_new or clearance < CLEARANCES[0]:  # another way is no other, or no better
                     break
         if not found:
             raise PlanNotFound(

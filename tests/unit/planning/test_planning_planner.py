@@ -144,7 +144,7 @@ def free_motions(planner: Planner, seed: int) -> Iterator[Plan]:
             goal = {side: drawn[side] for side in moved}
             if planner.is_free({**start, **goal}):  # not where the other arm stays
                 with suppress(PlanNotFound):
-                    plan = planner.plan(start, goal, timeout=5.0)
+                    plan = planner.plan(start, goal)
             if plan is None:
                 start = drawn
         yield plan
