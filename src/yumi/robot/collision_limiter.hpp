@@ -201,12 +201,13 @@ struct Limiter {
                 if (!is_still) nearer += towards(1 - arm, *its, other, -1.0 * near.normal);
                 nearer = std::min(nearer, off);
                 free = beyond - std::max(nearer - TOLERANCE, 0.0);
-                double allowed[2] = {kept, kept};  // of positions sent, and of robots; the whole path is of both
+                double allowed[2] = {kept, kept};  // of positions sent, and of robots; whole paths are of both
                 for (const Floor& floor : floored)
                     if (floor.part == model.arms[arm].first + part && floor.other == number(other, is_still))
                         allowed[floor.is_robots] = floor.allowed;
-                if (own.segment.curve == SENT) allowed[1] = allowed[0];
-                if (own.segment.curve > SENT) allowed[0] = allowed[1];
+                const int its_curve = is_still ? own.segment.curve : its->segment.curve;
+                if (own.segment.curve == SENT && its_curve == SENT) allowed[1] = allowed[0];
+                if (std::max(own.segment.curve, its_curve) > SENT) allowed[0] = allowed[1];
                 // A part within its margin already comes no nearer, and may leave it.
                 if (std::min(allowed[0], allowed[1]) < kept) {
                     beyond = near.distance - std::min(allowed[0], allowed[1]);
@@ -359,14 +360,12 @@ struct Limiter {
         }
         for (const double* posture : {last.sent[0], last.planned}) {
             model.place(arm, posture, own);
-            const bool is_sent = posture == last.sent[0], may_lag = last.coasts > 0.0 || (its && its->coasts > 0.0);
+            const bool is_sent = posture == last.sent[0];
+            if (is_sent) note(nullptr, false);
+            if (is_sent && its) note(&spans[3].placed, false);
             // Robots are on their way to where they are sent, one later than the other.
-            for (bool is_robots : {false, true}) {
-                if (!is_robots && !is_sent && !may_lag) continue;
-                note(nullptr, is_robots);
-                if (its) note(&spans[3].placed, is_robots);
-                if (its && (is_robots || may_lag)) note(&spans[4].placed, is_robots);
-            }
+            note(nullptr, true);
+            if (its) note(&spans[3].placed, true), note(&spans[4].placed, true);
         }
         for (Floor& floor : floored) {
             const std::size_t row = std::size_t(floor.part) * model.count;

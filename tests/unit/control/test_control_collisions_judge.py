@@ -98,8 +98,9 @@ def judged(episode: int, cycles: int) -> Nearest:
     return least
 
 
-# An arm that was lost coasted into the other one; positions were sent within the margin since a robot was nearer.
-@pytest.mark.parametrize(("episode", "cycles"), [(0, 60), (8, 240), (317, 380), (636, 160)])
+# An arm that was lost coasted into the other one; positions were sent within the margin since a robot was nearer, which
+# lagged, had coasted, or was lost.
+@pytest.mark.parametrize(("episode", "cycles"), [(0, 60), (8, 240), (317, 380), (636, 160), (1010, 220)])
 def test_nothing_touches_in_adversarial_cycles(episode: int, cycles: int) -> None:
     """Arms are driven at each other, into the body and boxes, held, swung, and not heard for a while."""
     judged(episode, cycles)
