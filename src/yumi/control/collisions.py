@@ -40,8 +40,10 @@ _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the pad
 _COASTING_AHEAD = (
     0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
 )
-_DISTANCES = 20_000  # calculated for an arm in a cycle at most; what needs more is left to slower commands
-_DISTANCES_AHEAD = 5_000  # of these, for where a robot coasts to which a speed is fed forward; else it follows late
+DISTANCES = 20_000
+"""Calculated for an arm in a cycle at most; what needs more is left to slower commands."""
+
+_SHARE_AHEAD = 0.25  # of the distances, for where a robot coasts to which a speed is fed forward; else it follows late
 _WITHHELD_FOR = 5  # cycles in which no speed is fed forward to a robot that would have coasted too far
 _NOISE = 1e-3  # [rad] of where the robot plans to be
 _EXACT = 1e-6  # [m]
@@ -236,21 +238,30 @@ class CollisionLimiter:
         limits: of the joints: how hard they brake.
         gain: of the robots' position loops [1/s].
         margin: the distance kept [m].
+        distances: that may be calculated for an arm in a cycle.
 
     Attributes:
-        model, limits, gain, margin: as above.
+        model, limits, gain, margin, distances: as above.
         is_of: which parts are an arm's, (parts,).
         margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
         library, handle: ``collision.cpp``, and what it calls this.
     """
 
-    def __init__(self, model: CollisionModel, limits: JointLimits, gain: float, margin: float = MARGIN) -> None:
+    def __init__(
+        self,
+        model: CollisionModel,
+        limits: JointLimits,
+        gain: float,
+        margin: float = MARGIN,
+        distances: int = DISTANCES,
+    ) -> None:
         if not (isfinite(margin) and isfinite(gain)):
             raise ValueError(f"margin {margin} m and gain {gain} 1/s: both must be finite")
         self.model = model
         self.margin = margin
         self.limits = limits
         self.gain = gain
+        self.distances = distances
         self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
         self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
@@ -334,7 +345,7 @@ class ArmCollisionLimiter:
         # Its motion, the other arm's and the margins that were found to be clear last.
         self._compared: tuple[ArmMotion | None, ArmMotion | None, Array | None] = (None, None, None)
         self._progress = ProgressCheck()
-        self._distances_left = _DISTANCES  # in this cycle
+        self._distances_left = both.distances  # in this cycle
         self._decision = collision_library.Decision()
         self._feedforward_withheld_for = (
             0  # cycles, since a robot that speeds are fed forward to would have coasted too far
@@ -348,7 +359,7 @@ class ArmCollisionLimiter:
 
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
-        before, self.limited, self._distances_left = self.limited, None, _DISTANCES
+        before, self.limited, self._distances_left = self.limited, None, self._both.distances
         self._feedforward_withheld_for = max(self._feedforward_withheld_for - 1, 0)
         self._coasts_into = self._coasts_into if self._feedforward_withheld_for else None
         if self.motion is None:
@@ -461,7 +472,8 @@ class ArmCollisionLimiter:
 
     def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, feeds_forward: bool) -> bool:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
-        most, apart = (_DISTANCES_AHEAD, _COASTING_AHEAD) if feeds_forward else (_DISTANCES, _COASTING)
+        share, apart = (_SHARE_AHEAD, _COASTING_AHEAD) if feeds_forward else (1.0, _COASTING)
+        most = int(share * self._both.distances)
         is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)
         if not is_clear:
             self._coasts_into = limited or self._coasts_into

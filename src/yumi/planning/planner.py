@@ -26,7 +26,7 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.collisions import BODY_MARGIN, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.path_timing import UNLIMITED, MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
@@ -67,6 +67,7 @@ _AROUND = 6  # cycles
 _PLACE = 0.01  # [s] at the joints' speeds, between two places at which a motion is made slower
 _CREEPING = 0.05  # of the joints' speeds: slower would be of no use
 _QUICKER = 1.02  # than it is, the limiter must accept a motion: a real robot lags
+_SHARE = 0.75  # of the distances that it may calculate must be enough for that: a robot that lags takes a few more
 _ATTEMPTS = 4  # with other random numbers: a tree that grew into a corner is given up
 
 
@@ -364,7 +365,7 @@ class Planner:
 
     def _refused(self, start: Mapping[Side, Joints], motion: _Motion) -> list[float]:
         """When the limiter would not accept what the trajectory controllers send of a motion [s]."""
-        both = CollisionLimiter(self._collisions, self.limits, EGM_GAIN)
+        both = CollisionLimiter(self._collisions, self.limits, EGM_GAIN, distances=int(_SHARE * DISTANCES))
         ways = {side: SplineSampler(spline_through(points)) for side, points in motion.items()}
         planned, refused = dict(start), []
         for at in np.arange(0.0, _duration(motion) + CYCLE, CYCLE).tolist():
