@@ -37,9 +37,7 @@ BODY_MARGIN = -0.002
 """From the body and the other arm's shoulder the arms keep half of their padding: at home they are that near [m]."""
 
 _COASTING = -0.003  # [m] between parts of arms that coast: a quarter of the padding is left
-_COASTING_AHEAD = (
-    0.0  # [m] the same where a speed is fed forward: when it is taken back, the way is slightly another one
-)
+_COASTING_AHEAD = 0.0  # [m] the same where a speed is fed forward: when it is taken back, the way changes slightly
 DISTANCES = 20_000
 """Calculated for an arm in a cycle at most; what needs more is left to slower commands."""
 
