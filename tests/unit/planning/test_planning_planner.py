@@ -153,24 +153,27 @@ def free_motions(planner: Planner, seed: int) -> Iterator[Plan]:
 
 @pytest.mark.parametrize("count", [short(6), long(MOTIONS, 3600.0)])
 def test_limiter_changes_nothing_of_motions_with_twice_its_margin(count: int) -> None:
-    planner, times, durations = Planner(obstacles=(BOX,)), [], []
+    """In one of a hundred a speed may not be fed forward for some cycles; the commanded motion is never another one."""
+    planner, times, durations, late = Planner(obstacles=(BOX,)), [], [], 0
     for number, plan in enumerate(islice(free_motions(planner, SEED), count), 1):
         assert plan.clearance == CLEARANCES[0]
         ways, arms = splines(plan), ApartArms(plan.start, obstacles=(BOX,))
         for time in np.arange(CYCLE, plan.duration + 0.1, CYCLE).tolist():
             desired = {side: ArmCommand(*way.motion(time)) for side, way in ways.items()}
             arms.cycle(dict.fromkeys(ways, lambda _, side, now=desired: now[side]))
-            for side, (position, velocity) in desired.items():
+            for side, (position, _) in desired.items():
                 assert arms.sent[side].position == pytest.approx(position, abs=1e-3), (number, time, side)
-                assert arms.sent[side].velocity == pytest.approx(velocity, abs=1e-3), (number, time, side)
-        assert [arms.limiters[side].counters.kept_apart for side in Side] == [0, 0], number
+        counters = [arms.limiters[side].counters for side in Side]
+        assert [each.kept_apart for each in counters] == [0, 0], number
+        late += any(each.feedforward_withheld for each in counters)
         times.append(plan.planning_time)
         durations.append(plan.duration)
         if count > 6 and number % 20 == 0:
             tell(
                 f"{number} motions of {median(durations):.2f} s in the median; planned in {median(times):.2f} s in the "
-                f"median, {max(times):.1f} s at most"
+                f"median, {max(times):.1f} s at most; {late} not fed forward all the time"
             )
+    assert late <= 0.01 * count
 
 
 def test_way_is_found_from_where_the_limiter_holds_an_arm_at_the_body(planner: Planner) -> None:
