@@ -345,9 +345,7 @@ class ArmCollisionLimiter:
         self._progress = ProgressCheck()
         self._distances_left = both.distances  # in this cycle
         self._decision = collision_library.Decision()
-        self._feedforward_withheld_for = (
-            0  # cycles, since a robot that speeds are fed forward to would have coasted too far
-        )
+        self._feedforward_withheld_for = 0  # cycles, since the robot would have coasted too far with it
         self._coasts_into: Limited | None = None  # what it would have coasted into
 
     @property

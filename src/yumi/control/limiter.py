@@ -400,7 +400,7 @@ _Part = TypeVar("_Part")
 
 
 def _copy(part: _Part) -> _Part:
-    """What ``copy.copy`` makes, in a tenth of the time: one is made of each part for each command that is tried."""
+    """What ``copy.copy`` makes, which would take 9 of the 150 µs that keeping both arms apart may in a cycle."""
     copied = object.__new__(type(part))
     copied.__dict__.update(part.__dict__)
     return copied

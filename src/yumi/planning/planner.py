@@ -35,17 +35,7 @@ from yumi.planning.scene import GROUPS, planning_description, semantic_descripti
 from yumi.robot.collision import CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.inverse_kinematics import arm_angle, postures_of_each
-from yumi.robot.joints import (
-    CYCLE,
-    JOINT_COUNT,
-    YUMI_LIMITS,
-    JointLimits,
-    Joints,
-    Pose,
-    Side,
-    joint_names,
-    joints,
-)
+from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, joint_names, joints
 
 Array = NDArray[np.float64]
 
@@ -190,8 +180,8 @@ class Planner:
                 continue
             motion, refused = self._timed(start, group, path, speed_scale, seed, begin + timeout)
             if motion:
-                is_new = found.setdefault(refused, motion) is motion or found[refused] != motion
-                if not refused or not is_new or clearance < CLEARANCES[0]:  # another way is no other, or no better
+                is_known = found.setdefault(refused, motion) is not motion and found[refused] == motion
+                if not refused or is_known or clearance < CLEARANCES[0]:  # other ways are the same, or no better
                     break
         if not found:
             raise PlanNotFound(

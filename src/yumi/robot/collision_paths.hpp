@@ -104,9 +104,9 @@ struct Segment {
 // known to stop.
 struct Path {
     Motion motion;
-    bool coasts, can_sheet;
+    bool coasts = false, can_sheet = false;
     Braking braking[JOINTS];     // of the position sent
-    int curves;                  // of it; none before it is cut
+    int curves = 0;              // of it; none before it is cut
     Curve curve[CURVES];         // how the position sent brakes, how the robot follows it, and where it may coast
     Segment all, sheet;          // the whole of a path, and of one that coasts on a sheet
     double passed[SAMPLES + 1];  // the way of the ends of a sheet's line so far
