@@ -28,7 +28,7 @@ from yumi.driver.state_machine import EgmMotionSettings
 from yumi.egm.codec import JointCodec
 from yumi.robot.joints import Joints, Side
 from yumi.rws.client import RwsClient
-from yumi.virtual.process import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess
 
 SO_TIMESTAMPNS = 35  # Linux; Python has no name for it
 BUSY_LOOP = "while True: pass"

@@ -6,7 +6,7 @@ import yumi
 from yumi.egm.codec import JointCodec
 from yumi.robot.joints import CYCLE, Side
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.process import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess
 
 GOAL = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
 

@@ -51,10 +51,9 @@ from yumi.driver.stops import Cause, explained
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
-from yumi.ros.controller_manager import ArmManager
+from yumi.ros.controller_manager import ArmManager, DescriptionWait
 from yumi.ros.controllers import ControllerNodes
 from yumi.ros.executors import TimerThread
-from yumi.ros.topics import DescriptionWait
 from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros

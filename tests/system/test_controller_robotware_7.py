@@ -7,7 +7,7 @@ from pathlib import Path
 import httpx
 import pytest
 
-from yumi.virtual.process import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess
 from yumi.virtual.rws.version_2 import FORM, HAL
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")

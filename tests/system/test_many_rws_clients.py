@@ -21,7 +21,7 @@ from yumi.clock import SystemClock, wait_until
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
-from yumi.virtual.process import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess
 
 pytestmark = pytest.mark.real_time
 SCRIPT = Path(__file__).parents[1] / "rws_load.py"

@@ -15,8 +15,8 @@ from soak import CONTROLLERS, long, short, tell
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState
+from yumi.testing.virtual_yumi import ControllerProcess
 from yumi.virtual.controller.fault_names import Fault
-from yumi.virtual.process import ControllerProcess
 
 pytestmark = pytest.mark.real_time
 

@@ -103,7 +103,7 @@ def computed() -> float:
 SCRIPT = """
 import yumi
 from pathlib import Path
-from yumi.virtual.process import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess
 with ControllerProcess(Path("log"), {"calibrated": True}) as controller:
     with yumi.connect(**controller.connect_options) as robot:
         goal = yumi.degrees(20, -110, -135, 30, 0, 40, 0)

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from inspect import signature
-from ipaddress import ip_address
 from math import radians
 from pathlib import Path
 from typing import Any, ParamSpec
@@ -23,6 +22,7 @@ from yumi.driver.settings import (
     read_settings,
 )
 from yumi.driver.wiring import Controllers
+from yumi.egm.udp import is_loopback
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side
 from yumi.settings import Entry
@@ -173,11 +173,7 @@ def _address(address: str | None, rws_port: int | None) -> Given:
         raise SettingsError(
             f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
         )
-    try:
-        is_this_machine = ip_address(host).is_loopback
-    except ValueError:
-        is_this_machine = host == "localhost"
-    usual = VIRTUAL_RWS_PORT if is_this_machine else None
+    usual = VIRTUAL_RWS_PORT if is_loopback(host) else None
     given = int(port) if colon else rws_port
     return {"address": host, "rws_port": usual if given is None else given}
 

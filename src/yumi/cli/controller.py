@@ -252,7 +252,7 @@ def fault(
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
-    from yumi.virtual.process import inject_fault  # noqa: PLC0415 - a quick --help
+    from yumi.virtual.fault_injection import inject_fault  # noqa: PLC0415 - a quick --help
 
     inject_fault(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
     click.echo(f"{name}: done")

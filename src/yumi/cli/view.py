@@ -76,8 +76,9 @@ def view(
       yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
       yumi view session.mcap                  a recording or flight record, with a time slider
     """
+    from yumi.egm.udp import is_loopback  # noqa: PLC0415
     from yumi.web.records import page_recording  # noqa: PLC0415 - a quick --help
-    from yumi.web.server import ViewSettings, is_loopback  # noqa: PLC0415
+    from yumi.web.server import ViewSettings  # noqa: PLC0415
 
     if recording is not None and (robot or virtual or operate):
         raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
 from typing import Any
+from xml.etree import ElementTree
 
 import rclpy
 from controller_manager_msgs.srv import (
@@ -26,6 +27,7 @@ from controller_manager_msgs.srv import (
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
+from std_msgs.msg import String
 
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, State
@@ -35,7 +37,7 @@ from yumi.control.statistics import Statistics
 from yumi.driver.settings import ControllerSettings
 from yumi.driver.stops import Cause, explained
 from yumi.errors import YumiError
-from yumi.robot.joints import CYCLE, Side
+from yumi.robot.joints import CYCLE, Side, joint_names
 from yumi.ros.controllers import ArmControllers, ArmHardware, ControllerNodes, MakeInterface
 from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
@@ -52,7 +54,6 @@ from yumi.ros.messages import (
     state_of,
 )
 from yumi.ros.parameters import ManagerParameters
-from yumi.ros.topics import DescriptionWait
 
 try:
     from controller_manager_msgs.srv import CleanupController
@@ -60,6 +61,53 @@ except ImportError:  # installations from before December 2025
     CleanupController = None
 
 BASE_CLASS = "controller_interface::ControllerInterface"
+
+
+_REMINDER = 2.0  # [s]
+
+
+class DescriptionWait:
+    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing."""
+
+    def __init__(self, node: Any, side: Side, on_description: Callable[[], None]) -> None:
+        self._log = node.get_logger()
+        self._names = joint_names(side)
+        self._on_description = on_description
+        self._urdf = ""
+        self._is_due = False  # the timer runs before anything is spun, and is overdue then though all is well
+        self._reminder = node.create_timer(_REMINDER, self._remind)
+        node.create_subscription(String, "robot_description", self._take, LATCHED)
+
+    @property
+    def is_over(self) -> bool:
+        """Whether a description has come."""
+        return bool(self._urdf)
+
+    def _remind(self) -> None:
+        if self._is_due:
+            self._log.warning("Waiting for a message on robot_description.")
+        self._is_due = True
+
+    def _take(self, message: Any) -> None:
+        if self._urdf:
+            if message.data != self._urdf:
+                self._log.warning("Another robot description has come; it is ignored until the driver is restarted.")
+            return
+        reason = self._why_not(message.data)
+        if reason:
+            self._log.error(f"The robot description cannot be used: {reason}.")
+            return
+        self._urdf = message.data
+        self._reminder.cancel()
+        self._on_description()
+
+    def _why_not(self, urdf: str) -> str:
+        try:
+            found = {joint.get("name") for joint in ElementTree.fromstring(urdf).iter("joint")}
+        except ElementTree.ParseError as error:
+            return f"it is not XML ({error})"
+        missing = [name for name in self._names if name not in found]
+        return f"it has no joint {', '.join(missing)}" if missing else ""
 
 
 class ControllerManagerServices:

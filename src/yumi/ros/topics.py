@@ -23,12 +23,11 @@ from functools import partial
 from math import inf, nan
 from threading import Event
 from typing import Any
-from xml.etree import ElementTree
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64MultiArray, String
+from std_msgs.msg import Float64MultiArray
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
 from yumi.clock import Clock
@@ -417,53 +416,6 @@ class MergedJointStates:
             # An arm that stands must not make the states of one that moves look old.
             oldest = min(reported or read, default=now)
             self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest), self._frame))
-
-
-_REMINDER = 2.0  # [s]
-
-
-class DescriptionWait:
-    """Waits on ``robot_description`` for the first description that has the arm's joints; later ones change nothing."""
-
-    def __init__(self, node: Any, side: Side, on_description: Callable[[], None]) -> None:
-        self._log = node.get_logger()
-        self._names = joint_names(side)
-        self._on_description = on_description
-        self._urdf = ""
-        self._is_due = False  # the timer runs before anything is spun, and is overdue then though all is well
-        self._reminder = node.create_timer(_REMINDER, self._remind)
-        node.create_subscription(String, "robot_description", self._take, LATCHED)
-
-    @property
-    def is_over(self) -> bool:
-        """Whether a description has come."""
-        return bool(self._urdf)
-
-    def _remind(self) -> None:
-        if self._is_due:
-            self._log.warning("Waiting for a message on robot_description.")
-        self._is_due = True
-
-    def _take(self, message: Any) -> None:
-        if self._urdf:
-            if message.data != self._urdf:
-                self._log.warning("Another robot description has come; it is ignored until the driver is restarted.")
-            return
-        reason = self._why_not(message.data)
-        if reason:
-            self._log.error(f"The robot description cannot be used: {reason}.")
-            return
-        self._urdf = message.data
-        self._reminder.cancel()
-        self._on_description()
-
-    def _why_not(self, urdf: str) -> str:
-        try:
-            found = {joint.get("name") for joint in ElementTree.fromstring(urdf).iter("joint")}
-        except ElementTree.ParseError as error:
-            return f"it is not XML ({error})"
-        missing = [name for name in self._names if name not in found]
-        return f"it has no joint {', '.join(missing)}" if missing else ""
 
 
 def forward_interfaces(

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 if TYPE_CHECKING:  # every run of pytest loads this file; the robot is loaded by the tests that want one
-    from yumi.testing.virtual_yumi import VirtualYumi
-    from yumi.virtual.process import ControllerProcess
+    from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,7 +31,7 @@ def abb_controller(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[ControllerProcess]:
     """A virtual IRC5 with a YuMi in a process of its own: Robot Web Services and EGM on free ports, in real time."""
-    from yumi.virtual.process import ControllerProcess  # noqa: PLC0415 - see above
+    from yumi.testing.virtual_yumi import ControllerProcess  # noqa: PLC0415 - see above
 
     mark = request.node.get_closest_marker("abb_controller")
     log = tmp_path_factory.mktemp("abb_controller") / "controller.log"

@@ -9,11 +9,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from ipaddress import ip_address
 from math import inf, isfinite, radians
 from urllib.parse import urlsplit
 
-from yumi.errors import CommandRefused, YumiError
+import httpx
+
+from yumi.egm.udp import is_loopback
+from yumi.errors import CommandRefused, NoConnection, YumiError
 from yumi.robot.joints import Side
 from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
@@ -27,6 +29,7 @@ from yumi.virtual.world import World
 
 PATH = "/virtual/faults"
 _MAX_DURATION = 86_400.0
+_FAULT_TIMEOUT = 4.0  # [s]
 _GRIPPER_ERROR = 7  # any; the gripper's numbers are not published
 _OTHER_FILE = "HOME:/Pick.mod"
 _OTHER_PROGRAM = """MODULE Pick
@@ -121,13 +124,13 @@ class FaultInjection:
 
     def answer(self, request: HttpRequest) -> HttpReply:
         """The answer to a request below :data:`PATH`."""
-        if not _is_loopback(request.peer.rpartition(":")[0]):
+        if not is_loopback(request.peer.rpartition(":")[0]):
             return _sentence(403, "Faults are taken from programs on this machine only.")
         # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
         # leads to this machine.
         origin = request.header("Origin")
         urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
-        if not all(_is_loopback(_host_of(url)) for url in urls):
+        if not all(is_loopback(_host_of(url)) for url in urls):
             return _sentence(
                 403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
@@ -290,13 +293,33 @@ def _host_of(url: str) -> str:
         return ""
 
 
-def _is_loopback(host: str) -> bool:
-    """Whether a host name or address means this machine."""
-    try:
-        return host == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
 def _sentence(status: int, sentence: str) -> HttpReply:
     return HttpReply(status, (("Content-Type", "text/plain; charset=utf-8"),), sentence.encode())
+
+
+def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
+    """Inject a fault into the virtual controller at ``address``.
+
+    Raises:
+        NoConnection: nothing answers there.
+        CommandRefused: the fault is unknown or refused, or it is not a virtual controller.
+    """
+    try:
+        try:
+            reply = _posted(f"http://{address}{PATH}/{name}", form)
+        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
+            reply = _posted(f"https://{address}{PATH}/{name}", form)
+    except httpx.HTTPError as error:
+        raise NoConnection(
+            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
+        ) from error
+    if not reply.is_success:
+        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
+        sentence = reply.text if is_virtual else ""
+        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
+
+
+def _posted(url: str, form: Mapping[str, str]) -> httpx.Response:
+    # The certificate that a virtual controller makes itself is trusted on this machine alone.
+    is_far = not is_loopback(httpx.URL(url).host)
+    return httpx.post(url, data=form, timeout=_FAULT_TIMEOUT, trust_env=False, verify=is_far)

@@ -10,21 +10,14 @@ import errno
 import os
 import socket
 import weakref
-from ipaddress import ip_address
+
+from yumi.egm.udp import is_loopback
 
 LOOPBACK = "127.0.0.1"
 MOST_SOCKETS = 32
 """Sockets that are open at a time (RAPID reference manual, SocketCreate)."""
 
 _PEEKED = 65536  # bytes
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address is this machine's own; no name but localhost is, and none is looked up."""
-    try:
-        return host.lower() == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 class ProgramNetwork:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from ipaddress import IPv4Address
 
+from yumi.egm.udp import is_loopback
 from yumi.errors import NoConnection
 from yumi.robot.arms import Arm
 from yumi.robot.gripper import GripperModules
@@ -19,7 +20,6 @@ from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
 from yumi.virtual.mechanics.contact import ContactDetector
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
-from yumi.virtual.sockets import is_loopback
 
 _PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
 _ADD_IN = "StateMachine Core"

@@ -8,7 +8,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Coroutine, Mapping
 from contextlib import suppress
-from ipaddress import ip_address
 from math import inf
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -31,6 +30,7 @@ from yumi.driver.endpoint import (
     SwitchControllers,
     failure_of,
 )
+from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import Distance
 from yumi.robot.description import FINGERTIPS
@@ -38,7 +38,7 @@ from yumi.robot.differential_kinematics import Solver, missing, wrist_of, wrist_
 from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side
 from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, tool0_to_body
 from yumi.virtual.controller.fault_names import Fault
-from yumi.virtual.process import inject_fault
+from yumi.virtual.fault_injection import inject_fault
 from yumi.web.link import DriverLink
 from yumi.web.messages import MAX_JOINT_SPEED, AnyJog, Ask, ExecutePlan, Inject, JointsJog, PlanMotion, ToolJog
 from yumi.web.planning import PlanningProcess
@@ -247,7 +247,7 @@ async def _is_virtual(address: str) -> bool:
     """Whether the controller is a virtual one on this machine: only that one has faults to inject."""
     host = address.rpartition(":")[0]
     try:
-        if not (host == "localhost" or ip_address(host).is_loopback):
+        if not is_loopback(host):
             return False
         timeout = aiohttp.ClientTimeout(total=2.0)
         async with (

@@ -15,7 +15,6 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -25,6 +24,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.driver.endpoint import StopEgm, failure_of
+from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.virtual.controller.fault_names import Fault
 from yumi.web.live import LiveRobot, Operator
@@ -84,14 +84,6 @@ class ViewSettings:
             raise SettingsError(
                 "Every user of this machine reaches the page; to operate a real robot it needs a token."
             )
-
-
-def is_loopback(host: str) -> bool:
-    """Whether a host name or address means this machine."""
-    try:
-        return host == "localhost" or ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        return False
 
 
 class _Page:
