@@ -5,8 +5,7 @@ import pytest
 import yumi
 from yumi.egm.codec import JointCodec
 from yumi.robot.joints import CYCLE, Side
-from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.testing.virtual_yumi import ControllerProcess
+from yumi.testing.virtual_yumi import ControllerProcess, VirtualYumi
 
 GOAL = yumi.degrees(20, -110, -135, 30, 0, 40, 0)
 

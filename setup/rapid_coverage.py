@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from yumi.rapid.builtins.standard import NAMES
+from yumi.rapid.builtins.execution import NAMES
 from yumi.rapid.library import Library, Support
 from yumi.virtual.world import World
 

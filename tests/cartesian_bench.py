@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.events import ControllerReport
 from yumi.control.limiter import SpeedScale
-from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.tool_limits import ToolLimits
+from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
+from yumi.control.tool_path import ToolLimits
 from yumi.control.trajectory import ArmPlan
 from yumi.robot.inverse_kinematics import arm_angle
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Quaternion, Side, joints

@@ -6,15 +6,17 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from yumi.control.controller import Buffer, Controller, MemoryBuffer, write_goal, write_speeds
+from yumi.control.controller import Buffer, Controller, MemoryBuffer, StageClock, write_goal, write_speeds
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
-from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.controllers.joint_position import (
+    JointGroupPositionController,
+    JointGroupVelocityController,
+    JointPositionController,
+    JointVelocityController,
+)
 from yumi.control.cycle import run_cycle
 from yumi.control.limiter import Limiter
-from yumi.control.statistics import StageClock
-from yumi.driver.arm import PerfectArm
+from yumi.driver.wiring import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig

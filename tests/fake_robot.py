@@ -17,11 +17,8 @@ from yumi.api.motion import (
 from yumi.clock import ManualClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
-from yumi.control.events import (
-    ControllerReport,
-)
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import ControllerReport, Snapshot
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home
 

@@ -7,8 +7,7 @@ import socket
 import time
 from threading import Event
 
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
+from yumi.egm.codec import SensorCodec, SensorMessage
 
 
 class HeldArm:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import yumi.robot
-from yumi.planning.scene import disabled_pairs
+from yumi.planning.planner import disabled_pairs
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import robot_description
 from yumi.robot.joints import Joints, Side, joint_names

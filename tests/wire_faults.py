@@ -8,10 +8,9 @@ from itertools import pairwise
 from math import cos, degrees, hypot, pi, radians, sin
 from typing import NamedTuple, Protocol
 
-from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.messages import RobotMessage
+from yumi.egm.codec import RobotCodec, RobotMessage, SensorCodec
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.events import Fault, Way
 
 LONGEST_STEP = 1.25 * CYCLE
 """No reference is farther from the one before than a joint may go in this time [s]."""

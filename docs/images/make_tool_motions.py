@@ -16,11 +16,11 @@ from make_robot import Link, Solid, links_of, render
 from numpy.typing import NDArray
 from PIL import Image
 
-from yumi.api.cartesian import FINGERTIPS, boxes_from, posture_for
+from yumi.api.tool import FINGERTIPS, boxes_from, posture_for
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.events import ControllerReport
+from yumi.control.shared_state import ControllerReport
 from yumi.control.tool_path import Waypoint, plan_path
 from yumi.planning.planner import Plan, Planner
 from yumi.robot.collision import Obstacle

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from yumi import errors
-    from yumi.api.attach import attach
-    from yumi.api.cartesian import pose
     from yumi.api.connect import connect, connect_async
+    from yumi.api.connection import attach
     from yumi.api.motion import abb_degrees, degrees, in_degrees
+    from yumi.api.tool import pose
     from yumi.driver.egm_server import EgmServer
     from yumi.recording.tables import read_recording
 
@@ -32,12 +32,12 @@ __all__ = [
 _OFFERS = {
     "EgmServer": "yumi.driver.egm_server",
     "abb_degrees": "yumi.api.motion",
-    "attach": "yumi.api.attach",
+    "attach": "yumi.api.connection",
     "connect": "yumi.api.connect",
     "connect_async": "yumi.api.connect",
     "degrees": "yumi.api.motion",
     "in_degrees": "yumi.api.motion",
-    "pose": "yumi.api.cartesian",
+    "pose": "yumi.api.tool",
     "read_recording": "yumi.recording.tables",
 }
 

@@ -20,13 +20,12 @@ from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
 from yumi.control.cycle import Cycle
-from yumi.control.events import Event
 from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
-from yumi.control.shared_state import Snapshot, read_snapshot
+from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
-from yumi.driver.arm import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
+from yumi.driver.wiring import EgmArm
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SILENCE, SensorSession
 from yumi.egm.udp import memory_links

@@ -9,8 +9,7 @@ from math import degrees, radians
 from state_machine_bench import Bench
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import RobotMessage
+from yumi.egm.codec import RobotMessage, SensorCodec
 from yumi.robot.joints import Joints, Side, abb_from_chain, home
 from yumi.virtual.controller.egm import EgmClient, EgmOptions
 from yumi.virtual.mechanics.arm import ArmModel, VirtualArm

@@ -10,18 +10,17 @@ from types import SimpleNamespace
 import yumi.virtual.controller
 from yumi.clock import ManualClock
 from yumi.rapid.devices import FlexPendant, MessageQueues
-from yumi.rapid.errors import RapidValueError, UnknownSymbol
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution
 from yumi.rapid.task import ModuleInfo, StepKind
+from yumi.rapid.types import RapidValueError, UnknownSymbol
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode, SignalType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
 from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
 from yumi.virtual.controller.system import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.controller.units import YUMI_UNITS, Identity
+from yumi.virtual.controller.units import YUMI_UNITS, Identity, Jobs, MotionState, OwnSettings
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService

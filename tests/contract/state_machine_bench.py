@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import RobotMessage, SensorMessage
+from yumi.egm.codec import RobotMessage, SensorCodec, SensorMessage
 from yumi.robot.joints import CYCLE, Joints, Side
 from yumi.virtual.world import World, WorldSettings
 

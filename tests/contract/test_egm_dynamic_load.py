@@ -14,8 +14,8 @@ import pytest
 from state_machine_bench import ARMS, Bench
 
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, SUPERVISED, EgmLoop, OpenLimiter
-from yumi.control.events import RobotStoppedFollowing
-from yumi.egm.messages import MciState, MotorState
+from yumi.control.shared_state import RobotStoppedFollowing
+from yumi.egm.codec import MciState, MotorState
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home
 from yumi.rws.types import ControllerState
 from yumi.virtual.controller.egm import EgmOutcome

@@ -11,7 +11,7 @@ from egm_robot_bench import FULL_SPEED, HOME, KEEP_ALIVE, RAW, RobotBench, alway
 from state_machine_bench import ARMS, Bench
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.messages import MciState, MotorState, RapidState
+from yumi.egm.codec import MciState, MotorState, RapidState
 from yumi.egm.udp import UdpClient
 from yumi.robot.joints import CYCLE, Side, abb_from_chain, chain_from_abb
 from yumi.robot.kinematics import euler_zyx, tool0_to_body

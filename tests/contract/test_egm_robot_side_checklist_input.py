@@ -21,8 +21,7 @@ from egm_robot_bench import (
 from state_machine_bench import Bench
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import RobotCodec
-from yumi.egm.messages import MciState, MotorState
+from yumi.egm.codec import MciState, MotorState, RobotCodec
 from yumi.robot.joints import CYCLE, Side
 from yumi.robot.kinematics import quaternion_from_euler_zyx
 from yumi.rws.types import ControllerState

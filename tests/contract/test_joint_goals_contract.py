@@ -10,14 +10,13 @@ from math import radians
 import pytest
 
 from egm_loop import CONTROLLER, EgmLoop
-from yumi.control.controller import MemoryBuffer
+from yumi.control.controller import MemoryBuffer, StageClock
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.cycle import Cycle, run_cycle
-from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter
-from yumi.control.statistics import StageClock
-from yumi.driver.arm import PerfectArm
+from yumi.control.shared_state import ControllerReport
+from yumi.driver.wiring import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
 NAME = "joint_goal_controller"

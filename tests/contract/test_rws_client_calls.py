@@ -10,7 +10,7 @@ import pytest
 from contract.rws_bench import PlainController, serving
 from yumi.errors import CommandRefused, ControllerRefused
 from yumi.rws.client import RwsClient
-from yumi.rws.replies import Event, ModuleInfo, Signal, TaskInfo
+from yumi.rws.documents import Event, ModuleInfo, Signal, TaskInfo
 from yumi.rws.services import io
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, SignalType, TaskExecution, encode
 

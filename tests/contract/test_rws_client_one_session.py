@@ -14,8 +14,7 @@ from memory_http import MemoryHttp
 from soak import long, short
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection
-from yumi.rws.client import RwsClient
-from yumi.rws.events import EXECUTION, SPEED_RATIO, Change, Interruption
+from yumi.rws.client import EXECUTION, SPEED_RATIO, Change, Interruption, RwsClient
 from yumi.rws.transport import AnswerTimeout, ConnectionLost
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.subscriptions import Upgrade

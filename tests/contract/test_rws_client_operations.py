@@ -12,16 +12,12 @@ from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import Joints, Pose, Side, home
 from yumi.robot.kinematics import tool0_to_body
-from yumi.rws.client import RwsClient
-from yumi.rws.events import OPERATING_MODE
-from yumi.rws.replies import RobTarget
-from yumi.rws.services.controller import RestartMode
+from yumi.rws.client import OPERATING_MODE, RwsClient
+from yumi.rws.documents import RobTarget
+from yumi.rws.services.controller import Privilege, RestartMode, RmmpStatus
 from yumi.rws.services.io import SignalChange
 from yumi.rws.services.motion import Coordinates, Increment, JogMode, Supervision
-from yumi.rws.services.queues import QueueMessage
-from yumi.rws.services.rapid import Range, RunCycle, Step, StopMode
-from yumi.rws.services.symbols import SymbolKind
-from yumi.rws.services.users import Privilege, RmmpStatus
+from yumi.rws.services.rapid import QueueMessage, Range, RunCycle, Step, StopMode, SymbolKind
 from yumi.rws.types import Code, OperatingMode, SignalType
 from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.world import World

@@ -12,7 +12,7 @@ from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
-from yumi.rws.replies import FileInfo
+from yumi.rws.documents import FileInfo
 from yumi.rws.session import Request
 from yumi.rws.types import ControllerState, ExecutionState
 from yumi.virtual.controller.controller import RESTART_TIME

@@ -12,8 +12,7 @@ import pytest
 from contract.rws_bench import PlainController, serving
 from hostile_server import ATTACKS, HostileServer, dripping, hostile_before
 from yumi.errors import NoConnection, ProtocolError, YumiError
-from yumi.rws.client import RwsClient
-from yumi.rws.events import SPEED_RATIO
+from yumi.rws.client import SPEED_RATIO, RwsClient
 
 pytestmark = pytest.mark.real_time
 

@@ -10,9 +10,13 @@ import pytest
 
 from trajectories import moved, planned, swing
 from yumi.control.controller import MemoryBuffer, write_goal, write_speeds
-from yumi.control.controllers.forward_command import JointGroupPositionController, JointGroupVelocityController
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
-from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.controllers.joint_position import (
+    JointGroupPositionController,
+    JointGroupVelocityController,
+    JointPositionController,
+    JointVelocityController,
+)
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     FollowTrajectory,
@@ -21,11 +25,9 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.controllers.joint_velocity import JointVelocityController
 from yumi.control.cycle import Cycle
-from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter, SpeedScale
-from yumi.control.shared_state import Factor
+from yumi.control.shared_state import ControllerReport, Factor
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig

@@ -3,7 +3,7 @@
 import pytest
 from state_machine_bench import ARMS, Bench
 
-from yumi.egm.messages import MciState, MotorState, RapidState
+from yumi.egm.codec import MciState, MotorState, RapidState
 from yumi.robot.joints import Joints, Side, home
 
 

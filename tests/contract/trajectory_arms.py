@@ -15,12 +15,11 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
-from yumi.control.events import ControllerReport, Event
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
-from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.shared_state import ControllerReport, Event, TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
-from yumi.driver.arm import PerfectArm
+from yumi.driver.wiring import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig

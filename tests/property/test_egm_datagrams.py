@@ -16,8 +16,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.egm.codec import LARGEST_DATAGRAM, JointCodec, RobotCodec, SensorCodec
-from yumi.egm.messages import JointReport, MciState, MotorState, Pose, RapidState, RobotMessage
+from yumi.egm.codec import (
+    LARGEST_DATAGRAM,
+    JointCodec,
+    JointReport,
+    MciState,
+    MotorState,
+    Pose,
+    RapidState,
+    RobotCodec,
+    RobotMessage,
+    SensorCodec,
+)
 from yumi.egm.session import SensorSession
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints

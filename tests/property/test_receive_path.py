@@ -21,14 +21,12 @@ from hypothesis import strategies as st
 from egm_loop import CONTROLLER, CYCLE, FULL_SPEED, EgmLoop, Wire
 from soak import RECEIVE_EXAMPLES
 from yumi.control.controller import MemoryBuffer, State, write_speeds
-from yumi.control.controllers.joint_velocity import JointVelocityController
-from yumi.control.events import ImplausibleFeedback, ProblemOver, ReferencesIgnored, SessionResumed
+from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.control.limiter import FOLLOWING, LATE_CYCLE, Limiter
 from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import Problem
+from yumi.control.shared_state import ImplausibleFeedback, Problem, ProblemOver, ReferencesIgnored, SessionResumed
 from yumi.driver.settings import EgmSettings
-from yumi.egm.codec import RobotCodec, SensorCodec
-from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import SILENCE
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, joints

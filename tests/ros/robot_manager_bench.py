@@ -17,7 +17,7 @@ from yumi.driver.readiness import Mode, Report, RobotState
 from yumi.driver.state_machine import MachineState, SpeedSetting
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.joints import Side
-from yumi.ros.executors import TimerThread
+from yumi.ros.nodes import TimerThread
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import RobotStateTopic
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode

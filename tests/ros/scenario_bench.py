@@ -22,12 +22,12 @@ from yumi_interfaces.msg import RobotState
 
 from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
-from yumi.control.flight_recorder import Frame
+from yumi.control.cycle import Frame
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks

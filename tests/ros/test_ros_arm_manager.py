@@ -31,10 +31,13 @@ from std_msgs.msg import String
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.events import (
+from yumi.control.limiter import Limiter
+from yumi.control.loop import ArmLoop, Commands, serve
+from yumi.control.shared_state import (
     ControllerFailed,
     ControllerReport,
     ControlProcessEnded,
+    Problem,
     ProblemOver,
     RobotFollows,
     RobotStoppedFollowing,
@@ -42,18 +45,14 @@ from yumi.control.events import (
     SessionResumed,
     SessionStarted,
 )
-from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.control.shared_state import Problem
-from yumi.driver.arm import PerfectArm
+from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
-from yumi.driver.stops import Cause, explained
+from yumi.driver.wiring import PerfectArm
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
-from yumi.ros.controller_manager import ArmManager, DescriptionWait
-from yumi.ros.controllers import ControllerNodes
-from yumi.ros.executors import TimerThread
+from yumi.ros.controller_manager import ArmManager, ControllerNodes, DescriptionWait
+from yumi.ros.nodes import TimerThread
 from yumi.settings import Entry, Parameter, Values
 
 pytestmark = pytest.mark.ros

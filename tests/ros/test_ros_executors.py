@@ -12,7 +12,7 @@ import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 
 from yumi.errors import MissingPrerequisite
-from yumi.ros.executors import Executors
+from yumi.ros.nodes import Executors
 
 pytestmark = pytest.mark.ros
 

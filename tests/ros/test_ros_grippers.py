@@ -26,9 +26,9 @@ from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached
 from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, read_gripper
 from yumi.robot.joints import CYCLE, Side, finger_names
-from yumi.ros.executors import TimerThread
 from yumi.ros.gripper import GripperParts, Grippers
-from yumi.virtual.controller.fault_names import Fault
+from yumi.ros.nodes import TimerThread
+from yumi.virtual.controller.events import Fault
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]

@@ -16,9 +16,8 @@ from yumi_interfaces.action import MoveLinear
 
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import INTERRUPTED, Snapshot
+from yumi.control.shared_state import INTERRUPTED, ControlProcessEnded, ReportsDropped, Snapshot
 from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
 from yumi.driver.control_process import ENDED
 from yumi.errors import CommandRefused

@@ -9,9 +9,8 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from yumi.control.controller import ControllerInfo, HardwareInfo, State
+from yumi.control.controller import ControllerInfo, HardwareInfo, State, Statistics
 from yumi.control.shared_state import CAUSES, Problem, Snapshot
-from yumi.control.statistics import Statistics
 from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Side
 from yumi.ros import messages

@@ -20,13 +20,12 @@ from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.driver.arm import PerfectArm
 from yumi.driver.control_process import ArmBuffers
-from yumi.driver.wiring import CONTROLLER_KINDS, Place
+from yumi.driver.wiring import CONTROLLER_KINDS, PerfectArm, Place
 from yumi.robot.description import robot_description
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager
-from yumi.ros.executors import TimerThread
+from yumi.ros.nodes import TimerThread
 
 pytestmark = pytest.mark.ros
 

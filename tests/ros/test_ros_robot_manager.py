@@ -35,7 +35,7 @@ from yumi_interfaces.srv import (
 from yumi.driver.readiness import Mode
 from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Side
-from yumi.rws.replies import Event
+from yumi.rws.documents import Event
 from yumi.rws.types import ControllerState, EventType
 
 pytestmark = pytest.mark.ros

@@ -16,7 +16,7 @@ from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
-from yumi.control.flight_recorder import Frame
+from yumi.control.cycle import Frame
 from yumi.control.limiter import LATE_CYCLE
 from yumi.driver.state_machine import START_JOINT
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
@@ -24,7 +24,7 @@ from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 # Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

@@ -8,7 +8,7 @@ from time import perf_counter
 import pytest
 
 from yumi.clock import ManualClock, SystemClock
-from yumi.ros.executors import TimerThread
+from yumi.ros.nodes import TimerThread
 
 PERIOD = 0.25
 

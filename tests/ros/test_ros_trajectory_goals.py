@@ -18,12 +18,12 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.shared_state import ControlProcessEnded, ReportsDropped
 from yumi.control.trajectory import ResultCode
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names
-from yumi.ros.executors import TimerThread
+from yumi.ros.nodes import TimerThread
 from yumi.ros.trajectory import TrajectoryAction
 
 pytestmark = pytest.mark.ros

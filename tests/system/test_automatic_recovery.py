@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from system.recovery_bench import MovingSystem
-from yumi.driver.recovery import ATTEMPTS, AutomaticRecovery, RecoverySettings
+from yumi.driver.egm_control import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.rws.types import EventType
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 
 class SelfRecovering(MovingSystem):

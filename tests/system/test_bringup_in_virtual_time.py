@@ -11,7 +11,7 @@ from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.commissioning.doctor import NEEDED_GRANTS
 from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
 from yumi.errors import ControllerRefused, RobotNotReady, SettingsError
-from yumi.rapid.errors import UnknownSymbol
+from yumi.rapid.types import UnknownSymbol
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.types import GRANTS, ControllerState, ExecutionState, Grant, OperatingMode

@@ -18,13 +18,13 @@ from click.testing import CliRunner
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
-from yumi.cli import graph as graph_commands
+from yumi.cli import robot as graph_commands
 from yumi.cli import robot as robot_commands
 from yumi.cli.main import main
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import Side, named_pose
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 
@@ -189,4 +189,4 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     node = "r/joint_position_controller"
     assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
     assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
-    assert len([apart(*words) for words in examples_of(graph_commands.COMMANDS)]) > 5
+    assert len([apart(*words) for words in examples_of(graph_commands.GRAPH_COMMANDS)]) > 5

@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 import pytest
 
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
+from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient

@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from yumi.cli.main import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
 from yumi.process.supervision import CONTROLLER_READY, Command
-from yumi.rws.client import RwsClient
-from yumi.rws.events import CONTROLLER_STATE, Change
+from yumi.rws.client import CONTROLLER_STATE, Change, RwsClient
 from yumi.rws.types import ControllerState
 
 PATIENCE = 20.0  # [s]

@@ -9,8 +9,7 @@ from time import process_time
 import pytest
 
 from soak import tell
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
+from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.robot.joints import Side
 from yumi.virtual.controller.system import delivered_system, with_programs
 from yumi.virtual.world import World, WorldSettings

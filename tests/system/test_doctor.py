@@ -19,10 +19,8 @@ from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.commissioning.doctor import examine_controller
-from yumi.driver.commissioning.findings import Finding, Verdict
-from yumi.driver.commissioning.machine import Run, examine_machine
-from yumi.driver.commissioning.modules import delivered_modules, essence
+from yumi.driver.commissioning.doctor import Finding, Run, Verdict, examine_controller, examine_machine
+from yumi.driver.commissioning.installation import delivered_modules, essence
 from yumi.egm.udp import UdpServer, free_port
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Side

@@ -10,23 +10,30 @@ from typing import NamedTuple
 import pytest
 
 from memory_http import MemoryHttp
-from yumi.cli.doctor import _examine_stream
+from yumi.cli.install import _examine_stream
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
-from yumi.driver.commissioning.doctor import examine_controller, examine_stream, obstacle_to_stream
-from yumi.driver.commissioning.findings import Finding, Verdict
-from yumi.driver.commissioning.machine import examine_machine
-from yumi.driver.commissioning.modules import delivered_modules
-from yumi.driver.commissioning.stream import ArmStream, listen, streaming
+from yumi.driver.commissioning.doctor import (
+    ArmStream,
+    Finding,
+    Verdict,
+    examine_controller,
+    examine_machine,
+    examine_stream,
+    listen,
+    obstacle_to_stream,
+    streaming,
+)
+from yumi.driver.commissioning.installation import delivered_modules
 from yumi.egm.udp import NetworkCard, UdpServer
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.rws.replies import TaskInfo
+from yumi.rws.documents import TaskInfo
 from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.events import Fault, Way
 from yumi.virtual.controller.system import delivered_system
 from yumi.virtual.world import World, WorldSettings
 
@@ -481,7 +488,7 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
 ) -> None:
     yumi = with_another_task()
     monkeypatch.setattr("yumi.clock.SystemClock", lambda: yumi)
-    monkeypatch.setattr("yumi.driver.commissioning.stream.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
+    monkeypatch.setattr("yumi.driver.commissioning.doctor.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
     with yumi.client() as client:
         refuse_switching_on(client, monkeypatch)
         (found,) = _examine_stream(client, dict.fromkeys(Side, EgmAddress("127.0.0.1", 0)))

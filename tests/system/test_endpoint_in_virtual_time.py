@@ -17,13 +17,13 @@ import pytest
 from click.testing import CliRunner
 
 from system.virtual_time_bench import System
-from yumi.api.attach import attach
+from yumi.api.connection import attach
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
-from yumi.control.controllers.joint_velocity import JointVelocityController
+from yumi.control.controllers.joint_position import JointVelocityController
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import JOG_HOLDS, find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer
@@ -31,8 +31,8 @@ from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
 from yumi.robot.kinematics import compose, matrix, tool0_to_body
-from yumi.virtual.controller.fault_names import Fault
-from yumi.web.messages import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
+from yumi.virtual.controller.events import Fault
+from yumi.web.live import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 
 class Driver(System):

@@ -15,18 +15,15 @@ import pytest
 from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import ManualClock, SystemClock
-from yumi.control.controller import SessionGoal, write_goal
-from yumi.control.cycle import Cycle
-from yumi.control.events import Event, is_fault
-from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
+from yumi.control.controller import SessionGoal, StageClock, write_goal
+from yumi.control.cycle import FLIGHT_SIZE, RECORDED_CYCLES, Cycle, FlightRecorder, Frame
 from yumi.control.loop import Commands
-from yumi.control.shared_state import SharedNumbers, shared_numbers
-from yumi.control.statistics import StageClock
+from yumi.control.shared_state import Event, SharedNumbers, is_fault, shared_numbers
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import free_port
-from yumi.process.pipe import ChildProcess, PipeEnd
+from yumi.process.supervision import ChildProcess, PipeEnd
 from yumi.recording.mcap import Recorder, Recording, read_recording
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, Side, joints
 

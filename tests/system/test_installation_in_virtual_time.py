@@ -12,9 +12,16 @@ import pytest
 
 from commissioning_bench import HERE, Interruption, Site
 from soak import long, short
-from yumi.driver.commissioning.installation import _BACKUP_GRANT, _GRANTS, Contents, Installation, Plan, Record
-from yumi.driver.commissioning.modules import delivered_modules
-from yumi.driver.commissioning.stream import listen, streaming
+from yumi.driver.commissioning.doctor import listen, streaming
+from yumi.driver.commissioning.installation import (
+    _BACKUP_GRANT,
+    _GRANTS,
+    Contents,
+    Installation,
+    Plan,
+    Record,
+    delivered_modules,
+)
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError

@@ -10,7 +10,7 @@ from system.virtual_time_bench import System
 from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.robot.joints import Joints, Side
-from yumi.rws.replies import CfgInstance
+from yumi.rws.documents import CfgInstance
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 

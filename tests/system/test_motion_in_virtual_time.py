@@ -7,9 +7,8 @@ from math import radians
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.events import RobotFollows, SessionLost, SessionResumed
 from yumi.control.motion import EGM_GAIN
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import RobotFollows, SessionLost, SessionResumed, Snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 
 GOALS: dict[Side, Joints] = {

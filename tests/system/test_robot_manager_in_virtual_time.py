@@ -12,19 +12,17 @@ from typing import Any
 import pytest
 
 from system.virtual_time_bench import DriverArm, System
-from yumi.control.events import AllowedCollisionsChanged
-from yumi.control.shared_state import Problem, Snapshot
-from yumi.driver import panel
+from yumi.control.shared_state import AllowedCollisionsChanged, Problem, Snapshot
+from yumi.driver import bringup
 from yumi.driver.readiness import Mode
 from yumi.driver.state_machine import EgmMotionSettings, MachineState, StateMachines, tooldata
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady
-from yumi.robot.description import Mass
+from yumi.robot.description import Mass, Tool, principal_inertia
 from yumi.robot.dynamics import HAND
 from yumi.robot.joints import CYCLE, Pose, Side, joints
-from yumi.robot.tool import Tool, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.events import Fault, Way
 
 
 @pytest.fixture
@@ -268,7 +266,7 @@ def test_manager_runs_a_routine_by_name(system: System) -> None:
 def test_routine_that_does_not_end_is_explained(
     system: System, monkeypatch: pytest.MonkeyPatch, percent: int, why: str
 ) -> None:
-    monkeypatch.setattr(panel, "LONGEST_ROUTINE", 0.5)
+    monkeypatch.setattr(bringup, "LONGEST_ROUTINE", 0.5)
     system.manager.make_ready()
     goal = "[[20,-130,30,0,40,0],[135,9E+09,9E+09,9E+09,9E+09,9E+09]]"
     system.manager.panel.write_variable("T_ROB_L", "TRobRAPID", "move_jointtarget_input", goal)

@@ -13,18 +13,17 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from yumi.clock import ManualClock
-from yumi.control.events import is_fault
+from yumi.control.shared_state import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
-from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.readiness import Cause, Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
-from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
 from yumi.recording.mcap import Recorder, read_recording
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
-from yumi.rws.events import Change, OnChange, OnLost, Resource, Subscription
+from yumi.rws.client import Change, OnChange, OnLost, Resource, Subscription
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
 

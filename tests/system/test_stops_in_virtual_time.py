@@ -9,13 +9,12 @@ import pytest
 
 from system.recovery_bench import MovingSystem
 from system.virtual_time_bench import System
-from yumi.driver.commissioning.stream import streaming
-from yumi.driver.readiness import Mode
-from yumi.driver.stops import HISTORY
+from yumi.driver.commissioning.doctor import streaming
+from yumi.driver.readiness import HISTORY, Mode
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side, joints
 from yumi.rws.types import ControllerState, EventType, ExecutionState
-from yumi.virtual.controller.fault_names import Fault
+from yumi.virtual.controller.events import Fault
 
 NO_JUMP = 1.001
 CAUSES = {

@@ -7,30 +7,26 @@ from typing import Concatenate, ParamSpec, TypeVar
 
 from memory_http import MemoryHttp
 from yumi.clock import ManualClock
-from yumi.control.controller import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, StageClock, write_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.events import Event
-from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.cycle import FlightRecorder, flight_memory
 from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
-from yumi.control.shared_state import Snapshot, read_snapshot
-from yumi.control.statistics import StageClock
-from yumi.driver.arm import EgmArm
+from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.driver.bringup import Bringup
-from yumi.driver.gripper import Gripper
-from yumi.driver.gripper_io import GripperRoutines, GripperSignals
+from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
+from yumi.driver.wiring import EgmArm
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
-from yumi.virtual.fault_injection import FaultInjection
 from yumi.virtual.mechanics.gripper import Workpiece
-from yumi.virtual.world import World, WorldSettings
+from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 CONTROLLER = "joint_position_controller"
 

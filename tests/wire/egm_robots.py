@@ -7,8 +7,7 @@ from dataclasses import replace
 from math import radians
 from threading import Event, Thread
 
-from yumi.egm.codec import RobotCodec
-from yumi.egm.messages import MciState, MotorState, Pose, RapidState, RobotMessage, SensorMessage
+from yumi.egm.codec import MciState, MotorState, Pose, RapidState, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.controller.egm import EgmClient

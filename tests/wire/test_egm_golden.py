@@ -9,16 +9,18 @@ from typing import Any
 
 import pytest
 
-from yumi.egm.codec import JointCodec, RobotCodec, SensorCodec
-from yumi.egm.messages import (
+from yumi.egm.codec import (
     Collision,
+    JointCodec,
     MciState,
     MotorState,
     PathCorrection,
     Pose,
     RapidData,
     RapidState,
+    RobotCodec,
     RobotMessage,
+    SensorCodec,
     SensorMessage,
 )
 from yumi.robot.joints import chain_from_abb, joints

@@ -15,8 +15,7 @@ from egm_robots import MESSAGE, SIX
 from yumi import EgmServer
 from yumi.driver.egm_server import UNREADABLE
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import RobotCodec
-from yumi.egm.messages import MciState, PathCorrection, Pose, RapidData, RobotMessage, SensorMessage
+from yumi.egm.codec import MciState, PathCorrection, Pose, RapidData, RobotCodec, RobotMessage, SensorMessage
 from yumi.egm.udp import Poller, UdpClient
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
 

@@ -21,7 +21,7 @@ from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
-from yumi.api.cartesian import Path, planned, pose_from, posture_for
+from yumi.api.tool import Path, planned, pose_from, posture_for
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
@@ -33,13 +33,21 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.events import ControllerReport, Event, RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
 from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
-from yumi.control.shared_state import INTERRUPTED, Snapshot, TrajectoryFeedback
-from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.tool_path import SPEED, TURNING, Waypoint
+from yumi.control.shared_state import (
+    INTERRUPTED,
+    ControllerReport,
+    Event,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+    Snapshot,
+    TrajectoryFeedback,
+    is_fault,
+)
+from yumi.control.tool_path import SPEED, TURNING, ToolLimited, ToolLimits, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,
     JointTrajectory,
@@ -48,8 +56,7 @@ from yumi.control.trajectory import (
     plan_trajectory,
     time_to_start,
 )
-from yumi.driver.readiness import why_arm_does_not_follow
-from yumi.driver.stops import Cause, explained
+from yumi.driver.readiness import Cause, explained, why_arm_does_not_follow
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import (
     CHAIN_AXES,

@@ -13,9 +13,12 @@ from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.api.cartesian import (
+from yumi.api.connection import Connection
+from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
+from yumi.api.tool import (
     TOOL0,
     Frames,
+    Gripper,
     Path,
     PoseLike,
     boxes_from,
@@ -28,9 +31,6 @@ from yumi.api.cartesian import (
     postures_of,
     way_points,
 )
-from yumi.api.connection import Connection
-from yumi.api.gripper import Gripper
-from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
 from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE

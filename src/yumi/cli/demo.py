@@ -335,7 +335,7 @@ def demo(
         options = (*options, "--speed-scale", str(speed_scale))
     can_draw = _can_draw(is_asked=picture is not None)
     from yumi.driver.wiring import first_speed_scale  # noqa: PLC0415 - a quick --help
-    from yumi.recording.pictures import draw_joint_paths  # noqa: PLC0415
+    from yumi.recording.tables import draw_joint_paths  # noqa: PLC0415
 
     if robot:
         given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}

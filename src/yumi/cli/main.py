@@ -16,16 +16,14 @@ from typing import Any
 import click
 
 from yumi import __version__
-from yumi.cli import graph, install, robot, rws, shell
-from yumi.cli.controller import controller, fault
+from yumi.cli import install, robot
+from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
-from yumi.cli.doctor import doctor
+from yumi.cli.install import doctor
 from yumi.cli.moveit import moveit_config
 from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.rapid import answer, rapid
-from yumi.cli.record import record
-from yumi.cli.up import up
-from yumi.cli.view import view
+from yumi.cli.up import record, up, view
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
@@ -151,6 +149,6 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (answer, controller, demo, doctor, fault, moveit_config, rapid, record, rws.rws, up, view)
-for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS, *graph.COMMANDS, *shell.COMMANDS):
+_COMMANDS = (answer, controller, demo, doctor, fault, moveit_config, rapid, record, rws, up, view)
+for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS):
     main.add_command(_command)

@@ -20,19 +20,25 @@ from operator import or_
 from sys import intern
 
 from yumi.control.controller import (
+    BEGIN,
+    DECODE,
+    LIMIT,
+    SEND,
     TRANSITIONS,
+    UPDATE,
     Controller,
     ControllerInfo,
     GoalKind,
     HardwareInfo,
     InterfaceInfo,
     ParameterInfo,
+    RunningStatistics,
     State,
+    Statistics,
     Transition,
     allowed,
     find_parameter,
 )
-from yumi.control.statistics import BEGIN, DECODE, LIMIT, SEND, UPDATE, RunningStatistics, Statistics
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
 from yumi.settings import Values
@@ -121,7 +127,7 @@ class HardwareComponent:
         Args:
             session: EGM session of the cycle.
             now: when the datagram arrived [s].
-            marks: of the cycle's stations, see :class:`yumi.control.statistics.StageClock`.
+            marks: of the cycle's stations, see :class:`yumi.control.controller.StageClock`.
         """
         is_new = self._last is None or self._last[0] != session
         if is_new or now - self._begin > STATISTICS_WINDOW:

@@ -22,13 +22,16 @@ from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
 from yumi.control.controllers.cartesian import ToolGoal
-from yumi.control.events import ControlProcessEnded, CycleFailed, Event, ReportsDropped
-from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
+from yumi.control.cycle import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
 from yumi.control.shared_state import (
+    ControlProcessEnded,
     CycleEvent,
+    CycleFailed,
+    Event,
     Factor,
     JointStates,
+    ReportsDropped,
     SharedBuffer,
     SharedBytes,
     SharedHistory,
@@ -41,9 +44,8 @@ from yumi.control.shared_state import (
 )
 from yumi.egm.udp import HasFileno, Poller
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
-from yumi.process.pipe import ChildProcess, PipeClosed, PipeEnd
 from yumi.process.realtime import AwakeProcessors, prepare_process
-from yumi.process.supervision import Failures, SupervisedThread
+from yumi.process.supervision import ChildProcess, Failures, PipeClosed, PipeEnd, SupervisedThread
 from yumi.robot.joints import Side
 
 POLL_PERIOD = 0.010

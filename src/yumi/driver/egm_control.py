@@ -4,10 +4,17 @@ The driver's end of the watchdog: a heartbeat to the robot, which stops its prog
 
 The robot's end is ``controller_files/TRobWatchdog.mod``. A driver whose control process has died sends no heartbeat
 either: nothing controls the arm then.
+
+Recovery: says what stopped the robot, clears what may be cleared, and brings it back; no process is restarted.
+
+And recovery without a person, where no person was involved in the stop: a setting, off by default. Nothing is done then
+after a stop that a person must confirm, nor where the cause is not certain: a program stop without another cause may
+have been the stop button of the FlexPendant.
 """
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -15,24 +22,35 @@ from threading import Event as Flag
 from typing import Protocol
 
 from yumi.clock import Clock, wait_until
-from yumi.control.events import (
+from yumi.control.loop import CommandPort, Commands
+from yumi.control.shared_state import (
+    CAUSES,
     Event,
     ImplausibleFeedback,
+    Problem,
     ReferencesIgnored,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
+    Snapshot,
 )
-from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
 from yumi.driver.bringup import Bringup
-from yumi.driver.readiness import arms_in_words
+from yumi.driver.readiness import Report, StopLog, arms_in_words, demand_confirmation, explain
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG, MachineState
-from yumi.errors import CommandRefused, ControllerRefused, YumiError
+from yumi.errors import (
+    CommandRefused,
+    ControllerRefused,
+    NoConnection,
+    ProtocolError,
+    RobotNotReady,
+    StopNotConfirmed,
+    YumiError,
+)
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
+from yumi.rws.transport import AnswerTimeout
 from yumi.settings import bounded
 
 POSITION_CONTROLLER = "joint_position_controller"
@@ -292,3 +310,224 @@ class EgmControl:
     def _problems(self, arms: Sequence[Side]) -> dict[Side, Problem]:
         snapshots = {side: self._control.snapshot(side) for side in arms}
         return {side: it.problem for side, it in snapshots.items() if it.problem is not Problem.NONE and it.is_running}
+
+
+RESTART = 120.0
+"""Longest wait for a controller that is starting [s]."""
+
+HUNG = 5.0
+"""Longest wait for one that takes connections but ends no reply [s]: one that is starting takes none."""
+
+WAITING = "wait for the controller, which does not answer"
+
+_ATTEMPT = 1.0  # [s] between two
+_STARTING = 503
+
+
+class Recovery:
+    """Brings one robot back after a stop.
+
+    Args:
+        bringup: works over RWS.
+        egm: EGM and controllers.
+        control: the control process.
+        clock: for waiting.
+        stops: what stopped the robot.
+    """
+
+    def __init__(self, bringup: Bringup, egm: EgmControl, control: ArmControl, clock: Clock, stops: StopLog) -> None:
+        self._bringup = bringup
+        self._client = bringup.client
+        self._egm = egm
+        self._control = control
+        self._clock = clock
+        self._stops = stops
+
+    def reach(self, report: Report, check: Callable[[], None]) -> bool:
+        """Wait for a controller that is starting: it refuses everything, then has no tasks for some seconds.
+
+        Nothing is changed here, so that whatever stops the robot need not wait for this.
+
+        Args:
+            report: gets what is waited for, if anything is.
+            check: called twenty times a second; raises when waiting must end.
+
+        Returns:
+            Whether it had to be waited for.
+
+        Raises:
+            RobotNotReady: the controller does not come, or hangs.
+        """
+        begin = next_attempt = self._clock.now()
+        is_reported = False
+
+        def answers() -> bool:
+            nonlocal next_attempt, is_reported
+            if self._clock.now() < next_attempt:
+                return False
+            if self._answers(begin + HUNG):
+                return True
+            next_attempt = self._clock.now() + _ATTEMPT
+            if not is_reported:
+                self._bringup.note(WAITING)
+                report(WAITING)
+                is_reported = True
+            return False
+
+        refusal = (
+            f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and the "
+            "network cable."
+        )
+        wait_until(self._clock, answers, RESTART, refusal, check=check)
+        return is_reported
+
+    def _answers(self, patience: float) -> bool:
+        """Whether it does; raises RobotNotReady when it still hangs after the time ``patience`` [s]."""
+        try:
+            return bool(self._client.tasks())
+        except AnswerTimeout as error:
+            if self._clock.now() < patience:
+                return False
+            raise RobotNotReady(
+                f"{error} The web service of the controller hangs, or the network is too slow for it; check the "
+                "network, or restart the controller, and call recover again."
+            ) from error
+        except (NoConnection, ProtocolError):
+            return False
+        except ControllerRefused as error:
+            if error.status != _STARTING:
+                raise
+            return False
+
+    def run(self, *, is_new: bool, confirmed: str = "") -> str:
+        """Bring a robot that answers back to ready, and to EGM with its controllers if EGM was to run.
+
+        The arms stand afterwards until they get a new goal: those from before the stop are dropped.
+
+        Args:
+            is_new: whether its controller had to be waited for, and has to be checked as a whole again.
+            confirmed: id of the stop that a person has confirmed.
+
+        Returns:
+            What had stopped it, and what it does now.
+
+        Raises:
+            StopNotConfirmed: a person has to confirm the stop first; nothing was changed.
+            RobotNotReady: something has to be done at the robot first; the message says what stopped it and what.
+        """
+        self._stops.check_confirmed(self._client, confirmed)
+        if self._control.revive():
+            self._bringup.step("start the control process again")
+        stop, event = self._stops.stop, self._stops.cause
+        if stop is not None:
+            why = f"The robot was stopped by {stop.cause}"
+        else:
+            why = f"The robot was stopped by {explain(event)}" if event else "No stop cause found in the event log"
+        self._bringup.step(why)
+        try:
+            if confirmed:
+                self._egm.hold()
+            done = self._bring_back(is_new=is_new)
+            self._stops.check_unchanged(self._client, confirmed)
+        except StopNotConfirmed:
+            raise
+        except YumiError as error:
+            with suppress(NoConnection, ControllerRefused, ProtocolError):  # no answer: what is known counts
+                self._stops.check_unchanged(self._client, confirmed)
+            stop = self._stops.stop
+            if stop is None:
+                raise RobotNotReady(f"{why}. {error}") from error
+            if stop.id != confirmed:
+                why = f"The robot was stopped by {stop.cause}"
+            raise RobotNotReady(f"{why}. {error}{demand_confirmation(stop.id)}", stop.id) from error
+        self._stops.close(confirmed)
+        return f"{why}. {done}."
+
+    def _bring_back(self, *, is_new: bool) -> str:
+        desired = self._egm.desired
+        if is_new:
+            self._bringup.check_controller()  # it may be another one, or have another configuration
+        else:
+            self._bringup.check_program()
+        if desired:
+            return self._egm.start(desired)
+        self._egm.stop_if_running()
+        self._bringup.make_ready()
+        return "The robot is ready"
+
+
+PERIOD = 1.0
+"""Time between two polls [s]."""
+
+ATTEMPTS = 10
+"""So often it is tried, for one loss of EGM."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecoverySettings:
+    """Recovery from stops in which no person was involved.
+
+    Attributes:
+        automatic: whether EGM is started again by itself after a lost link, EGM's time-out, the robot's watchdog or a
+            restart of the controller.
+    """
+
+    automatic: bool = False
+
+
+class Recoverable(Protocol):
+    """What is needed of the robot manager."""
+
+    @property
+    def has_lost_egm(self) -> bool: ...
+
+    def recover_automatically(self) -> str | None: ...
+
+
+class AutomaticRecovery:
+    """Sees once a second whether EGM was lost without a person, and starts it again.
+
+    Args:
+        manager: recovers.
+        report: takes a level of :mod:`logging` and a sentence.
+        settings: whether it does so at all.
+    """
+
+    def __init__(self, manager: Recoverable, report: Callable[[int, str], None], settings: RecoverySettings) -> None:
+        self._manager = manager
+        self._report = report
+        self._settings = settings
+        self._attempts = 0
+        self._is_over = Flag()
+        self._thread: SupervisedThread | None = None
+
+    def start(self) -> None:
+        """Poll from now on; nothing to do when it is switched off."""
+        if self._settings.automatic:
+            self._is_over.clear()
+            self._thread = SupervisedThread("automatic-recovery", self._run, self._is_over)
+            self._thread.start()
+
+    def stop(self) -> None:
+        self._is_over.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def step(self) -> None:
+        """Poll once, and recover where that is right."""
+        if not self._manager.has_lost_egm:
+            self._attempts = 0
+        elif self._attempts < ATTEMPTS:
+            try:
+                done = self._manager.recover_automatically()
+            except YumiError as error:
+                self._attempts += 1
+                self._report(logging.WARNING, f"Automatic recovery, attempt {self._attempts} of {ATTEMPTS}: {error}")
+            else:
+                if done is not None:
+                    self._report(logging.WARNING, f"Recovered automatically (recovery.automatic): {done}")
+
+    def _run(self) -> None:
+        while not self._is_over.wait(PERIOD):
+            self.step()

@@ -10,9 +10,8 @@ from typing import cast
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.cycle import WireCounters
-from yumi.driver.arm import accept_from, is_running, period, wire_counters
-from yumi.egm.codec import MOST_NUMBERS, SensorCodec
-from yumi.egm.messages import PathCorrection, RapidData, RobotMessage, SensorMessage, Twist
+from yumi.driver.wiring import accept_from, is_running, period, wire_counters
+from yumi.egm.codec import MOST_NUMBERS, PathCorrection, RapidData, RobotMessage, SensorCodec, SensorMessage, Twist
 from yumi.egm.session import SILENCE, SensorSession
 from yumi.egm.udp import Poller, UdpServer, address_towards
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady

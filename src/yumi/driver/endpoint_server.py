@@ -24,9 +24,8 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from yumi.control.events import ControllerReport, Event, is_fault
 from yumi.control.loop import CommandPort, Commands
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import ControllerReport, Event, JointStates, Snapshot, is_fault
 from yumi.driver.endpoint import (
     JOG_HOLDS,
     MAX_REQUEST,
@@ -69,8 +68,7 @@ from yumi.driver.endpoint import (
     failure_of,
     sides_of,
 )
-from yumi.driver.gripper import Gripper
-from yumi.driver.gripper_io import Check
+from yumi.driver.gripper import Check, Gripper
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import Settings

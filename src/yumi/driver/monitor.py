@@ -21,27 +21,44 @@ from threading import Lock
 from typing import Any, Protocol
 
 from yumi.clock import Clock
-from yumi.control.events import Event as ArmEvent
-from yumi.control.events import RobotStoppedFollowing, SessionLost, SessionStarted, is_fault
-from yumi.control.shared_state import JointStates, Snapshot
-from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
+from yumi.control.shared_state import Event as ArmEvent
+from yumi.control.shared_state import (
+    JointStates,
+    RobotStoppedFollowing,
+    SessionLost,
+    SessionStarted,
+    Snapshot,
+    is_fault,
+)
+from yumi.driver.readiness import (
+    EGM_OFF,
+    EGM_RUNNING,
+    EGM_STREAMING,
+    Cause,
+    RobotState,
+    Stop,
+    StopLog,
+    demand_confirmation,
+    explain,
+    explained,
+    why_not_ready,
+)
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
-from yumi.driver.stops import Cause, Stop, StopLog, demand_confirmation, explain, explained
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Side, joints
-from yumi.rws.client import RwsClient
-from yumi.rws.events import (
+from yumi.rws.client import (
     CONTROLLER_STATE,
     EXECUTION,
     OPERATING_MODE,
     SPEED_RATIO,
     Change,
+    RwsClient,
     Subscription,
     event_log,
     signal_state,
 )
-from yumi.rws.replies import Event
+from yumi.rws.documents import Event
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 
 GROUP = 0.25

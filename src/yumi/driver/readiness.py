@@ -4,21 +4,37 @@ Everybody who refuses motion takes condition, reason and remedy from here: robot
 ROS and log. ``docs/reference/readiness.md`` is written from the tables below: ``python -m yumi.driver.readiness``.
 
 The robot's state as the robot manager knows it, and the modes it can bring the robot to.
+
+Stops: what stopped the robot, and whether a person must confirm that before anything moves again.
+
+This is the one place that computes the cause, from the event log and the controller's state together; exceptions,
+results, topics and the log carry its words. After an emergency stop, a guard stop or a collision a reset must not
+itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such a stop stays open until a person confirms
+it by its id. The id has a random part, made when this program first saw the stop, so that no program can know it
+beforehand.
 """
 
 from __future__ import annotations
 
+import secrets
 import sys
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from itertools import takewhile
+from math import inf
+from threading import RLock
+from typing import Protocol
 
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.clock import Clock
+from yumi.control.shared_state import CAUSES, Problem, RobotStoppedFollowing, Snapshot
+from yumi.control.shared_state import Event as ArmEvent
 from yumi.driver.state_machine import MachineState
-from yumi.errors import RobotNotReady
+from yumi.errors import RobotNotReady, StopNotConfirmed
 from yumi.robot.joints import Side
-from yumi.rws.replies import Event
-from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
+from yumi.rws.documents import Event
+from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode
 
 Report = Callable[[str], None]
 """Takes one short sentence a step: what is done next."""
@@ -253,7 +269,7 @@ NEEDED: Mapping[Request, tuple[Condition, ...]] = {
     Request.READY: (CONNECTED, AUTOMATIC, *NO_STOP, MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM, CONFIRMED),
 }
 """What each request needs, in the order in which it is checked. A request that can bring a condition about itself does
-not need it. That a stop is confirmed is checked by :class:`yumi.driver.stops.StopLog`, which reads the event log."""
+not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
 
 
 def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = BOTH) -> Condition | None:
@@ -370,6 +386,468 @@ def reference_page() -> str:
         lines.append(f'    c{numbers[here]}{{"{here.name}?"}} -- yes --> {target}')
         lines.append(f'    c{numbers[here]} -- no --> r{numbers[here]}["{here.remedy}"]')
     return "\n".join([*lines, "```", ""])
+
+
+@dataclass(frozen=True, slots=True)
+class EventText:
+    """One event number explained, in our own words (reference/egm.md §7, yumi.md §4.6): cause, and what to do."""
+
+    cause: str
+    remedy: str
+
+
+def _gripper(cause: str, remedy: str = "look at the gripper, then calibrate it again") -> EventText:
+    return EventText(f"a Smart Gripper {cause}", remedy)
+
+
+EVENT_TEXTS: Mapping[int, EventText] = {
+    10010: EventText("the motors were switched off", "recover switches them on"),
+    10012: EventText("a guard stop switched the motors off", "close the guard, then recover"),
+    10013: EventText("an emergency stop was pressed", "release the button where it was pressed, then recover"),
+    10014: EventText("the controller went into system failure", "restart the controller, then recover"),
+    10015: EventText("the mode switch was turned to manual", "turn it to AUTO on the FlexPendant, then recover"),
+    10016: EventText("AUTO was chosen and waits to be confirmed", "confirm AUTO on the FlexPendant, then recover"),
+    10045: EventText("the controller was restarted", "recover starts it again"),
+    10125: EventText("the RAPID program was stopped, on the FlexPendant or by another client", "recover starts it"),
+    20192: EventText("the controller got an EGM reference that is not a number", "restart the controller"),
+    20193: EventText("the controller got an EGM reference that is not a number", "restart the controller"),
+    40160: EventText("a RAPID instruction got an argument it does not know", "load the modules of this version"),
+    40228: EventText("a RAPID error was not handled and stopped the program", "see the event before it"),
+    41438: EventText("the tool's load is undefined", "define mass and centre of gravity of the tool in use"),
+    41822: EventText(
+        "no EGM answer reached the robot in time",
+        "check the network, the firewall and the UDPUC device's remote address; the driver must answer each cycle",
+    ),
+    41826: EventText(
+        "EGM was set up for joints and run for poses", "use joints: RobotWare 6 moves a YuMi by them only"
+    ),
+    41828: EventText(
+        "a task holds all of its EGM identities, after stops in the middle of EGM",
+        "restart the controller; nothing else frees them",
+    ),
+    41830: EventText(
+        "the robot cannot send its EGM datagrams",
+        "check the UDPUC device's remote address and the cable, and restart the controller after a change",
+    ),
+    50027: EventText("a joint left its range", "bring the arm back into range, jogging if need be, then recover"),
+    50056: EventText(
+        "a joint met a resistance, as in a collision", "see what the arm touched and free it, then recover"
+    ),
+    50204: EventText("an arm has collided, or moves against a force", "see what it touched and free it, then recover"),
+    50375: EventText(
+        "the references asked for more torque than an arm has",
+        "lower acceleration, or set the tool's load, then recover",
+    ),
+    50376: EventText("the references asked for more speed than a joint has", "lower the speed, then recover"),
+    50446: EventText("the end of EGM took longer than ordered", "nothing is to be done"),
+    50452: EventText("EGM met an error in a motion cycle", "recover; if it comes again, see the EGM configuration"),
+    50453: EventText("a move or a jog was ordered while EGM moves the arm", "end EGM first"),
+    80001: EventText("the robot's program reported an error", "read its text, then recover"),
+    80002: EventText("the robot's program gave a warning", "read its text"),
+    112751: _gripper("was in the wrong state for a command"),
+    112752: _gripper("has a fault", "switch its supply off and on, then calibrate it again"),
+    112753: _gripper("did not reach its position"),
+    112754: _gripper("could not grip inwards"),
+    112755: _gripper("is not calibrated", "calibrate it"),
+    112756: _gripper("lost its vacuum", "check suction cup and air supply"),
+    112757: _gripper("got a value out of range", "give positions of 0 to 25 mm and forces of 0 to 20 N"),
+    112758: _gripper("could not move to a position"),
+    112759: _gripper("could not grip at a position"),
+    112760: _gripper("could not grip outwards"),
+}
+
+STARTED = (10150, 10151)
+"""The program was started: what is older is history."""
+
+_BY_INFORMATION = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
+
+ACCOMPANYING = (10010, 10125)
+"""Motors off, program stopped: they accompany every other stop, and may come before the event that says more."""
+
+AUTO_CONFIRMED = 10017
+"""AUTO was confirmed at the FlexPendant."""
+
+MOTORS_OFF, RESTARTED = 10010, 10045
+
+UNHANDLED = 40228
+"""An error that the program does not handle: it follows the event of that error, EGM's time-out too."""
+
+_BY_PERSON = {10014, 10015, 10016, AUTO_CONFIRMED}
+"""Mode switch, and system failure, which a person has to look at."""
+
+_COLLISIONS = (50056, 50204)
+_SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
+_PERSONS_STOPS = (10012, 10013, *_COLLISIONS)
+
+
+def needs_person(code: int) -> bool:
+    """Whether nothing may move after an event of this number before a person has confirmed it.
+
+    Emergency stop, guard stop (a guard that closes must not start motion) and collision, however they are reported.
+    """
+    return code in _PERSONS_STOPS or code in _SAFETY_CHAIN
+
+
+def is_guard_stop(code: int) -> bool:
+    """Whether an event of this number is a guard stop, which also comes when the mode switch leaves AUTO."""
+    return code in {10012, *_SAFETY_CHAIN}
+
+
+def is_without_person(event: Event) -> bool:
+    """Whether an event is the cause of a stop in which no person was involved.
+
+    EGM's time-out, a restart of the controller, and the watchdog of our own program (see ``TRobWatchdog.mod``). Not a
+    program stop alone, which may have been the stop button of the FlexPendant.
+    """
+    return event.code in {41822, 10045} or (event.code == 80001 and "watchdog" in event.title.lower())
+
+
+def are_without_person(events: Iterable[Event]) -> bool:
+    """Whether none of the events since the program was started shows a person at the robot, or another fault.
+
+    Args:
+        events: newest first, as the controller lists them.
+    """
+    recent = _since_start(events)
+    codes = {event.code for event in recent}
+    if codes & _BY_PERSON or any(map(needs_person, codes)) or (MOTORS_OFF in codes and RESTARTED not in codes):
+        return False
+    errors = [event for event in recent if event.type is EventType.ERROR and event.code != UNHANDLED]
+    return all(map(is_without_person, errors)) and (bool(errors) or UNHANDLED not in codes)
+
+
+def explain(event: Event) -> str:
+    """An event in a sentence, without its full stop: number, cause and remedy; ABB's words where we have none."""
+    text = EVENT_TEXTS.get(event.code)
+    own = event.description or event.title
+    if text is None:
+        return f"{event.code} {event.title}: {own.rstrip('.')}"
+    detail = f" ({own.rstrip('.')})" if event.type is EventType.ERROR else ""
+    return f"{event.code} {event.title}: {text.cause}{detail}; {text.remedy}"
+
+
+def cause_among(events: Iterable[Event]) -> Event | None:
+    """What stopped the robot: the first error since the program was started, or the stop that says most.
+
+    Args:
+        events: newest first, as the controller lists them.
+    """
+    recent = _since_start(events)
+    errors = [event for event in recent if event.type is EventType.ERROR]
+    if errors:
+        return errors[-1]
+    stops = [event for event in recent if event.code in _BY_INFORMATION]
+    return min(stops, key=lambda event: _BY_INFORMATION.index(event.code), default=None)
+
+
+def _since_start(events: Iterable[Event]) -> list[Event]:
+    """Those after the program was last started, newest first: who started it took note of what was before."""
+    return list(takewhile(lambda event: event.code not in STARTED, events))
+
+
+PAGES = (10, 50, 1000)
+"""So many events are read, the next number where these were not enough; a controller remembers the last one."""
+
+HISTORY = 2.0
+"""An event that came so long before the robot was last seen to work has not stopped it [s]."""
+
+_STATES: Mapping[ControllerState, int] = {
+    ControllerState.EMERGENCY_STOP: 10013,
+    ControllerState.EMERGENCY_STOP_RESET: 10013,
+    ControllerState.GUARD_STOP: 10012,
+}
+"""States that are such a stop, also where the event log was cleared; and the number of the event they come with."""
+
+_TITLES = {10013: "Emergency stop state", 10012: "Guard stop state"}
+
+
+class EventSource(Protocol):
+    """What is needed of a client: state of the motors, and the event log, newest first."""
+
+    def controller_state(self) -> ControllerState: ...
+
+    def events(self, domain: int = 0, count: int = 50) -> tuple[Event, ...]: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A stop that a person must confirm.
+
+    Attributes:
+        id: what the confirmation names.
+        cause: in a sentence without its full stop, with what to do.
+        codes: numbers of its events, oldest first.
+    """
+
+    id: str
+    cause: str
+    codes: tuple[int, ...]
+
+    @classmethod
+    def of(cls, events: tuple[Event, ...], code: int = 0) -> Stop:
+        """The stop of ``events``, oldest first; where there are none, of a state that comes with event ``code``."""
+        number = events[-1].number if events else 0
+        first: dict[int, Event] = {}
+        for event in events:
+            first.setdefault(event.code, event)
+        texts = [explain(event) for event in first.values()] or [
+            explain(Event(0, EventType.INFORMATION, code, "", _TITLES[code], _TITLES[code]))
+        ]
+        identity = f"{events[-1].code if events else code}-{number}-{secrets.token_hex(3)}"
+        return cls(identity, "; then ".join(texts), tuple(first) or (code,))
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Why an arm or the robot was stopped.
+
+    Attributes:
+        text: a sentence without its full stop; empty where the controller reports no stop.
+        stop: id of the stop that a person must confirm; empty where there is none.
+    """
+
+    text: str = ""
+    stop: str = ""
+
+    def __str__(self) -> str:
+        """A sentence to append to another one, with a blank before it; empty where there is nothing to say."""
+        return f" Cause: {self.text}.{demand_confirmation(self.stop)}" if self.text else ""
+
+
+@dataclass(frozen=True, slots=True)
+class _Known:
+    """Replaced as a whole, so that it can be read from any thread at any time."""
+
+    stop: Stop | None = None
+    cause: Event | None = None
+
+
+class StopLog:
+    """Knows the open stop and the cause of any other; safe from any thread.
+
+    Args:
+        clock: where its times come from.
+    """
+
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
+        self._lock = RLock()  # reading and judging belong together: an older page must not be judged after a newer one
+        self._known = _Known()
+        self._newest = -1  # number of the newest event that was read; -1 before the first reading
+        self._stop_events: tuple[Event, ...] = ()
+        self._awaits_event_until = -inf  # the event of a stop that is known by the state alone comes by then [s]
+        self._recent: deque[tuple[Event, float]] = deque(maxlen=PAGES[-1])  # newest first, and when it was seen
+        self._news: deque[Event] = deque(maxlen=PAGES[-1])
+        self.is_complete = True
+        """Whether every event since the last confirmed or working state was seen."""
+
+    @property
+    def stop(self) -> Stop | None:
+        """The stop that waits for a person's confirmation; as of the last reading."""
+        return self._known.stop
+
+    @property
+    def cause(self) -> Event | None:
+        """The event that explains why the robot stands, if one does; as of the last reading."""
+        return self._known.cause
+
+    def check_none_open(self) -> None:
+        """Refuse motion while a stop is open, from what is known already.
+
+        Raises:
+            RobotNotReady: one is.
+        """
+        stop = self.stop
+        if stop is not None:
+            raise RobotNotReady(f"The robot was stopped by {stop.cause}.{demand_confirmation(stop.id)}", stop.id)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether a better explanation is not to be expected: motors off and program stopped accompany every stop."""
+        stop, cause = self._known.stop, self._known.cause
+        return stop is not None or (cause is not None and cause.code not in ACCOMPANYING)
+
+    @property
+    def is_without_person(self) -> bool:
+        """Whether it is certain that no person was involved in what stopped the robot, nor in any event since."""
+        with self._lock:
+            known = self._known
+            if known.stop is not None or not self.is_complete:
+                return False
+            if not are_without_person(event for event, _ in self._recent):
+                return False
+            return known.cause is None or is_without_person(known.cause)
+
+    def read(self, client: EventSource) -> tuple[ControllerState, Event | None]:
+        """Read state and event log; returns the state and the newest event.
+
+        Raises:
+            YumiError: the controller does not answer.
+        """
+        with self._lock:
+            state = client.controller_state()
+            for count in PAGES:
+                events = client.events(count=count)
+                if len(events) < count or self._is_enough(events):
+                    break
+            self._take(events)
+            if state in _STATES and self._known.stop is None:
+                self._known = replace(self._known, stop=Stop.of((), _STATES[state]))
+                self._awaits_event_until = self._clock.now() + HISTORY
+            return state, events[0] if events else None
+
+    def check_confirmed(self, client: EventSource, confirmed: str) -> None:
+        """See that nothing keeps the robot from being started again.
+
+        Args:
+            client: of the controller.
+            confirmed: id of the stop that a person has confirmed; empty where none has.
+
+        Raises:
+            StopNotConfirmed: a stop is open, and it is another one, or what caused it is still there.
+            YumiError: the controller does not answer.
+        """
+        with self._lock:
+            if self.stop is not None and confirmed == self.stop.id:
+                self._awaits_event_until = -inf  # what comes from now on is another stop than the confirmed one
+            state, _ = self.read(client)
+            stop = self.stop
+            if stop is None:
+                return
+            if not confirmed:
+                raise StopNotConfirmed(_demand(stop, state), stop.id)
+            if confirmed != stop.id:
+                raise StopNotConfirmed(
+                    f"{confirmed!r} is not the stop that is open now. {_demand(stop, state)}", stop.id
+                )
+            if active := _active_stop(state):
+                raise StopNotConfirmed(
+                    f"The stop {stop.id} cannot be confirmed yet: {active}, then confirm it again. "
+                    f"The robot was stopped by {stop.cause}.",
+                    stop.id,
+                )
+
+    def check_unchanged(self, client: EventSource, confirmed: str) -> None:
+        """The same between two steps: only the newest event is read while there is nothing new."""
+        with self._lock:
+            newest, stop = client.events(count=1), self.stop
+            is_new = (newest[0].number if newest else 0) != max(self._newest, 0)
+            if is_new or (stop.id if stop else "") != confirmed:  # another thread may have looked at the new event
+                self.check_confirmed(client, confirmed)
+
+    def close(self, confirmed: str) -> None:
+        """The robot has been brought back: what stopped it is history, unless another stop has come since.
+
+        Args:
+            confirmed: id of the stop that was confirmed; empty where there was none.
+        """
+        with self._lock:
+            stop = self._known.stop
+            if stop is None or stop.id == confirmed:
+                self._stop_events = ()
+                self._recent.clear()
+                self.is_complete = True
+                self._known = _Known()
+
+    def settle(self) -> None:
+        """The robot works: what came a while ago has not stopped it."""
+        with self._lock:
+            limit = self._clock.now() - HISTORY
+            while self._recent and self._recent[-1][1] <= limit:
+                self._recent.pop()
+            self.is_complete = True
+            self._known = replace(self._known, cause=cause_among(event for event, _ in self._recent))
+
+    def settle_egm(self, client: EventSource) -> None:
+        """EGM runs again: what ended it before has not stopped the robot. Where a person was involved, it may yet have.
+
+        Raises:
+            YumiError: the controller does not answer.
+        """
+        with self._lock:
+            self.read(client)  # the event of a time-out may come after the request to start again
+            kept = [each for each in self._recent if not is_without_person(each[0])]
+            self._recent = deque(kept, self._recent.maxlen)
+            self._known = replace(self._known, cause=cause_among(event for event, _ in kept))
+
+    def take_news(self) -> tuple[Event, ...]:
+        """Events that came since the first reading and were not taken yet, oldest first."""
+        with self._lock:
+            news = tuple(self._news)
+            self._news.clear()
+            return news
+
+    def _is_enough(self, events: tuple[Event, ...]) -> bool:
+        """Whether older events are known, or history."""
+        if self._newest < 0 or events[0].number < self._newest:
+            return any(event.code in STARTED for event in events)
+        return events[-1].number <= self._newest + 1
+
+    def _take(self, events: tuple[Event, ...]) -> None:
+        newest = events[0].number if events else self._newest
+        is_first = self._newest < 0 or newest < self._newest  # a lower number: another controller, or they wrapped
+        if is_first:
+            self._recent.clear()
+            fresh = tuple(_since_start(events))
+        else:
+            fresh = tuple(event for event in events if event.number > self._newest)
+            if fresh and len(fresh) == len(events) and fresh[-1].number > self._newest + 1:
+                self.is_complete = False  # it was cleared, or more has come than it holds
+            self._news.extend(reversed(fresh))
+        self._newest = newest
+        if not fresh:
+            return
+        now = self._clock.now()
+        self._recent.extendleft((event, now) for event in reversed(fresh))
+        stop = self._known.stop
+        confirmed = next((index for index, event in enumerate(fresh) if event.code == AUTO_CONFIRMED), len(fresh))
+        if confirmed < len(fresh) and stop is not None and all(map(is_guard_stop, stop.codes)):
+            # Leaving AUTO is a guard stop, too; who has confirmed AUTO at the FlexPendant has looked at the robot.
+            self._stop_events, stop = (), None
+        stops = tuple(
+            event
+            for index, event in reversed(list(enumerate(fresh)))
+            if needs_person(event.code) and (index < confirmed or not is_guard_stop(event.code))
+        )
+        is_awaited = not self._stop_events and now <= self._awaits_event_until
+        if stops and stop is not None and is_awaited and stop.codes == (stops[-1].code,):
+            # The event of a stop that was known by the state alone; a person may know its id already.
+            self._stop_events = stops
+            stop = replace(Stop.of(stops), id=stop.id)
+        elif stops:
+            self._stop_events += stops
+            stop = Stop.of(self._stop_events)
+        self._known = _Known(stop, cause_among(event for event, _ in self._recent))
+
+
+def explained(event: ArmEvent, cause: Cause) -> str:
+    """What happened to an arm, with its cause and what a person must do."""
+    if not cause.text:
+        if isinstance(event, RobotStoppedFollowing):
+            return f"{event} The controller reports no stop: its program has ended EGM, or another client has."
+        return str(event)
+    return f"{event}{cause}"
+
+
+def demand_confirmation(stop: str) -> str:
+    """A sentence, with a blank before it, that says what a stop waits for; nothing where there is no stop."""
+    return f" Nothing moves until a person confirms the stop {stop} (recover)." if stop else ""
+
+
+def _active_stop(state: ControllerState) -> str:
+    """The stop that no request ends, and what does; empty where there is none."""
+    robot = RobotState(controller_state=state)
+    stop = unmet(NO_STOP, robot)
+    return f"{reason_of(stop, robot)}; {stop.remedy}" if stop else ""
+
+
+def _demand(stop: Stop, state: ControllerState) -> str:
+    active = _active_stop(state)
+    now = f"Now {active}. " if active else ""
+    return (
+        f"The robot was stopped by {stop.cause}. {now}Nothing moves until a person has looked at the robot and "
+        f"confirmed this stop: call recover with the id {stop.id}."
+    )
 
 
 if __name__ == "__main__":

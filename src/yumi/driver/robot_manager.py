@@ -13,29 +13,34 @@ from functools import partial
 from threading import Lock
 
 from yumi.clock import Clock
-from yumi.control.events import (
+from yumi.control.loop import Commands
+from yumi.control.shared_state import (
     AllowedCollisionsChanged,
     ControlProcessEnded,
     Event,
     RobotStoppedFollowing,
     SessionLost,
 )
-from yumi.control.loop import Commands
-from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup
-from yumi.driver.egm_control import POSITION_CONTROLLER, ArmControl, EgmControl, Watchdog, WatchdogSettings
+from yumi.driver.bringup import ANNOUNCEMENT, STOP_PROGRAM, Bringup, RapidRoutines
+from yumi.driver.egm_control import (
+    POSITION_CONTROLLER,
+    ArmControl,
+    AutomaticRecovery,
+    EgmControl,
+    Recovery,
+    RecoverySettings,
+    Watchdog,
+    WatchdogSettings,
+)
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.panel import RapidRoutines
-from yumi.driver.readiness import Mode, Report, RobotState
-from yumi.driver.recovery import AutomaticRecovery, Recovery, RecoverySettings
-from yumi.driver.stops import StopLog
+from yumi.driver.readiness import Mode, Report, RobotState, StopLog
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.description import Mass
+from yumi.robot.description import Mass, Tool
 from yumi.robot.gripper import ServoCommand
 from yumi.robot.joints import Pose, Side
-from yumi.robot.tool import Tool
 from yumi.rws.client import RwsClient
-from yumi.rws.replies import SystemInfo
+from yumi.rws.documents import SystemInfo
 from yumi.rws.types import ControllerState
 
 _NO_CHANGES: frozenset[str] = frozenset()
@@ -399,7 +404,7 @@ class RobotManager:
         return self.run_routine(side, routine)
 
     def set_tool(self, side: Side, tcp: Pose, load: Mass) -> str:
-        """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.tool.Tool`. Raises YumiError."""
+        """Have the next EGM motion of an arm use a tool, see :class:`yumi.robot.description.Tool`. Raises YumiError."""
         return self._write_tool(side, lambda tool: Tool(tcp, load, tool.payload) if tool else Tool(tcp, load))
 
     def set_payload(self, side: Side, payload: Mass) -> str:

@@ -19,10 +19,9 @@ import yaml
 
 from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
-from yumi.control.tool_limits import FASTEST, ToolLimits, Wall
+from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
-from yumi.driver.egm_control import POSITION_CONTROLLER, WatchdogSettings
-from yumi.driver.recovery import RecoverySettings
+from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST as SLOWEST
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import CommandRefused, SettingsError

@@ -21,9 +21,8 @@ from yumi.control.controller import Buffer
 from yumi.control.limiter import FULL
 from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
-from yumi.robot.description import Mass
+from yumi.robot.description import Mass, Tool, inertia_of, principal_inertia
 from yumi.robot.joints import Pose, Quaternion, Side, Vector
-from yumi.robot.tool import Tool, inertia_of, principal_inertia
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import RapidValue

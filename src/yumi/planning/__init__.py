@@ -1,1 +1,0 @@
-"""Motions around the robot itself and what stands about it, and the files MoveIt needs to plan them."""

@@ -4,19 +4,19 @@ A host registers the robot's instructions in an `InstructionSet`, and lets a `Ta
 """
 
 from yumi.rapid.ast import Module
-from yumi.rapid.builtins.standard import InstructionSet
-from yumi.rapid.errors import (
-    RapidReferenceError,
-    RapidRuntimeError,
-    RapidSyntaxError,
-    RapidValueError,
-    UnknownSymbol,
-)
+from yumi.rapid.builtins.execution import InstructionSet
 from yumi.rapid.library import Call, Wait
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.task import ModuleInfo, Task
-from yumi.rapid.types import Signal
+from yumi.rapid.types import (
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    RapidValueError,
+    Signal,
+    UnknownSymbol,
+)
 
 __all__ = [
     "Call",

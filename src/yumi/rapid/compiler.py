@@ -10,15 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 from yumi.errors import RapidError
 from yumi.rapid import ast as s
-from yumi.rapid.errors import (
-    NotProvided,
-    ProgramTooLarge,
-    RapidReferenceError,
-    RapidRuntimeError,
-    Unresolved,
-    UnresolvedProcedure,
-    UnresolvedTrap,
-)
 from yumi.rapid.expressions import Expressions, Scope, caller
 from yumi.rapid.library import VISUALIZE, Deadline, LibraryRoutine
 from yumi.rapid.program import (
@@ -41,7 +32,14 @@ from yumi.rapid.types import (
     STRING,
     UNSET,
     ArrayType,
+    NotProvided,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidRuntimeError,
     Type,
+    Unresolved,
+    UnresolvedProcedure,
+    UnresolvedTrap,
     Variable,
     binary_operation,
     described,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING, Protocol
 
-from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.types import RapidRuntimeError
 
 if TYPE_CHECKING:
     from yumi.rapid.program import Severity

@@ -12,13 +12,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from yumi.rapid import ast as s
-from yumi.rapid.errors import (
-    NotProvided,
-    RapidReferenceError,
-    RapidRuntimeError,
-    Unresolved,
-    UnresolvedFunction,
-)
 from yumi.rapid.library import Call, FormalParameter, LibraryRoutine
 from yumi.rapid.program import (
     CodeBuilder,
@@ -45,14 +38,19 @@ from yumi.rapid.types import (
     SWITCH,
     UNSET,
     ArrayType,
+    NotProvided,
     ObjectType,
     OpenType,
     Part,
+    RapidReferenceError,
+    RapidRuntimeError,
     RecordType,
     Reference,
     Signal,
     SignalType,
     Type,
+    Unresolved,
+    UnresolvedFunction,
     Variable,
     binary_operation,
     described,

@@ -35,10 +35,10 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from yumi.rapid.ast import Mode, Storage
-from yumi.rapid.errors import ALL_ERRORS, ERROR_NAMES, FIRST_ERROR_NUMBER, RapidReferenceError, RapidRuntimeError
 from yumi.rapid.parser import parse_parameters
 from yumi.rapid.types import (
     ABSENT,
+    ALL_ERRORS,
     ANY_NUM,
     ANY_SIGNAL,
     ANY_TYPE,
@@ -46,6 +46,8 @@ from yumi.rapid.types import (
     BOOL,
     DI_OR_BOOL,
     DNUM,
+    ERROR_NAMES,
+    FIRST_ERROR_NUMBER,
     NUM,
     STRING,
     SWITCH,
@@ -53,6 +55,8 @@ from yumi.rapid.types import (
     ArrayType,
     LiveVariable,
     ObjectType,
+    RapidReferenceError,
+    RapidRuntimeError,
     RecordType,
     Reference,
     SignalType,

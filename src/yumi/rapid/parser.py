@@ -23,7 +23,6 @@ from lark.parsers.lalr_analysis import Shift
 
 from yumi.rapid import ast as s
 from yumi.rapid.ast import Aggregate, Expression, Literal, Module, Parameter, Reference, Unary
-from yumi.rapid.errors import RapidRuntimeError, RapidSyntaxError, RapidValueError
 from yumi.rapid.types import (
     BOOL,
     DNUM,
@@ -32,6 +31,9 @@ from yumi.rapid.types import (
     STRING,
     ArrayType,
     AtomicType,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    RapidValueError,
     RecordType,
     Type,
     described,

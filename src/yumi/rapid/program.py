@@ -15,9 +15,18 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from yumi.rapid import ast as s
 from yumi.rapid.devices import Devices
-from yumi.rapid.errors import RapidReferenceError, Unresolved
 from yumi.rapid.library import FormalParameter, Library, LibraryRoutine
-from yumi.rapid.types import UNSET, AliasType, ArrayType, RecordType, Signal, Type, Variable
+from yumi.rapid.types import (
+    UNSET,
+    AliasType,
+    ArrayType,
+    RapidReferenceError,
+    RecordType,
+    Signal,
+    Type,
+    Unresolved,
+    Variable,
+)
 
 if TYPE_CHECKING:
     from yumi.rapid.machine import Frame, Machine

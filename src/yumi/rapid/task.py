@@ -25,21 +25,9 @@ from yumi.rapid.compiler import (
     link,
     link_module,
 )
-from yumi.rapid.errors import (
-    FIRST_BOOKED_NUMBER,
-    ModuleNameTaken,
-    ProgramTooLarge,
-    RapidReferenceError,
-    RapidRuntimeError,
-    RapidSyntaxError,
-    RapidValueError,
-    UnknownSymbol,
-    Unresolved,
-)
 from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.interrupts import Interrupts, TimerQueue
 from yumi.rapid.library import Call, Library
-from yumi.rapid.machine import Frame, Machine
+from yumi.rapid.machine import Frame, Interrupts, Machine, TimerQueue
 from yumi.rapid.parser import format_value, parse_module, parse_reference, parse_value
 from yumi.rapid.program import (
     Code,
@@ -53,7 +41,22 @@ from yumi.rapid.program import (
     TaskEvent,
     UserRoutine,
 )
-from yumi.rapid.types import UNSET, Reference, Variable, resolved, value_count
+from yumi.rapid.types import (
+    FIRST_BOOKED_NUMBER,
+    UNSET,
+    ModuleNameTaken,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    RapidValueError,
+    Reference,
+    UnknownSymbol,
+    Unresolved,
+    Variable,
+    resolved,
+    value_count,
+)
 
 T = TypeVar("T")
 STEPS_PER_ADVANCE = 2000  # so that an endless loop without a wait cannot hang the controller

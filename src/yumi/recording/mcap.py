@@ -40,9 +40,9 @@ from typing import Any
 
 from yumi import __version__
 from yumi.clock import Clock
-from yumi.control.events import Event, is_fault
-from yumi.control.flight_recorder import FlightRecorder, Frame
-from yumi.control.statistics import StageTimes
+from yumi.control.controller import StageTimes
+from yumi.control.cycle import FlightRecorder, Frame
+from yumi.control.shared_state import Event, is_fault
 from yumi.errors import MissingPrerequisite, ProtocolError, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.robot.description import robot_description

@@ -16,15 +16,20 @@ gripper_r_fingertips                 between ABB's standard fingertips, z forwar
 gripper_r_camera                     z along the view of its camera, if it has one
 gripper_r_vacuum_1, gripper_r_vacuum_2 a cup, z into it, if it has the module
 ==================================== ==================================================================================
+
+The tool on an arm's flange and what it carries, as one load for the controller's model of the arm.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from math import atan2, cos, dist, hypot, pi, sin, sqrt
+from math import atan2, cos, dist, hypot, isclose, isfinite, pi, sin, sqrt
 from xml.etree import ElementTree as ET
 
+import numpy as np
+
+from yumi.errors import CommandRefused
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import (
     YUMI_LIMITS,
@@ -37,7 +42,15 @@ from yumi.robot.joints import (
     joint_names,
     prefixed,
 )
-from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, foot_to_body, quaternion_from_euler_zyx
+from yumi.robot.kinematics import (
+    IDENTITY,
+    compose,
+    euler_zyx,
+    foot_to_body,
+    quaternion_from_euler_zyx,
+    quaternion_from_matrix,
+    rotate,
+)
 
 FINGER_TRAVEL = 0.025
 FINGER_SPEED = 0.025
@@ -418,3 +431,94 @@ def read_frames(urdf: str) -> tuple[Frame, ...]:
 def _vector(text: str | None) -> Vector:
     x, y, z = (float(word) for word in (text or "0 0 0").split())
     return (x, y, z)
+
+
+MOST_MASS = 0.5
+"""What an arm carries, its gripper included [kg] (reference/yumi.md)."""
+
+FARTHEST = 0.5
+"""A centre of gravity or a TCP is at most so far from the flange [m]: what is farther was hardly meant in metres."""
+
+_FLANGE = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
+_LEAST_MASS = 0.001  # [kg] RAPID knows no tool without one; that of its tool0
+_NOTHING = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """What is on an arm's flange; everything seen from tool0, the flange's frame.
+
+    Attributes:
+        tcp: pose of the tool's centre point [m].
+        load: the tool itself.
+        payload: what it carries.
+
+    Raises:
+        CommandRefused: a value is not finite, negative or too large; the sentence says which.
+    """
+
+    tcp: Pose = _FLANGE
+    load: Mass = _NOTHING
+    payload: Mass = _NOTHING
+
+    def __post_init__(self) -> None:
+        for name, mass in (("tool", self.load), ("payload", self.payload)):
+            if not all(map(isfinite, (mass.mass, *mass.centre, *mass.inertia))):
+                raise CommandRefused(f"The {name} has a value that is not finite: {mass}; give finite numbers.")
+            if mass.mass < 0.0 or hypot(*mass.centre) > FARTHEST:
+                raise CommandRefused(
+                    f"The {name} has {mass.mass:g} kg at {hypot(*mass.centre):g} m from the flange; give a mass from 0 "
+                    f"to {MOST_MASS:g} kg, at most {FARTHEST:g} m away."
+                )
+            if min(principal_inertia(mass)[1]) < -1e-9:
+                raise CommandRefused(f"The {name} has a negative moment of inertia; give that about its own centre.")
+        if self.load.mass + self.payload.mass > MOST_MASS:
+            raise CommandRefused(
+                f"Tool and payload have {self.load.mass + self.payload.mass:g} kg together; an arm carries up to "
+                f"{MOST_MASS:g} kg, its gripper included."
+            )
+        if not all(map(isfinite, self.tcp.position)) or hypot(*self.tcp.position) > FARTHEST:
+            raise CommandRefused(
+                f"The TCP is at {self.tcp.position}; give a place up to {FARTHEST:g} m from the flange."
+            )
+        if not isclose(hypot(*self.tcp.orientation), 1.0, abs_tol=1e-3):
+            raise CommandRefused(
+                f"The TCP's orientation {self.tcp.orientation} is not a unit quaternion; give w, x, y, z."
+            )
+
+    @property
+    def total(self) -> Mass:
+        """Tool and payload as one body: its inertia is about the common centre."""
+        mass = self.load.mass + self.payload.mass
+        if mass < _LEAST_MASS:
+            return Mass(_LEAST_MASS, (0.0, 0.0, _LEAST_MASS), (0.0,) * 6)
+        pairs = zip(self.load.centre, self.payload.centre, strict=True)
+        x, y, z = ((self.load.mass * one + self.payload.mass * other) / mass for one, other in pairs)
+        inertia = [0.0] * 6
+        for body in (self.load, self.payload):
+            a, b, c = (at - to for at, to in zip(body.centre, (x, y, z), strict=True))
+            steiner = (b * b + c * c, -a * b, -a * c, a * a + c * c, -b * c, a * a + b * b)
+            inertia = [
+                old + own + body.mass * way for old, own, way in zip(inertia, body.inertia, steiner, strict=True)
+            ]
+        xx, xy, xz, yy, yz, zz = inertia
+        return Mass(mass, (x, y, z), (xx, xy, xz, yy, yz, zz))
+
+
+def inertia_of(axes: Quaternion, moments: Vector) -> tuple[float, float, float, float, float, float]:
+    """The inertia (xx, xy, xz, yy, yz, zz) of moments about axes that are turned by a rotation [kg m²]."""
+    columns = [rotate(axes, each) for each in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))]
+
+    def entry(row: int, column: int) -> float:
+        return sum(moment * axis[row] * axis[column] for moment, axis in zip(moments, columns, strict=True))
+
+    return entry(0, 0), entry(0, 1), entry(0, 2), entry(1, 1), entry(1, 2), entry(2, 2)
+
+
+def principal_inertia(body: Mass) -> tuple[Quaternion, Vector]:
+    """The axes of a body's moments of inertia, as a rotation from the frame it is given in, and the moments [kg m²]."""
+    xx, xy, xz, yy, yz, zz = body.inertia
+    moments, axes = np.linalg.eigh([(xx, xy, xz), (xy, yy, yz), (xz, yz, zz)])
+    axes[:, 2] *= np.sign(np.linalg.det(axes))  # axes of a body may point either way; a rotation keeps right-handed
+    first, second, third = moments.tolist()
+    return quaternion_from_matrix(axes), (first, second, third)

@@ -32,7 +32,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import CommandRefused
-from yumi.robot.differential_kinematics import posture_near, wrist_target
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
@@ -47,8 +46,10 @@ from yumi.robot.kinematics import (
     inverse,
     matrix,
     multiply,
+    posture_near,
     rotation_vector,
     tool0_to_body,
+    wrist_target,
 )
 
 Array = NDArray[np.float64]

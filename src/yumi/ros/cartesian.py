@@ -46,23 +46,20 @@ from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
 from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.motion import STANDING, largest_difference
-from yumi.control.shared_state import Snapshot
-from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.tool_path import ZONE, Waypoint, checked_pose, plan_path
+from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Snapshot
+from yumi.control.tool_path import ZONE, ToolLimited, ToolLimits, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched, time_to_start
 from yumi.driver.control_process import ENDED, ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
-from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import is_cancelled
-from yumi.ros.frames import RobotFrames
+from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import SERVICES, pose_of
-from yumi.ros.topics import CommandTopic
+from yumi.ros.nodes import is_cancelled
+from yumi.ros.topics import CommandTopic, RobotFrames
 from yumi.settings import number
 
 CARTESIAN_CONTROLLER = "cartesian_controller"

@@ -39,7 +39,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from yumi.clock import Clock
 from yumi.control.controller import State
-from yumi.control.events import Event, RobotStoppedFollowing, SessionLost, SessionStarted
+from yumi.control.shared_state import Event, RobotStoppedFollowing, SessionLost, SessionStarted
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotManager, bring_up
@@ -48,19 +48,20 @@ from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, Sett
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import JointLimits, Side, prefixed
 from yumi.ros.cartesian import cartesian_interfaces
-from yumi.ros.controller_manager import ArmManager
-from yumi.ros.controllers import ArmHardware
-from yumi.ros.executors import Executors, TimerThread
-from yumi.ros.frames import NAME, FramePublisher, RobotFrames
+from yumi.ros.controller_manager import ArmHardware, ArmManager
 from yumi.ros.gripper import GripperParts, Grippers
+from yumi.ros.nodes import Executors, TimerThread
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import (
+    NAME,
     CommandTopic,
+    FramePublisher,
     HealthTopics,
     JointCommandTopic,
     JointStatePublisher,
     JointVelocityTopic,
     MergedJointStates,
+    RobotFrames,
     RobotStateTopic,
     forward_interfaces,
     newest_state,

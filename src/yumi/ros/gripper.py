@@ -20,15 +20,14 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.driver.gripper import CHANNELS, Gripper
-from yumi.driver.gripper_io import GripperSignals
+from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names, prefixed
-from yumi.ros.executors import TimerThread
 from yumi.ros.messages import LATCHED, SERVICES, stamp
+from yumi.ros.nodes import TimerThread
 
 WhyNot = Callable[[], str | None]
 """Why a gripper may not move now; None when it may."""

@@ -33,13 +33,12 @@ from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, Inter
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
 from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
-from yumi.driver.readiness import Mode, RobotState
+from yumi.driver.readiness import EVENT_TEXTS, Mode, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.driver.stops import EVENT_TEXTS
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
-from yumi.rws.replies import Event
+from yumi.rws.documents import Event
 from yumi.rws.types import EventType
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

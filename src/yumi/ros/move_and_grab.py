@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
-from yumi.driver.stops import demand_confirmation
+from yumi.driver.readiness import demand_confirmation
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints

@@ -42,7 +42,6 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import LOWEST, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
-from yumi.ros.executors import TimerThread
 from yumi.ros.messages import (
     GPIO_STATES,
     LATCHED,
@@ -54,6 +53,7 @@ from yumi.ros.messages import (
     robot_state,
     side_of,
 )
+from yumi.ros.nodes import TimerThread
 
 CheckArms = Callable[[Iterable[Side]], None]
 """Raises CommandRefused where one of some arms has been deactivated."""

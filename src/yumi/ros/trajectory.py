@@ -35,17 +35,15 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.events import ControlProcessEnded, ReportsDropped
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import Setpoint
-from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
 from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.driver.control_process import ENDED
 from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
-from yumi.ros.controllers import MakeInterface
-from yumi.ros.executors import TimerThread, is_cancelled
+from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
     LATCHED,
     SERVICES,
@@ -59,6 +57,7 @@ from yumi.ros.messages import (
     trajectory_of,
     waited_for,
 )
+from yumi.ros.nodes import TimerThread, is_cancelled
 from yumi.settings import number
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time

@@ -6,21 +6,37 @@ in no other format, and the controller's JSON deviates from it in several names.
 
 Names and values in queries and form bodies are written strictly and read as tolerantly as a controller does: ABB's own
 C++ client sends values unescaped, Python clients percent-encode them; both must arrive as the same text.
+
+What the pages of Robot Web Services say to a client: typed values, or a refusal with ABB's code.
 """
 
 from __future__ import annotations
 
 import builtins
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from datetime import datetime
 from enum import Enum
+from math import radians
 from typing import TypeVar
-from urllib.parse import quote, unquote
+from urllib.parse import quote, unquote, unquote_plus
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from yumi.errors import ProtocolError
+from yumi.errors import ControllerRefused, ProtocolError
+from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
+from yumi.rws import types as codes
+from yumi.rws.types import (
+    CollisionState,
+    ControllerState,
+    EventType,
+    ExecutionState,
+    OperatingMode,
+    SignalType,
+    TaskExecution,
+)
 
 E = TypeVar("E", bound=Enum)
 
@@ -288,3 +304,356 @@ def _is_argument(span: Element) -> bool:
 
 def _links(element: Element) -> tuple[Link, ...]:
     return tuple(Link(anchor.get("rel", ""), anchor.get("href", "")) for anchor in element.findall("a"))
+
+
+SixAxes = tuple[float, float, float, float, float, float]
+Configuration = tuple[int, int, int, int]
+
+EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
+"""Fields of the external axes in pages of the motion system."""
+
+_NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
+_MM = 1e-3
+_VERSION = re.compile(r"\d+(\.\d+)+")
+
+
+@dataclass(frozen=True, slots=True)
+class SystemInfo:
+    """The controller's system, e.g. version (6, 13, 0, 0); a new installation of RobotWare has another ``id``."""
+
+    name: str
+    robotware: tuple[int, ...]
+    options: tuple[str, ...]
+    id: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerIdentity:
+    """Which controller it is; the serial number is empty for a virtual one."""
+
+    name: str
+    serial: str
+    is_virtual: bool
+
+
+PENDING, DONE = 294914, 294912
+"""Codes of a job's progress (reference/rws.md §4.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a job of the controller is, in its words, with its code."""
+
+    code: int
+    state: str
+
+    @property
+    def is_pending(self) -> bool:
+        return self.code == PENDING
+
+
+@dataclass(frozen=True, slots=True)
+class TaskInfo:
+    """One RAPID task; a normal one is started by hand, a static or semistatic one starts with the controller."""
+
+    name: str
+    execution: TaskExecution
+    is_active: bool
+    is_motion_task: bool
+    starts_by_hand: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleInfo:
+    """One RAPID module; type is ``ProgMod`` or ``SysMod``."""
+
+    name: str
+    type: str
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """One I/O signal and its logical value."""
+
+    name: str
+    type: SignalType
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class CfgInstance:
+    """One instance of a configuration type, its attributes as text."""
+
+    name: str
+    attributes: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class JointTarget:
+    """Where a mechanical unit stands: axes 1-6 and external axes [deg], None where there is no axis."""
+
+    robax_deg: SixAxes
+    extax_deg: tuple[float | None, ...]
+
+    def chain(self) -> Joints:
+        """The seven joints of a YuMi arm in chain order [rad].
+
+        Raises:
+            ProtocolError: the unit has no seventh axis.
+        """
+        axis_7_deg = self.extax_deg[0]
+        if axis_7_deg is None:
+            raise ProtocolError("The mechanical unit has no seventh axis; it is not an arm of a YuMi.")
+        return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
+
+
+@dataclass(frozen=True, slots=True)
+class RobTarget:
+    """A position of the tool.
+
+    Attributes:
+        tool_to_object: of the tool in the work object, or as was asked for.
+        configuration: quarter turns of axes 1, 4 and 6, and ABB's cfx.
+        external: external axes [rad], None where there is no axis; of a YuMi's arm the first is the arm angle.
+    """
+
+    tool_to_object: Pose
+    configuration: Configuration
+    external: tuple[float | None, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One message of the event log.
+
+    Attributes:
+        number: of the message; it rises with each.
+        type: its weight.
+        code: ABB's number of the event.
+        time: the controller's local time as it prints it.
+        title: one line.
+        description: what happened, in ABB's words.
+        arguments: what the controller put into those words.
+    """
+
+    number: int
+    type: EventType
+    code: int
+    time: str
+    title: str
+    description: str
+    arguments: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One entry of a directory; ``size`` [byte] is None for a directory."""
+
+    name: str
+    size: int | None
+
+
+def system(page: Page) -> SystemInfo:
+    """``/rw/system``."""
+    state = page.one("sys-system-li")
+    version = state.text("rwversionname")
+    if not _VERSION.fullmatch(version):
+        raise ProtocolError(f"The controller's RobotWare version {version!r} is not numbers and dots.")
+    options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
+    robotware = tuple(int(part) for part in version.split("."))
+    return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
+
+
+def identity(page: Page) -> ControllerIdentity:
+    """``/ctrl/identity``."""
+    state = page.one("ctrl-identity-info", "ctrl-identity-info-li")
+    is_virtual = state.text("ctrl-type").startswith("Virtual")
+    return ControllerIdentity(state.text("ctrl-name"), state.fields.get("ctrl-id", ""), is_virtual)
+
+
+def progress(page: Page) -> Progress:
+    """``/progress/{id}``."""
+    if not page.states:
+        raise ProtocolError("The controller's answer holds no progress.")
+    state = page.states[0]
+    return Progress(state.whole("code"), state.text("state"))
+
+
+def clock(page: Page) -> datetime:
+    """``/ctrl/clock``: the controller's local time, as it has no zone."""
+    text = page.one("ctrl-clock-info", "ctrl-clock-info-li").text("datetime")
+    try:
+        return datetime.strptime(text, "%Y-%m-%d T %H:%M:%S")
+    except ValueError as error:
+        raise ProtocolError(f"The controller's clock shows {text!r}, which is not a time.") from error
+
+
+def controller_state(page: Page) -> ControllerState:
+    """``/rw/panel/ctrlstate``."""
+    return page.one("pnl-ctrlstate").member(ControllerState, "ctrlstate")
+
+
+def operating_mode(page: Page) -> OperatingMode:
+    """``/rw/panel/opmode``."""
+    return page.one("pnl-opmode").member(OperatingMode, "opmode")
+
+
+def collision_state(page: Page) -> CollisionState:
+    """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
+    fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
+    return member(CollisionState, fields.get("coldetstate", ""))
+
+
+def mastership(page: Page) -> str:
+    """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
+    state = page.one("msh-resource")
+    if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
+        return ""
+    known = [text for name in ("application", "alias", "location") if (text := state.fields.get(name, ""))]
+    return ", ".join(known) or f"another client ({state.text('mastership')})"
+
+
+def speed_ratio(page: Page) -> int:
+    """``/rw/panel/speedratio`` [%]."""
+    return page.one("pnl-speedratio").whole("speedratio")
+
+
+def execution(page: Page) -> ExecutionState:
+    """``/rw/rapid/execution``."""
+    return page.one("rap-execution").member(ExecutionState, "ctrlexecstate")
+
+
+def tasks(page: Page) -> tuple[TaskInfo, ...]:
+    """``/rw/rapid/tasks``."""
+    return tuple(
+        TaskInfo(
+            name=state.text("name"),
+            execution=member(TaskExecution, state.text("excstate")[:4].lower()),
+            is_active=state.text("active").lower() == "on",
+            is_motion_task=state.text("motiontask").lower() == "true",
+            starts_by_hand=state.fields.get("type", "norm").lower().startswith("norm"),
+        )
+        for state in page.of_type("rap-task-li")
+    )
+
+
+def modules(page: Page) -> tuple[ModuleInfo, ...]:
+    """``/rw/rapid/modules``."""
+    states = page.of_type("rap-module-info-li")
+    return tuple(ModuleInfo(state.text("name"), state.text("type")) for state in states)
+
+
+def module_text(page: Page) -> str:
+    """``/rw/rapid/modules/{module}?resource=module-text``: URL-encoded, in Latin-1 as RAPID's files."""
+    text = page.one("rap-module-text").text("module-text")
+    decode = unquote if "%20" in text else unquote_plus  # which of the two encodings it is, ABB does not say
+    return decode(text, encoding="latin-1")
+
+
+def symbol(page: Page) -> str:
+    """``/rw/rapid/symbol/data``: the RAPID literal."""
+    return page.one("rap-data").text("value")
+
+
+def symbol_type(page: Page) -> str:
+    """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
+    for state in page.states:
+        if state.type.startswith("rap-symprop"):
+            return state.text("dattyp")
+    raise ProtocolError("The controller's answer holds no properties of a symbol.")
+
+
+def signal(page: Page) -> Signal:
+    """``/rw/iosystem/signals/{name}``."""
+    state = page.one("ios-signal", "ios-signal-li")
+    return Signal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
+
+
+def signals(page: Page) -> Mapping[str, float]:
+    """``/rw/iosystem/signals``: the values by name; an entry without a valid value is left out."""
+    values: dict[str, float] = {}
+    for state in page.of_type("ios-signal-li"):
+        with suppress(ProtocolError):
+            values[state.text("name")] = state.number("lvalue")
+    return values
+
+
+def cfg(page: Page) -> tuple[CfgInstance, ...]:
+    """``/rw/cfg/{domain}/{type}/instances``."""
+    return tuple(
+        CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+        for state in page.of_type("cfg-dt-instance-li")
+    )
+
+
+def pose(state: State) -> Pose:
+    """Out of ``x`` to ``q4``."""
+    x, y, z = (state.number(name) * _MM for name in "xyz")
+    w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
+    return Pose((x, y, z), (w, i, j, k))
+
+
+def rob_target(state: State) -> RobTarget:
+    """A robtarget, as each of the services spells it."""
+    names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
+    one, four, six, x = (state.whole(name) for name in names)
+    external = [name for name in state.fields if name.startswith(("eax", "ej"))]
+    return RobTarget(pose(state), (one, four, six, x), axes(state, external))
+
+
+def axes(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
+    """External axes [rad]."""
+    found = [state.number(name) for name in names]
+    return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
+
+
+def joint_target(page: Page) -> JointTarget:
+    """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
+    return joint_target_of(page.one("ms-jointtarget"), "rax_", EXTERNAL_AXES)
+
+
+def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointTarget:
+    """A jointtarget whose fields of the robot's axes begin with ``robot``."""
+    a1, a2, a3, a4, a5, a6 = (state.number(f"{robot}{axis}") for axis in range(1, 7))
+    found = [state.number(name) for name in external]
+    return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in found))
+
+
+def events(page: Page) -> tuple[Event, ...]:
+    """``/rw/elog/{domain}``, in the controller's order."""
+    found: list[Event] = []
+    for state in page.of_type("elog-message-li", "elog-message"):
+        number = state.title.rpartition("/")[2]
+        if not number.isdecimal():
+            raise ProtocolError(f"The controller's event {state.title!r} has no number.")
+        found.append(
+            Event(
+                number=int(number),
+                type=member(EventType, state.whole("msgtype")),
+                code=state.whole("code"),
+                time=state.text("tstamp"),
+                title=state.text("title"),
+                description=state.text("desc"),
+                arguments=tuple(argument.value for argument in state.arguments),
+            )
+        )
+    return tuple(found)
+
+
+def files(page: Page) -> tuple[FileInfo, ...]:
+    """``/fileservice/{directory}``."""
+    return tuple(
+        FileInfo(state.title, state.whole("fs-size") if state.type == "fs-file" else None)
+        for state in page.of_type("fs-dir", "fs-file")
+    )
+
+
+def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
+    """The error for a response that refuses; ``what`` is the request in a few words."""
+    try:
+        known = read_status(content_type, body)
+    except ProtocolError:  # a body of another kind, which gateways and old versions send
+        return ControllerRefused(f"{what} was refused with HTTP status {status}.", status=status)
+    reason = codes.sentence(known.code) or known.message or "the controller gives no reason"
+    name = f"{codes.name_of(known.code)} {known.code}".strip()
+    return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)

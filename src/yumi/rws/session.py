@@ -32,7 +32,7 @@ import httpx
 
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
-from yumi.rws import replies
+from yumi.rws import documents
 from yumi.rws.documents import FORM_TYPE, Page, Pairs, State, encode_form, read_page
 from yumi.rws.transport import ConnectionLost, Listener, Socket, TransferDeadline, until
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE, Code
@@ -399,7 +399,7 @@ class Requests:
             )
         if not reply.is_success:
             kind = reply.headers.get("Content-Type", "")
-            raise replies.refusal(f"{self.address}: {what}", reply.status_code, kind, reply.content)
+            raise documents.refusal(f"{self.address}: {what}", reply.status_code, kind, reply.content)
 
     @contextmanager
     def holding(self, domain: str) -> Iterator[None]:

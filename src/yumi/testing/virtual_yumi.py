@@ -24,12 +24,11 @@ from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.rws.transport import ConnectionLost, Listener
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.fault_names import Fault
-from yumi.virtual.fault_injection import FaultInjection, inject_fault
+from yumi.virtual.controller.events import Fault
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.world import World, WorldSettings
+from yumi.virtual.world import FaultInjection, World, WorldSettings, inject_fault
 
 log = logging.getLogger(__name__)
 

@@ -1,25 +1,39 @@
-"""The whole virtual robot: controller, arms, grippers and EGM clients, advanced together by one cycle at a time."""
+"""The whole virtual robot: controller, arms, grippers and EGM clients, advanced together by one cycle at a time.
+
+Fault injection into a running virtual controller: ``/virtual/faults``, which no ABB controller has.
+
+``GET /virtual/faults`` lists the faults, ``POST /virtual/faults/<name>`` injects one; ``side``, ``duration``, ``by``
+and ``way`` are in the form. Only programs of the same machine are served, without a login; web pages are not.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from ipaddress import IPv4Address
+from math import inf, isfinite, radians
+from urllib.parse import urlsplit
+
+import httpx
 
 from yumi.egm.udp import is_loopback
-from yumi.errors import NoConnection
+from yumi.errors import CommandRefused, NoConnection, YumiError
 from yumi.robot.arms import Arm
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Side
+from yumi.rws.documents import Pairs, decode_form, first_value
+from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.egm import EgmClient, EgmOptions
-from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing
+from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient, EgmNetwork, EgmOptions, Outgoing
+from yumi.virtual.controller.events import Fault, FaultKind, Way, kind_of
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import Robot, System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
-from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
-from yumi.virtual.mechanics.contact import ContactDetector
+from yumi.virtual.mechanics.arm import ArmModel, ContactDetector, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
+from yumi.virtual.rws.http import HttpReply, HttpRequest
+from yumi.virtual.rws.service import RwsService
 
 _PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
 _ADD_IN = "StateMachine Core"
@@ -206,3 +220,301 @@ def _with_addresses(configuration: Configuration, settings: WorldSettings, robot
             configuration.put("SIO", "COM_TRP", {"Name": unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
         configuration.change("SIO", "COM_TRP", unit, address)
     return configuration
+
+
+PATH = "/virtual/faults"
+_MAX_DURATION = 86_400.0
+_FAULT_TIMEOUT = 4.0  # [s]
+_GRIPPER_ERROR = 7  # any; the gripper's numbers are not published
+_OTHER_FILE = "HOME:/Pick.mod"
+_OTHER_PROGRAM = """MODULE Pick
+    PROC main()
+        WHILE TRUE DO
+            WaitTime 1;
+        ENDWHILE
+    ENDPROC
+ENDMODULE
+"""
+
+
+class FaultInjection:
+    """Injects faults into a world and its web services; what would change nothing is refused."""
+
+    def __init__(self, world: World, service: RwsService) -> None:
+        self._world = world
+        controller = world.controller
+        self._of_robot: Mapping[Fault, Callable[[], None]] = {
+            Fault.MOTORS_OFF: lambda: controller.set_motors(False),
+            Fault.EMERGENCY_STOP: controller.press_emergency_stop,
+            Fault.EMERGENCY_STOP_RESET: controller.release_emergency_stop,
+            Fault.MANUAL_MODE: lambda: controller.select_mode(OperatingMode.MANUAL_REDUCED),
+            Fault.AUTO_MODE: lambda: controller.select_mode(OperatingMode.AUTO),
+            Fault.PROGRAM_STOP: controller.stop_rapid,
+            Fault.WRONG_PROGRAM: lambda: controller.replace_program({_OTHER_FILE: _OTHER_PROGRAM}),
+            Fault.RIGHT_PROGRAM: lambda: controller.replace_program({}),
+            Fault.RWS_RESET: service.reset_connections,
+            Fault.RWS_SESSIONS_EXPIRED: service.expire_sessions,
+            Fault.WEB_SOCKET_DROP: service.drop_web_sockets,
+        }
+        self._lasting: Mapping[Fault, Callable[[float], None]] = {
+            Fault.WARM_RESTART: controller.restart,
+            Fault.RWS_BUSY: service.be_busy,
+        }
+        self._with_strength: Mapping[Fault, Callable[[Side, float], None]] = {
+            Fault.ARM_PUSHED: lambda side, degrees: world.arms[side].push(radians(degrees)),
+            Fault.OBJECT_PLACED: self._place_object,
+            Fault.OBJECT_UNDER_CUPS: self._put_under_cups,
+        }
+        self._of_arm: Mapping[Fault, Callable[[Side], None]] = {
+            Fault.EGM_REPAIR: world.network.repair,
+            Fault.COMM_TIMEOUT: lambda side: self._running_egm(side).lose_sensor(),
+            Fault.EGM_CONVERGENCE: lambda side: self._running_egm(side).converge(),
+            Fault.DYNAMIC_LOAD: lambda side: self._running_egm(side).overload(),
+            Fault.COLLISION: controller.collide,
+            Fault.GRIPPER_NOT_CALIBRATED: lambda side: world.grippers[side].cut_power(),
+            Fault.GRIPPER_ERROR: lambda side: world.grippers[side].fail(_GRIPPER_ERROR),
+            Fault.OBJECT_LOST: self._lose_object,
+        }
+
+    def inject(
+        self,
+        fault: Fault,
+        side: Side | None = None,
+        duration: float | None = None,
+        amount: float | None = None,
+        way: Way | None = None,
+    ) -> None:
+        """Inject a fault.
+
+        Args:
+            fault: which.
+            side: to which arm; None for both.
+            duration: how long it lasts [s]; None for its own time.
+            amount: how strong it is, in the unit of its kind; None for its own strength.
+            way: in which direction datagrams meet it; None for both.
+
+        Raises:
+            CommandRefused: one of these means nothing for it or is out of range, or the robot is in no state for it.
+        """
+        _check_choice(fault.value, side, duration, amount, way)
+        self._check_effect(fault)
+        network, kind = self._world.network, fault.value
+        sides = tuple(self._world.arms) if side is None else (side,)
+        length = kind.default_duration if duration is None else duration
+        strength = amount
+        if strength is None:  # 0 is chance, or nothing to choose
+            strength = (kind.amount.default if kind.amount is not None else None) or 0.0
+        if fault in self._of_robot:
+            self._of_robot[fault]()
+        elif fault in self._lasting:
+            self._lasting[fault](inf if length is None else length)
+        elif fault is Fault.EGM_SILENCE:
+            for each in sides:
+                network.inject(Fault.EGM_LOSS, each, 100.0, duration=length)
+        elif fault in LASTING:
+            for each in sides:
+                network.inject(fault, each, strength, way or Way.BOTH, length)
+        else:
+            self._inject_into_arms(fault, strength, sides)
+
+    def answer(self, request: HttpRequest) -> HttpReply:
+        """The answer to a request below :data:`PATH`."""
+        if not is_loopback(request.peer.rpartition(":")[0]):
+            return _sentence(403, "Faults are taken from programs on this machine only.")
+        # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
+        # leads to this machine.
+        origin = request.header("Origin")
+        urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
+        if not all(is_loopback(_host_of(url)) for url in urls):
+            return _sentence(
+                403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
+            )
+        name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
+        if not name:
+            kinds = [
+                {
+                    "name": fault.value.name,
+                    "meaning": fault.value.meaning,
+                    "has_side": fault.value.has_side,
+                    "has_duration": fault.value.has_duration,
+                    "default_duration_s": fault.value.default_duration,
+                    "by": None if fault.value.amount is None else asdict(fault.value.amount),
+                    "has_way": fault.value.has_way,
+                }
+                for fault in Fault
+            ]
+            return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(kinds).encode())
+        fault = kind_of(name)
+        if fault is None or request.method != "POST":
+            known = ", ".join(each.value.name for each in Fault)
+            return _sentence(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
+        try:
+            self.inject(fault, *_choice(decode_form(request.body.decode("utf-8", "replace"))))
+        except YumiError as error:
+            return _sentence(409, str(error))
+        return HttpReply(204)
+
+    def _inject_into_arms(self, fault: Fault, strength: float, sides: Sequence[Side]) -> None:
+        """Inject a fault into the arms that are in a state for it, at least one."""
+        refused: list[CommandRefused] = []
+        for side in sides:
+            try:
+                if fault in SINGLE:
+                    self._running_egm(side)  # an additional datagram is a changed copy of one that was sent
+                    self._world.network.inject(fault, side, strength)
+                elif fault in self._with_strength:
+                    self._with_strength[fault](side, strength)
+                else:
+                    self._of_arm[fault](side)
+            except CommandRefused as error:
+                refused.append(error)
+        if len(refused) == len(sides):
+            raise refused[0]
+
+    def _check_effect(self, fault: Fault) -> None:
+        """Refuse a fault of the controller that would change nothing.
+
+        Raises:
+            CommandRefused: says why.
+        """
+        controller = self._world.controller
+        state, mode = controller.controller_state, controller.mode
+        is_pressed, motors_on = state is ControllerState.EMERGENCY_STOP, state is ControllerState.MOTORS_ON
+        same_mode = f"The key stands at {mode.value} already."
+        refusals: Mapping[Fault, tuple[bool, str]] = {
+            Fault.EMERGENCY_STOP: (
+                is_pressed,
+                "The emergency stop is pressed already; emergency-stop-reset releases it.",
+            ),
+            Fault.EMERGENCY_STOP_RESET: (
+                not is_pressed,
+                "The emergency stop is not pressed; there is nothing to reset.",
+            ),
+            Fault.MOTORS_OFF: (not motors_on, "The motors are off already."),
+            Fault.PROGRAM_STOP: (not controller.is_running, "No RAPID program runs; there is nothing to stop."),
+            Fault.MANUAL_MODE: (mode is OperatingMode.MANUAL_REDUCED, same_mode),
+            Fault.AUTO_MODE: (mode is OperatingMode.AUTO, same_mode),
+            Fault.COLLISION: (
+                not motors_on,
+                "An arm whose motors are off does not collide; switch the motors on first.",
+            ),
+        }
+        is_refused, sentence = refusals.get(fault, (False, ""))
+        if is_refused:
+            raise CommandRefused(sentence)
+
+    def _running_egm(self, side: Side) -> EgmClient:
+        egm = self._world.egm[side]
+        if not egm.is_running:
+            raise CommandRefused(f"EGM does not move the {side.word} arm; start EGM first.")
+        return egm
+
+    def _place_object(self, side: Side, width_mm: float) -> None:
+        gripper, width = self._world.grippers[side], width_mm * 1e-3
+        if 2.0 * gripper.position < width:
+            raise CommandRefused(
+                f"The {side.word} gripper is open by {2e3 * gripper.position:.1f} mm; open it further than "
+                f"{width_mm:g} mm first."
+            )
+        gripper.workpiece = Workpiece(width)
+
+    def _put_under_cups(self, side: Side, leak: float) -> None:
+        cups = self._world.grippers[side].cups
+        if not cups:
+            raise CommandRefused(f"The {side.word} gripper has no vacuum module.")
+        for cup in cups.values():
+            cup.under = CupObject(leak)
+
+    def _lose_object(self, side: Side) -> None:
+        gripper = self._world.grippers[side]
+        if gripper.workpiece is None and all(cup.under is None for cup in gripper.cups.values()):
+            raise CommandRefused(f"Nothing lies between the fingers or under the cups of the {side.word} arm.")
+        gripper.workpiece = None
+        for cup in gripper.cups.values():
+            cup.under = None
+
+
+def _check_choice(
+    kind: FaultKind, side: Side | None, duration: float | None, amount: float | None, way: Way | None
+) -> None:
+    if side is not None and not kind.has_side:
+        raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
+    if duration is not None and not kind.has_duration:
+        raise CommandRefused(f"{kind.name} has no duration; leave it out.")
+    if duration is not None and not 0.0 < duration <= _MAX_DURATION:
+        raise CommandRefused(f"A duration is above 0 and at most {_MAX_DURATION:.0f} s, not {duration:g} s.")
+    if way is not None and not kind.has_way:
+        raise CommandRefused(f"{kind.name} has no direction; leave 'way' out.")
+    if amount is None:
+        return
+    if kind.amount is None:
+        raise CommandRefused(f"{kind.name} has no strength; leave 'by' out.")
+    is_in_range = kind.amount.lowest <= amount <= kind.amount.highest
+    if not is_in_range or (kind.amount.is_whole and amount != int(amount)):
+        whole = "a whole number from " if kind.amount.is_whole else ""
+        raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
+
+
+def _choice(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+    side, way = first_value(form, "side"), first_value(form, "way")
+    duration, amount = first_value(form, "duration"), first_value(form, "by")
+    sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
+    if side is not None and side not in sides:
+        raise CommandRefused(f"A side is left or right, not {side!r}.")
+    if way is not None and way not in ways:
+        raise CommandRefused(f"The direction ('way') is to-robot, from-robot or both, not {way!r}.")
+    return (
+        None if side is None else sides[side],
+        None if duration is None else _number(duration, "A duration is a number of seconds"),
+        None if amount is None else _number(amount, "'by' is a number"),
+        None if way is None else ways[way],
+    )
+
+
+def _number(text: str, meaning: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = inf
+    if not isfinite(number):
+        raise CommandRefused(f"{meaning}, not {text!r}.")
+    return number
+
+
+def _host_of(url: str) -> str:
+    try:
+        return urlsplit(url).hostname or ""
+    except ValueError:
+        return ""
+
+
+def _sentence(status: int, sentence: str) -> HttpReply:
+    return HttpReply(status, (("Content-Type", "text/plain; charset=utf-8"),), sentence.encode())
+
+
+def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
+    """Inject a fault into the virtual controller at ``address``.
+
+    Raises:
+        NoConnection: nothing answers there.
+        CommandRefused: the fault is unknown or refused, or it is not a virtual controller.
+    """
+    try:
+        try:
+            reply = _posted(f"http://{address}{PATH}/{name}", form)
+        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
+            reply = _posted(f"https://{address}{PATH}/{name}", form)
+    except httpx.HTTPError as error:
+        raise NoConnection(
+            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
+        ) from error
+    if not reply.is_success:
+        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
+        sentence = reply.text if is_virtual else ""
+        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
+
+
+def _posted(url: str, form: Mapping[str, str]) -> httpx.Response:
+    # The certificate that a virtual controller makes itself is trusted on this machine alone.
+    is_far = not is_loopback(httpx.URL(url).host)
+    return httpx.post(url, data=form, timeout=_FAULT_TIMEOUT, trust_env=False, verify=is_far)

@@ -10,8 +10,8 @@ import pytest
 import yumi
 from fake_robot import FakeRobot
 from yumi.api.connect import print_step
-from yumi.api.gripper import Gripper
 from yumi.api.robot import Arm
+from yumi.api.tool import Gripper
 from yumi.robot.joints import Side, home
 
 

@@ -5,11 +5,10 @@ from collections.abc import Callable
 import pytest
 
 from fake_robot import FakeRobot
-from yumi.api.gripper import Gripper
 from yumi.api.robot import Arm
+from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
-from yumi.control.events import SessionLost
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import SessionLost, Snapshot
 from yumi.driver.endpoint import ArmMode
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import ZERO, Side, home, joint_names

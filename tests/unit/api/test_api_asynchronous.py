@@ -9,10 +9,10 @@ from typing import cast
 import pytest
 
 from fake_robot import FakeRobot
-from yumi.api.asynchronous import AsyncArm, AsyncGripper, AsyncRobot
-from yumi.api.gripper import Gripper
+from yumi.api.connect import AsyncArm, AsyncGripper, AsyncRobot
 from yumi.api.motion import Motion
 from yumi.api.robot import Arm, Robot
+from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached
@@ -150,7 +150,7 @@ class SlowRobot:
 
 
 def test_cancelled_connection_is_closed_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("yumi.api.asynchronous.AsyncArm", lambda arm: None)
+    monkeypatch.setattr("yumi.api.connect.AsyncArm", lambda arm: None)
 
     async def script() -> None:
         slow = SlowRobot(asyncio.get_running_loop())

@@ -20,12 +20,11 @@ import pytest
 
 import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
-from yumi.api.attach import RunningDriver, attach
+from yumi.api.connection import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
-from yumi.control.events import SessionLost
 from yumi.control.loop import ControllerCommand
-from yumi.control.shared_state import JointStates, Snapshot
+from yumi.control.shared_state import JointStates, SessionLost, Snapshot
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS

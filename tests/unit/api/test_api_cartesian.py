@@ -11,7 +11,9 @@ import yumi
 from fake_robot import FakeRobot
 from unit.robot.test_robot_kinematics import rad
 from yumi.api import motion
-from yumi.api.cartesian import (
+from yumi.api.motion import GOAL_CONTROLLER
+from yumi.api.robot import Arm
+from yumi.api.tool import (
     FINGERTIPS,
     Frames,
     boxes_from,
@@ -23,11 +25,8 @@ from yumi.api.cartesian import (
     posture_for,
     postures_of,
 )
-from yumi.api.cartesian import Path as ToolPathOfArm
-from yumi.api.motion import GOAL_CONTROLLER
-from yumi.api.robot import Arm
-from yumi.control.tool_limits import ToolLimits
-from yumi.control.tool_path import SPEED, TURNING, Waypoint
+from yumi.api.tool import Path as ToolPathOfArm
+from yumi.control.tool_path import SPEED, TURNING, ToolLimits, Waypoint
 from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints

@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 import yumi
-from yumi.api.asynchronous import AsyncRobot
-from yumi.api.connect import controllers_for, settings_for
+from yumi.api.connect import AsyncRobot, controllers_for, settings_for
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side

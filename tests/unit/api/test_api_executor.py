@@ -19,17 +19,17 @@ from yumi.api.motion import (
 from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
-from yumi.control.events import (
+from yumi.control.loop import Commands, ControllerCommand
+from yumi.control.shared_state import (
     ControllerFailed,
     ControllerReport,
     ControlProcessEnded,
     RobotStoppedFollowing,
     SessionLost,
+    TrajectoryFeedback,
 )
-from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
-from yumi.driver.stops import Cause
+from yumi.driver.readiness import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names
 

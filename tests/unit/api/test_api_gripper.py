@@ -7,7 +7,7 @@ from typing import cast
 
 import pytest
 
-from yumi.api.gripper import Grip, Gripper
+from yumi.api.tool import Grip, Gripper
 from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.gripper import Direction, GripperGoal, Outcome, VacuumState, go_to, grip

@@ -11,11 +11,10 @@ from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.robot.joints import Side
-from yumi.virtual.controller.fault_names import Fault, Way
-from yumi.virtual.fault_injection import FaultInjection
+from yumi.virtual.controller.events import Fault, Way
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.http_server import HttpServer
-from yumi.virtual.world import World
+from yumi.virtual.world import FaultInjection, World
 
 
 @pytest.fixture(scope="module")

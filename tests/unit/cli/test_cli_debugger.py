@@ -10,8 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from memory_http import MemoryHttp
-from yumi.cli.debugger import Debugger
 from yumi.cli.main import main
+from yumi.cli.rapid import Debugger
 from yumi.clock import ManualClock
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
@@ -191,7 +191,7 @@ def test_first_start_is_confirmed(session: Session) -> None:
 def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.rws._client", lambda *_: nullcontext(session.client))
+    monkeypatch.setattr("yumi.cli.controller._client", lambda *_: nullcontext(session.client))
     monkeypatch.setattr("yumi.clock.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from yumi.cli.graph import fill, values_of
+from yumi.cli.robot import fill, values_of
 from yumi.errors import SettingsError
 
 trajectory_msgs = pytest.importorskip("trajectory_msgs.msg")

@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 
 from yumi.cli.main import main
 from yumi.cli.up import run_driver
-from yumi.control.events import SessionLost
+from yumi.control.shared_state import SessionLost
 from yumi.driver.settings import Settings, override, read_settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale

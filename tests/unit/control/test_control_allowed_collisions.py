@@ -8,13 +8,12 @@ from typing import cast
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.allowed_collisions import CONTACT_SPEED_SCALE, AllowedCollisions
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.limiter import Limiter, SpeedScale
-from yumi.control.loop import ArmLoop
+from yumi.control.loop import CONTACT_SPEED_SCALE, AllowedCollisions, ArmLoop
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.shared_state import Factor
 from yumi.errors import CommandRefused

@@ -6,17 +6,19 @@ from egm_loop import EgmLoop
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
-from yumi.control.events import (
+from yumi.control.limiter import Limiter
+from yumi.control.loop import ArmLoop, Commands
+from yumi.control.shared_state import (
     ControllerFailed,
+    Limited,
     RobotFollows,
     RobotStoppedFollowing,
     SessionLost,
     SessionResumed,
     SessionStarted,
+    Snapshot,
+    read_snapshot,
 )
-from yumi.control.limiter import Limiter
-from yumi.control.loop import ArmLoop, Commands
-from yumi.control.shared_state import Limited, Snapshot, read_snapshot
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, joint_names
 
 

@@ -25,10 +25,9 @@ from yumi.control.collisions import (
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
-from yumi.control.events import KeptApart
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, Setpoint, slower, stop, travel
-from yumi.control.shared_state import Limited
+from yumi.control.shared_state import KeptApart, Limited
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS

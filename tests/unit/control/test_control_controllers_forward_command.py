@@ -4,7 +4,7 @@ import pytest
 
 from controller_states import JOINTS, configured, moved, state
 from yumi.control.controller import GoalKind, MemoryBuffer, write_goal, write_speeds
-from yumi.control.controllers.forward_command import (
+from yumi.control.controllers.joint_position import (
     FORWARDERS,
     ForwardCommandController,
     JointGroupPositionController,

@@ -3,9 +3,8 @@ from __future__ import annotations
 import pytest
 
 from yumi.control.controller import MemoryBuffer
-from yumi.control.events import ImplausibleFeedback
 from yumi.control.feedback import FeedbackCheck
-from yumi.control.shared_state import Problem, Snapshot, read_snapshot
+from yumi.control.shared_state import ImplausibleFeedback, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
 
 LEFT: Joints = (0.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0)

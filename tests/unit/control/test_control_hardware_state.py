@@ -3,9 +3,8 @@ from __future__ import annotations
 import pytest
 
 from unit.control.controller_doubles import RUNNING, Double, Watcher
-from yumi.control.controller import InterfaceInfo, State
+from yumi.control.controller import MARK_COUNT, InterfaceInfo, State, Statistics
 from yumi.control.controller_manager import STATISTICS_WINDOW, ControllerManager
-from yumi.control.statistics import MARK_COUNT, Statistics
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Side, joint_names
 

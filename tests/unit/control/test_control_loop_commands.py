@@ -8,11 +8,10 @@ import pytest
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.control.controller import MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager, Strictness
-from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
-from yumi.control.shared_state import Snapshot, read_snapshot
-from yumi.driver.arm import PerfectArm
+from yumi.control.shared_state import ControllerReport, Snapshot, read_snapshot
+from yumi.driver.wiring import PerfectArm
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 

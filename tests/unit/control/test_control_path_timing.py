@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from soak import long, short, tell
-from yumi.control.path_timing import UNLIMITED, MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
+from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, accelerating_law, demand, fastest_along
 from yumi.robot.joints import CYCLE, YUMI_LIMITS
 
 Array = NDArray[np.float64]

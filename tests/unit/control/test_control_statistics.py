@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.clock import ManualClock
-from yumi.control.statistics import (
+from yumi.control.controller import (
     AFTER_REPLY,
     DECODE,
     ENCODE,

@@ -11,8 +11,8 @@ from controller_states import configured, state
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, MemoryBuffer, SessionGoal, write_speeds
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
-from yumi.control.controllers.forward_command import JointGroupVelocityController
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController, StopMotion
+from yumi.control.controllers.joint_position import JointGroupVelocityController, JointVelocityController
 from yumi.control.controllers.joint_trajectory import (
     CancelTrajectory,
     FollowTrajectory,
@@ -20,11 +20,9 @@ from yumi.control.controllers.joint_trajectory import (
     Outcome,
     TrajectoryEnded,
 )
-from yumi.control.controllers.joint_velocity import JointVelocityController
-from yumi.control.events import ControllerReport
 from yumi.control.limiter import Limiter
 from yumi.control.motion import AT_GOAL, EGM_GAIN
-from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS

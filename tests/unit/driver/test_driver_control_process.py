@@ -10,13 +10,12 @@ from typing import Any
 
 import pytest
 
-from yumi.control.events import ControlProcessEnded, CycleFailed, Event
 from yumi.control.loop import Commands
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, Snapshot
 from yumi.driver import control_process
 from yumi.driver.control_process import HUNG, STALE, ControlProcess
 from yumi.errors import RobotNotReady
-from yumi.process.pipe import PipeClosed
+from yumi.process.supervision import PipeClosed
 from yumi.robot.joints import Side
 
 LONG = 5.0

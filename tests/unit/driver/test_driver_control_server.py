@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.control.allowed_collisions import AllowedCollisions
-from yumi.control.events import ControllerFailed, CycleFailed, ReportsDropped
-from yumi.control.shared_state import shared_numbers
+from yumi.control.loop import AllowedCollisions
+from yumi.control.shared_state import ControllerFailed, CycleFailed, ReportsDropped, shared_numbers
 from yumi.driver import control_process
 from yumi.driver.control_process import (
     Answer,
@@ -24,7 +23,7 @@ from yumi.driver.control_process import (
     WakeMode,
     run_control_process,
 )
-from yumi.process.pipe import PROCESSES, PipeClosed, PipeEnd
+from yumi.process.supervision import PROCESSES, PipeClosed, PipeEnd
 from yumi.robot.joints import Side
 
 

@@ -9,13 +9,12 @@ from threading import Thread
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.driver.gripper import Gripper, GripperSetup
-from yumi.driver.gripper_io import GripperRoutines, GripperSignals
+from yumi.driver.gripper import Gripper, GripperRoutines, GripperSetup, GripperSignals
 from yumi.driver.state_machine import SgCommand
 from yumi.errors import ControllerRefused, GoalNotReached, RobotNotReady
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, GripperModules, Outcome, ServoState, go_to, grip
 from yumi.robot.joints import Side
-from yumi.rws.replies import Signal
+from yumi.rws.documents import Signal
 from yumi.rws.types import SignalType
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from yumi.driver.gripper_io import GripperSignals
+from yumi.driver.gripper import GripperSignals
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
 from yumi.robot.gripper import GripperModules, ServoState
 from yumi.robot.joints import Side
-from yumi.rws.events import Change, Priority, Resource
+from yumi.rws.client import Change, Priority, Resource
 
 MODULES = {Side.RIGHT: GripperModules.SERVO, Side.LEFT: GripperModules.VISION_VACUUM}
 

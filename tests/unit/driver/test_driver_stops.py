@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.driver.stops import EVENT_TEXTS, cause_among, explain, is_without_person, needs_person
-from yumi.rws.replies import Event
+from yumi.driver.readiness import EVENT_TEXTS, cause_among, explain, is_without_person, needs_person
+from yumi.rws.documents import Event
 from yumi.rws.types import EventType
 
 INFORMATION, ERROR = EventType.INFORMATION, EventType.ERROR

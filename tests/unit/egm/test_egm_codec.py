@@ -12,16 +12,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import LARGEST_DATAGRAM, JointCodec, RobotCodec, SensorCodec
-from yumi.egm.messages import (
+from yumi.egm.codec import (
+    LARGEST_DATAGRAM,
     Collision,
+    JointCodec,
     MciState,
     MotorState,
     PathCorrection,
     Pose,
     RapidData,
     RapidState,
+    RobotCodec,
     RobotMessage,
+    SensorCodec,
     SensorMessage,
 )
 from yumi.errors import ProtocolError

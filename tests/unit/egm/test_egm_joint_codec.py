@@ -10,8 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import LARGEST_DATAGRAM, JointCodec, RobotCodec, SensorCodec
-from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
+from yumi.egm.codec import (
+    LARGEST_DATAGRAM,
+    JointCodec,
+    MciState,
+    MotorState,
+    RapidState,
+    RobotCodec,
+    RobotMessage,
+    SensorCodec,
+    SensorMessage,
+)
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from yumi.egm.codec import JointCodec, RobotCodec
-from yumi.egm.messages import JointReport, MciState, MotorState, RapidState, RobotMessage
+from yumi.egm.codec import JointCodec, JointReport, MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.session import AGREEING, LARGEST_GAP, LONG_SILENCE, REORDERED, SILENCE, SensorSession, SessionCounters
 from yumi.robot.joints import Joints
 

@@ -6,10 +6,9 @@ from math import pi, radians, sin
 import pytest
 from transport_delay import transport_delay
 
-from yumi.control.controller import MemoryBuffer, write_goal
+from yumi.control.controller import MemoryBuffer, StageClock, write_goal
 from yumi.control.controllers.joint_position import DELAY, JointPositionController
-from yumi.control.flight_recorder import FlightRecorder, Frame, flight_memory
-from yumi.control.statistics import StageClock
+from yumi.control.cycle import FlightRecorder, Frame, flight_memory
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
 from yumi.settings import Values

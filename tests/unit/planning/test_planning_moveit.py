@@ -10,8 +10,8 @@ import yaml
 from click.testing import CliRunner
 
 from yumi.cli.main import main
-from yumi.planning.moveit import moveit_files
-from yumi.planning.scene import GROUPS
+from yumi.cli.moveit import moveit_files
+from yumi.planning.planner import GROUPS
 from yumi.robot.joints import YUMI_LIMITS, Side, finger_names, joint_names
 
 FILES = moveit_files()

@@ -18,8 +18,7 @@ from soak import long, short, tell
 from yumi.control.collisions import BODY_MARGIN
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
 from yumi.errors import CommandRefused, PlanNotFound
-from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner
-from yumi.planning.scene import disabled_pairs, planning_description
+from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner, disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints

@@ -24,16 +24,14 @@ import pytest
 
 from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import write_goal
-from yumi.control.events import Event, is_fault
-from yumi.control.shared_state import Snapshot, new_event, read_snapshot, shared_numbers
+from yumi.control.shared_state import Event, Snapshot, is_fault, new_event, read_snapshot, shared_numbers
 from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import UdpClient, UdpServer, free_port
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
 from yumi.process import supervision as command_module
-from yumi.process.pipe import PROCESSES, ChildProcess, PipeEnd
-from yumi.process.supervision import DRIVER_READY, Command
+from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
 from yumi.virtual.mechanics.arm import ArmModel

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from yumi.errors import RobotNotReady
-from yumi.process.single_instance import Only, lock_folder
+from yumi.process.realtime import Only, lock_folder
 
 NAME = "yumi-test at 127.0.0.1:80/x"
 
@@ -31,10 +31,7 @@ def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
 
 
 def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
-    text = (
-        f"from yumi.process.single_instance import Only\n"
-        f"Only({NAME!r}, '').claim()\nprint('claimed', flush=True)\ninput()"
-    )
+    text = f"from yumi.process.realtime import Only\nOnly({NAME!r}, '').claim()\nprint('claimed', flush=True)\ninput()"
     child = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     with child:
         assert child.stdout is not None

@@ -9,7 +9,7 @@ from threading import Thread
 
 import pytest
 
-from yumi.process.pipe import PROCESSES, PipeClosed, PipeEnd
+from yumi.process.supervision import PROCESSES, PipeClosed, PipeEnd
 
 LONG = 3_000_000
 

@@ -10,7 +10,7 @@ import pytest
 from rapid_bench import Bench, started
 
 from yumi.egm.udp import free_port
-from yumi.virtual.sockets import ProgramNetwork
+from yumi.virtual.server import ProgramNetwork
 
 SERVER = """
 VAR socketdev server; VAR socketdev client; VAR string text; VAR string address; VAR num port; VAR num count;

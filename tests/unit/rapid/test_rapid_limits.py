@@ -15,20 +15,20 @@ from rapid_bench import Bench, error_of, evaluated, started
 from yumi.errors import RapidError
 from yumi.rapid import InstructionSet, compiler, parser, task
 from yumi.rapid.ast import Expression
-from yumi.rapid.errors import (
-    ModuleNameTaken,
-    ProgramTooLarge,
-    RapidReferenceError,
-    RapidSyntaxError,
-    RapidValueError,
-    UnknownSymbol,
-)
 from yumi.rapid.expressions import Compiled, Expressions
 from yumi.rapid.library import Call
 from yumi.rapid.parser import LONGEST_MODULE, parse_module
 from yumi.rapid.program import EventKind
 from yumi.rapid.task import STEPS_PER_ADVANCE, TIME_PER_ADVANCE
-from yumi.rapid.types import Type
+from yumi.rapid.types import (
+    ModuleNameTaken,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidSyntaxError,
+    RapidValueError,
+    Type,
+    UnknownSymbol,
+)
 
 LOOP = "WHILE TRUE DO n := n + 1; ENDWHILE"
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 
 from flight import CYCLE, LOST, flown, write_flight_record
-from yumi.control.events import RobotFollows
-from yumi.control.flight_recorder import Frame
-from yumi.control.statistics import StageTimes
+from yumi.control.controller import StageTimes
+from yumi.control.cycle import Frame
+from yumi.control.shared_state import RobotFollows
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import (
     CYCLE_SCHEMA,

@@ -9,7 +9,8 @@ import pytest
 
 from flight import CYCLE, LOST, flown, record_motion
 from yumi.clock import ManualClock, SystemClock, comes_true
-from yumi.control.events import (
+from yumi.control.cycle import RECORDED_CYCLES, FlightRecorder
+from yumi.control.shared_state import (
     ControllerFailed,
     ControlProcessEnded,
     CycleFailed,
@@ -19,7 +20,6 @@ from yumi.control.events import (
     SessionLost,
     SessionStarted,
 )
-from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.errors import SettingsError
 from yumi.recording.mcap import AFTER, FullRecorder, RecordedEvent, Recorder, RecordingWriter, read_recording
 from yumi.robot.joints import Side

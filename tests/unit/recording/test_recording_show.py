@@ -10,7 +10,7 @@ from flight import LOST, SENTENCE, flown, write_flight_record
 from yumi.cli.main import main
 from yumi.errors import CommandRefused
 from yumi.recording.mcap import Recording, read_recording, recorded_event
-from yumi.recording.pictures import GAP, draw_recording, gaps_of, quantile
+from yumi.recording.tables import GAP, draw_recording, gaps_of, quantile
 from yumi.robot.joints import Side
 
 PNG = b"\x89PNG\r\n"
@@ -79,7 +79,7 @@ def test_picture_draws_what_moved_and_puts_the_event_in_the_middle(
 ) -> None:
     figures = []
     monkeypatch.setattr(
-        "yumi.recording.pictures._figure", lambda width, height: figures.append(Figure((width, height))) or figures[-1]
+        "yumi.recording.tables._figure", lambda width, height: figures.append(Figure((width, height))) or figures[-1]
     )
     draw_recording(read_recording(file), Side.RIGHT, tmp_path / "stop.png")
     panels = figures[0].axes

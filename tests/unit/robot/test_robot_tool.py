@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from yumi.errors import CommandRefused
-from yumi.robot.description import Mass
+from yumi.robot.description import Mass, Tool, principal_inertia
 from yumi.robot.dynamics import HAND
 from yumi.robot.joints import Pose
 from yumi.robot.kinematics import rotate
-from yumi.robot.tool import Tool, principal_inertia
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 NO_INERTIA = (0.0,) * 6

@@ -7,9 +7,8 @@ import re
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import events as event_pages
-from yumi.rws.documents import Link, State, decode_form
-from yumi.rws.events import (
+from yumi.rws import client as event_pages
+from yumi.rws.client import (
     Change,
     Priority,
     Resource,
@@ -19,7 +18,8 @@ from yumi.rws.events import (
     variable_value,
     write_resources,
 )
-from yumi.virtual.rws import documents as event_documents
+from yumi.rws.documents import Link, State, decode_form
+from yumi.virtual.rws import http as event_documents
 from yumi.virtual.rws.subscriptions import read_resources
 
 RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_value("T_ROB_R", "M", "v", Priority.LOW))

@@ -7,7 +7,7 @@ import pytest
 
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.tool_limits import ToolLimits, Wall
+from yumi.control.tool_path import ToolLimits, Wall
 from yumi.driver.settings import Settings, config_folder, override, read_controllers, read_settings
 from yumi.errors import SettingsError
 from yumi.robot.description import SERVO_GRIPPERS

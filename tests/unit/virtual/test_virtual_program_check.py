@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 import yumi.controller_files
 from yumi.cli.main import main
-from yumi.virtual.program_check import check_program
+from yumi.cli.rapid import check_program
 
 PROGRAM = """MODULE Faulty
   VAR nothing odd;

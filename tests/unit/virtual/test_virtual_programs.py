@@ -22,7 +22,7 @@ from pathlib import Path
 import pytest
 
 from yumi.egm.udp import free_port
-from yumi.virtual.sockets import ProgramNetwork
+from yumi.virtual.server import ProgramNetwork
 from yumi.virtual.world import World
 
 PROGRAMS = sorted(Path(__file__).with_name("programs").glob("*.mod"))

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
+from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.instructions.data import robtarget

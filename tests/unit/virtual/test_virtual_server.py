@@ -18,9 +18,9 @@ from rws_examples_2 import BASIC, PASSWORD, USER
 from yumi.clock import ManualClock
 from yumi.rapid import compiler, parser
 from yumi.rapid import task as rapid_task
-from yumi.rapid.errors import RapidSyntaxError
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import SystemEvent
+from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.rws import rapid as rws_rapid
 from yumi.virtual.rws import service, symbols

@@ -10,14 +10,20 @@ import numpy as np
 import pytest
 
 import yumi.robot
-from yumi.control.events import RobotStoppedFollowing
+from yumi.control.shared_state import RobotStoppedFollowing
 from yumi.driver.gripper import how_to_calibrate
-from yumi.driver.readiness import CONFIRMED, CONNECTED, IDLE_OR_IN_EGM, NO_EMERGENCY_STOP
-from yumi.driver.stops import EVENT_TEXTS, demand_confirmation
+from yumi.driver.readiness import (
+    CONFIRMED,
+    CONNECTED,
+    EVENT_TEXTS,
+    IDLE_OR_IN_EGM,
+    NO_EMERGENCY_STOP,
+    demand_confirmation,
+)
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
 from yumi.web import server
-from yumi.web.model import robot_model
+from yumi.web.server import robot_model
 
 FOLDER = Path(next(iter(yumi.robot.__path__))) / "meshes"
 URDF = ET.fromstring(robot_description(meshes=MESHES))

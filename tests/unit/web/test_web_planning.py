@@ -7,7 +7,7 @@ import pytest
 
 from yumi.driver.endpoint import Surroundings
 from yumi.robot.joints import YUMI_LIMITS
-from yumi.web.planning import _planner
+from yumi.web.live import _planner
 
 
 def test_motions_are_planned_for_the_speeds_that_the_driver_allows() -> None:

@@ -11,8 +11,8 @@ from yumi.errors import ProtocolError
 from yumi.recording.mcap import RecordingWriter, recorded_event
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
-from yumi.web import records
-from yumi.web.records import page_recording
+from yumi.web import server
+from yumi.web.server import page_recording
 
 
 def test_motion_and_event_of_a_flight_record_are_there(tmp_path: Path) -> None:
@@ -32,7 +32,7 @@ def test_motion_and_event_of_a_flight_record_are_there(tmp_path: Path) -> None:
 
 
 def test_long_recording_is_thinned_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(records, "MAX_SAMPLES", 50)
+    monkeypatch.setattr(server, "MAX_SAMPLES", 50)
     file, frames = tmp_path / "long.mcap", flown(2000).frames()
     write_flight_record(file, 0.0, recorded_event(LOST, frames[-1].time), {Side.LEFT: tuple(frames)})
     times = page_recording(file)["arms"]["left"]["time"]

@@ -27,15 +27,30 @@ from yumi.driver.endpoint import Surroundings
 from yumi.errors import SettingsError
 from yumi.planning.planner import Plan
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.differential_kinematics import posture_near, wrist_of, wrist_target
 from yumi.robot.joints import ZERO, Pose, Side, home
-from yumi.robot.kinematics import IDENTITY, compose, inverse, multiply, quaternion_of, rotate, tool0_to_body
+from yumi.robot.kinematics import (
+    IDENTITY,
+    compose,
+    inverse,
+    multiply,
+    posture_near,
+    quaternion_of,
+    rotate,
+    tool0_to_body,
+    wrist_of,
+    wrist_target,
+)
 from yumi.web import live, server
-from yumi.web.live import OLDEST_SEEN, within_joint_speed
-from yumi.web.messages import MAX_JOINT_SPEED, MAX_LINEAR, ToolJog
-from yumi.web.planning import PlanningProcess
+from yumi.web.live import (
+    MAX_JOINT_SPEED,
+    MAX_LINEAR,
+    OLDEST_SEEN,
+    Distances,
+    PlanningProcess,
+    ToolJog,
+    within_joint_speed,
+)
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
-from yumi.web.shapes import Distances
 
 SOON = 10.0
 SPEEDS = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2]

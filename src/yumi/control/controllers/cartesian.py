@@ -3,7 +3,7 @@
 Lines are planned before they begin (:mod:`yumi.control.tool_path`) and arrive as trajectories: this controller follows
 them as the joint trajectory controllers do. Streams are followed here, in every cycle: the tool's target moves
 smoothly, within the tool's limits, and the joints follow it by one step of the inverse kinematics
-(:mod:`yumi.robot.differential_kinematics`). What would be too fast for a joint, as near a singularity, slows all of
+(:mod:`yumi.robot.kinematics`). What would be too fast for a joint, as near a singularity, slows all of
 them down; a joint at the end of its range stays there, and the elbow gives way first.
 """
 
@@ -17,18 +17,11 @@ from yumi.control.controller import UNKNOWN, Buffer, GoalKind
 from yumi.control.controllers.joint_position import DELAY
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTrajectoryController, Outcome
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import Setpoint, SpeedMotion, ramp_speed, speed_to_stop
+from yumi.control.motion import Setpoint, SpeedMotion, TargetPredictor, TrackingFilter, ramp_speed, speed_to_stop
 from yumi.control.shared_state import TrajectoryFeedback
-from yumi.control.tool_limits import ToolLimited, ToolLimits
-from yumi.control.tracking import TargetPredictor, TrackingFilter
+from yumi.control.tool_path import ToolLimited, ToolLimits
 from yumi.control.trajectory import ResultCode
 from yumi.errors import CommandRefused
-from yumi.robot.differential_kinematics import (
-    Solver,
-    missing,
-    wrist_of,
-    wrist_target,
-)
 from yumi.robot.joints import (
     JOINT_COUNT,
     YUMI_LIMITS,
@@ -43,7 +36,19 @@ from yumi.robot.joints import (
     Vector,
     joints,
 )
-from yumi.robot.kinematics import compose, inverse, multiply, quaternion_of, rotate, rotation_vector, tool0_to_body
+from yumi.robot.kinematics import (
+    Solver,
+    compose,
+    inverse,
+    missing,
+    multiply,
+    quaternion_of,
+    rotate,
+    rotation_vector,
+    tool0_to_body,
+    wrist_of,
+    wrist_target,
+)
 from yumi.settings import Parameter, Values, number
 
 TOOL0: Joints = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)

@@ -3,6 +3,8 @@
 Everything is one operation: read what is there, compare it with what is wanted, change the rest, read again. What was
 there before the first installation is kept in a record on this machine, so that it can be wanted again. Nothing that is
 not named in what is wanted is ever touched.
+
+The RAPID modules of this package, and what makes two texts of a module the same.
 """
 
 from __future__ import annotations
@@ -20,21 +22,57 @@ from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
-from yumi.driver.commissioning.modules import (
-    GRIPPER_MODULE,
-    OWN_MODULE,
-    delivered_modules,
-    essence,
-    foreign_mains,
-    has_main,
-)
-from yumi.errors import CommandRefused, ControllerRefused, NoConnection, RobotNotReady, SettingsError
+from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
-from yumi.rws.cfg_files import FLAG, CfgFile, read_cfg, stated, write_cfg
 from yumi.rws.client import RwsClient
-from yumi.rws.replies import SystemInfo
+from yumi.rws.documents import SystemInfo
 from yumi.rws.session import OnProgress
-from yumi.rws.types import Code, ExecutionState, Grant, OperatingMode
+from yumi.rws.types import FLAG, CfgFile, Code, ExecutionState, Grant, OperatingMode, read_cfg, stated, write_cfg
+
+GRIPPER_MODULE = "TRobSG"
+"""The module that needs the product SmartGripper."""
+
+OWN_MODULE = "TRobSystem"
+"""The module that is the user's to edit: it is loaded where there is none, and never replaced."""
+
+_CODE = re.compile(r'(?:"[^"]*"|[^"!])*')
+"""A line up to its comment."""
+
+_PERSISTENT = re.compile(r"\b(pers\s+\w+\s+\w+(?:\{[^}]*\})?)\s*:=[^;]*;", re.IGNORECASE)
+_MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
+
+
+def delivered_modules() -> dict[str, str]:
+    """The RAPID modules of this package by name."""
+    folder = files("yumi.controller_files")
+    paths = sorted(each.name for each in folder.iterdir() if each.name.endswith((".mod", ".sys")))
+    return {Path(path).stem: (folder / path).read_text(encoding="latin-1") for path in paths}
+
+
+def essence(text: str) -> str:
+    """A RAPID text to compare: without comments, spaces, letter case and the present values of PERS data."""
+    code = "\n".join(match[0] for line in text.splitlines() if (match := _CODE.match(line)))
+    return "".join(_PERSISTENT.sub(r"\1;", code).split()).lower()
+
+
+def has_main(text: str) -> bool:
+    """Whether a module declares the procedure a program begins with."""
+    return _MAIN.search(text) is not None
+
+
+def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
+    """Name and text of each module in an arm's task that is not one of this package and has a ``main``."""
+    ours = {name.lower() for name in delivered_modules()}
+    for module in client.modules(side.task):
+        if module.name.lower() in ours:
+            continue
+        try:
+            text = client.module_text(side.task, module.name)
+        except (ControllerRefused, ProtocolError):  # hidden and encoded modules of ABB, which have no main
+            continue
+        if has_main(text):
+            yield module.name, text
+
 
 FOLDER = "HOME:/yumi/"
 """Where the modules are on the controller."""

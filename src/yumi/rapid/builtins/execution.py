@@ -1,23 +1,44 @@
-"""RAPID's instructions about execution itself: interrupts of data, cycles, retries, where it is, modules in pieces."""
+"""RAPID's instructions about execution itself: interrupts of data, cycles, retries, where it is, modules in pieces.
+
+Instructions and functions that need what this controller does not have, and those that change nothing on it.
+
+A program may use them: the former fail as on a controller on which the device does not answer or is not set up, so that
+error handlers are tried; the latter are executed and nothing happens.
+
+The instructions a host builds on: what RAPID provides here, and the names of what RobotWare 6 base has besides.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import Any
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.ast import Module
-from yumi.rapid.builtins.constants import CONSTANTS
-from yumi.rapid.builtins.symbols import OF_TASK, task_meant
-from yumi.rapid.errors import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, UnknownSymbol
-from yumi.rapid.interrupts import ChangeOrder, SignalOrder
+from yumi.rapid.builtins.communication import QUEUES, RAWBYTES, SOCKETS
+from yumi.rapid.builtins.data import CONSTANTS, DATA, MATHS, MATRICES, STRINGS
+from yumi.rapid.builtins.files import FILES
+from yumi.rapid.builtins.information import INFORMATION, OF_TASK, SYMBOLS, task_meant
+from yumi.rapid.builtins.system import DIALOGS, SIGNALS, SYSTEM
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.machine import ChangeOrder, SignalOrder
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import EventKind
 from yumi.rapid.task import CyclicBool, StackEntry, Task
-from yumi.rapid.types import ABSENT, Part, Reference, Variable
+from yumi.rapid.types import (
+    ABSENT,
+    Part,
+    ProgramTooLarge,
+    RapidReferenceError,
+    RapidRuntimeError,
+    RapidSyntaxError,
+    Reference,
+    UnknownSymbol,
+    Variable,
+)
 
 EXECUTION = Library(CONSTANTS)
 
@@ -412,3 +433,168 @@ def save(call: Call) -> None:
         task.host.devices.disk.write(path, task.saved_text(module).encode("latin-1", "replace"))
     except OSError as error:
         raise RapidRuntimeError("ERR_IOERROR", f"'{path}' cannot be written: {error}") from error
+
+
+OPTIONS = Library(CONSTANTS)
+
+OPTIONS.record("sensor", {"id": "num", "error": "num", "state": "sensorstate"})
+
+# The FlexPendant, diagnostics, brakes.
+for _name, _signature in (
+    ("TPShow", "tpnum Window"),
+    ("BrakeCheck", ""),
+    ("CyclicBrakeCheck", ""),
+    ("ResetTorqueMargin", ""),
+    ("HollowWristReset", ""),
+):
+    OPTIONS.accepted(_name, _signature)
+
+OPTIONS.refused(
+    "UIShow",
+    r"string AssemblyName, string TypeName, \string InitCmd, \VAR uishownum InstanceID, \VAR num Status, "
+    r"\switch NoCloseBtn",
+    "ERR_UISHOW_FATAL",
+    "there is no FlexPendant on which an application could run.",
+)
+
+# Sensor Interface.
+_NO_SENSOR = "no sensor is connected to this controller."
+for _name, _signature in (
+    ("SiConnect", r"INOUT sensor Sensor, \switch NoStop"),
+    ("SiClose", "INOUT sensor Sensor"),
+    ("SiGetCyclic", "INOUT sensor Sensor, anytype Data, num Rate"),
+    ("SiSetCyclic", "INOUT sensor Sensor, anytype Data, num Rate"),
+    ("SenDevice", "string device"),
+    ("ReadBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
+    ("WriteBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
+    ("WriteVar", r"string device, num VarNo, num VarData, \num TaskName"),
+    ("IVarValue", r"string device, num VarNo, INOUT num Value, VAR intnum Interrupt, \num Unit, \string DeadBand"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_COMM_INIT", _NO_SENSOR)
+OPTIONS.refused("ReadVar", r"string device, num VarNo, \num TaskName", "ERR_COMM_INIT", _NO_SENSOR, "num")
+
+# Servo tools.
+_NO_GUN = "no servo tool is defined on this controller."
+for _name, _signature in (
+    ("STOpen", r"string ToolName, \switch WaitZeroSpeed, \switch Conc"),
+    ("STClose", r"string ToolName, num TipForce, num Thickness, \VAR num RetThickness, \switch Conc"),
+    ("STCalib", r"string ToolName, \switch ToolChg | \switch TipChg | \switch TipWear, \VAR num RetTipWear"),
+    ("STIndGun", "string ToolName, num GunPos"),
+    ("STIndGunReset", "string ToolName"),
+    ("STTune", r"anytype MecUnit, num TuneValue, num Type"),
+    ("STTuneReset", "anytype MecUnit"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_NO_SGUN", _NO_GUN)
+for _name, _signature, _returns in (
+    ("STCalcForce", "string ToolName, num MotorTorque", "num"),
+    ("STCalcTorque", "string ToolName, num TipForce", "num"),
+    ("STIsCalib", r"string ToolName, \switch sguninit | \switch sgunsynch", "bool"),
+    ("STIsClosed", r"string ToolName, \VAR num RetThickness", "bool"),
+    ("STIsIndGun", "string ToolName", "bool"),
+    ("STIsOpen", r"string ToolName, \VAR num RetTipWear, \VAR num RetThickness", "bool"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_NO_SGUN", _NO_GUN, _returns)
+
+# Cameras: they answer as one that is not connected does.
+OPTIONS.object_type("cameradev", object)
+OPTIONS.record(
+    "cameratarget",
+    {
+        "name": "string",
+        "cframe": "pose",
+        **{f"val{number}": "num" for number in range(1, 6)},
+        "string1": "string",
+        "string2": "string",
+        "type": "num",
+        "cameraname": "string",
+        "sceneid": "num",
+    },
+)
+_NO_CAMERA = "ERR_CAM_COM_TIMEOUT", "no camera is connected to this controller."
+OPTIONS.refused("AliasCamera", "string CameraName, string CameraAlias", "ERR_NAME_INVALID", _NO_CAMERA[1])
+for _name, _signature in (
+    ("CamFlush", ""),
+    ("CamGetParameter", r", string ParName, \VAR num NumVar | \VAR bool BoolVar | \VAR string StrVar"),
+    ("CamGetResult", r", INOUT cameratarget CamTarget, \num SceneId, \num MaxTime"),
+    ("CamLoadJob", r", string JobName, \switch KeepTargets, \num MaxTime"),
+    ("CamReqImage", r", \num SceneId, \switch KeepTargets, \switch AwaitComplete"),
+    ("CamSetExposure", r", \num ExposureTime, \num Brightness, \num Contrast"),
+    ("CamSetParameter", r", string ParName, \num NumVal | \bool BoolVal | \string StrVal"),
+    ("CamSetProgramMode", ""),
+    ("CamSetRunMode", ""),
+    ("CamStartLoadJob", r", string Name, \switch KeepTargets"),
+    ("CamWaitLoadJob", ""),
+):
+    OPTIONS.refused(_name, f"VAR cameradev Camera{_signature}", *_NO_CAMERA)
+for _name, _signature, _returns in (
+    ("CamGetExposure", r", \switch ExposureTime | \switch Brightness | \switch Contrast", "num"),
+    ("CamGetLoadedJob", "", "string"),
+    ("CamGetMode", "", "num"),
+    ("CamGetName", "", "string"),
+    ("CamNumberOfResults", r", \num SceneId", "num"),
+):
+    OPTIONS.refused(_name, f"VAR cameradev Camera{_signature}", *_NO_CAMERA, _returns)
+
+# Axes and movements of robots this one is not.
+_MOVED = r"anytype MecUnit, num Axis, num Position, num Speed, \num Ramp"
+_REFERENCE = r"\num RefPos | \num RefNum, \switch Short | \switch Fwd | \switch Bwd"
+_NOT_INDEPENDENT = "no axis of this robot can be independent."
+for _name, _signature in (
+    ("IndAMove", _MOVED),
+    ("IndDMove", _MOVED),
+    ("IndRMove", r"anytype MecUnit, num Axis, \num ToRelPos | \num ToRelNum | \num ToRelDelta, num Speed"),
+    ("IndCMove", r"anytype MecUnit, num Axis, num Speed, \num Ramp"),
+    ("IndReset", rf"anytype MecUnit, num Axis, {_REFERENCE}"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_AXIS_IND", _NOT_INDEPENDENT)
+for _name, _signature in (
+    ("IndInpos", "anytype MecUnit, num Axis"),
+    ("IndSpeed", r"anytype MecUnit, num Axis, \switch InPos"),
+):
+    OPTIONS.refused(_name, _signature, "ERR_AXIS_IND", _NOT_INDEPENDENT, "bool")
+for _name in ("SupSyncSensorOn", "SupSyncSensorOff", "SyncToSensor", "WaitSensor", "DropSensor"):
+    _signature = r"anytype MechUnit, \num RelDist, \num PredTime, \num MaxSync, \switch On | \switch Off"
+    OPTIONS.refused(_name, _signature, "ERR_CNV_NOT_ACT", "no sensor or conveyor is active.")
+for _name in ("FricIdInit", "FricIdEvaluate", "FricIdSetFricLevels"):
+    _signature = "" if _name == "FricIdInit" else "anytype FricLevels"
+    OPTIONS.refused(_name, _signature, "ERR_FRICTUNE_FATAL", "the friction of this robot cannot be identified.")
+for _name in ("SafetyControllerGetChecksum", "SafetyControllerGetSWVersion", "SafetyControllerGetUserChecksum"):
+    OPTIONS.refused(_name, "", "ERR_NOTPRES", "this controller has no safety controller.", "string")
+OPTIONS.refused("SafetyControllerGetOpModePinCode", "", "ERR_NOTPRES", "it has no safety controller.", "string")
+OPTIONS.refused("SafetyControllerSyncRequest", "", "ERR_NOTPRES", "this controller has no safety controller.")
+OPTIONS.refused("SCWrite", r"\string ToNode, anytype Variable", "ERR_SC_WRITE", "no superior computer is connected.")
+
+
+STANDARD = Library(DATA)
+for _part in (
+    CONSTANTS,
+    MATHS,
+    STRINGS,
+    SIGNALS,
+    SYSTEM,
+    RAWBYTES,
+    SOCKETS,
+    FILES,
+    DIALOGS,
+    INFORMATION,
+    SYMBOLS,
+    QUEUES,
+    EXECUTION,
+    MATRICES,
+    OPTIONS,
+):
+    STANDARD.include(_part)
+
+NAMES: dict[str, tuple[str, ...]] = {}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+for _section in files("yumi.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
+    _title, _, _names = _section.partition("]")
+    NAMES[_title] = tuple(_names.split())
+    STANDARD.missing(*NAMES[_title])  # except those that are provided
+
+
+class InstructionSet(Library):
+    """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""
+
+    def __init__(self, base: Library = STANDARD) -> None:
+        super().__init__(base)

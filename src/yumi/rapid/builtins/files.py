@@ -12,12 +12,11 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, WeakSet
 
-from yumi.rapid.builtins.rawbytes import ENCODING, MOST_BYTES, RAWBYTES, RawBytes, whole
+from yumi.rapid.builtins.communication import ENCODING, MOST_BYTES, RAWBYTES, RawBytes, whole
 from yumi.rapid.devices import Disk, Entry
-from yumi.rapid.errors import RapidRuntimeError, RapidValueError
 from yumi.rapid.library import Call, Library
 from yumi.rapid.parser import format_value, parse_value
-from yumi.rapid.types import LONGEST_STRING
+from yumi.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
 
 if TYPE_CHECKING:
     from yumi.rapid.task import Task

@@ -9,9 +9,8 @@ from math import degrees
 
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
-from yumi.rws import replies
-from yumi.rws.documents import Pairs, State
-from yumi.rws.replies import EXTERNAL_AXES, RobTarget, joint_target_of, pose, rob_target
+from yumi.rws import documents
+from yumi.rws.documents import EXTERNAL_AXES, Pairs, RobTarget, State, joint_target_of, pose, rob_target
 from yumi.rws.session import Requests, get, given, post
 
 _MOTION = "/rw/motionsystem"
@@ -121,7 +120,7 @@ class Motion(Requests):
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
         request = get(f"{_UNITS}/{unit}/jointtarget")
-        return self._read(request, replies.joint_target, f"reading the joints of {unit}").chain()
+        return self._read(request, documents.joint_target, f"reading the joints of {unit}").chain()
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""

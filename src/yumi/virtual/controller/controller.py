@@ -10,33 +10,35 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from yumi.errors import SettingsError
-from yumi.rapid.builtins.standard import InstructionSet
+from yumi.rapid.builtins.execution import InstructionSet
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution, Program, SystemEvent
 from yumi.rapid.task import MOST_RETRIES, StepKind, Task
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, EventType, OperatingMode
-from yumi.virtual.controller.devices import rapid_devices
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
-from yumi.virtual.controller.files import FileStore
-from yumi.virtual.controller.maintenance import Jobs, MotionState, OwnSettings
+from yumi.virtual.controller.files import FileStore, rapid_devices
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
 from yumi.virtual.controller.system import System, TaskSettings, event_routines, modules_of, task_settings
 from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.controller.units import ArmUnit, Contact, Identity, MechanicalUnit, SyncPoints
-from yumi.virtual.instructions.calibration import add_calibration
-from yumi.virtual.instructions.corrections import add_corrections
+from yumi.virtual.controller.units import (
+    ArmUnit,
+    Contact,
+    Identity,
+    Jobs,
+    MechanicalUnit,
+    MotionState,
+    OwnSettings,
+    SyncPoints,
+)
+from yumi.virtual.instructions.calibration import add_calibration, add_measurements
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
-from yumi.virtual.instructions.egm import add_egm
-from yumi.virtual.instructions.gripper import add_gripper
-from yumi.virtual.instructions.measurements import add_measurements
+from yumi.virtual.instructions.egm import add_egm, add_gripper
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
-from yumi.virtual.instructions.motion_settings import add_motion_settings
-from yumi.virtual.instructions.recorder import add_recorder
-from yumi.virtual.instructions.system import add_system
+from yumi.virtual.instructions.motion_settings import add_corrections, add_motion_settings, add_recorder
+from yumi.virtual.instructions.system import add_system, add_world_zones
 from yumi.virtual.instructions.triggers import add_triggers
-from yumi.virtual.instructions.world_zones import add_world_zones
 from yumi.virtual.mechanics.arm import VirtualArm
 
 log = logging.getLogger(__name__)

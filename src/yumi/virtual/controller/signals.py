@@ -8,8 +8,7 @@ from itertools import count
 from types import MappingProxyType
 
 from yumi.errors import SettingsError
-from yumi.rws.cfg_files import read_cfg, write_cfg
-from yumi.rws.types import SignalType
+from yumi.rws.types import SignalType, read_cfg, write_cfg
 from yumi.virtual.controller.events import Refusal, Refused
 
 Value = str

@@ -13,14 +13,13 @@ from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 
-from yumi.egm.messages import RapidState
+from yumi.egm.codec import RapidState
 from yumi.errors import RapidError, RobotNotReady
 from yumi.rapid.ast import Storage
 from yumi.rapid.devices import Devices, NoNetwork
-from yumi.rapid.errors import ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol
 from yumi.rapid.program import EventKind, Execution, Severity, SystemEvent, TaskEvent
 from yumi.rapid.task import StepKind, Task
-from yumi.rapid.types import UNSET, Variable
+from yumi.rapid.types import UNSET, ModuleNameTaken, RapidReferenceError, RapidRuntimeError, UnknownSymbol, Variable
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore, RapidDisk

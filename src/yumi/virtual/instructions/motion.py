@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
-from yumi.rapid.builtins.symbols import OF_TASK, task_meant
-from yumi.rapid.errors import RapidRuntimeError
+from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.types import RapidRuntimeError
 from yumi.robot.arms import Arm
 from yumi.robot.inverse_kinematics import Configuration
 from yumi.robot.joints import Joints, Pose
@@ -27,13 +27,14 @@ from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import (
     NOT_PRESENT,
+    POSES,
     chain_from_jointtarget,
     jointtarget,
     pose_from_rapid,
+    unit_quaternion,
     wobj_from_rapid,
 )
-from yumi.virtual.instructions.poses import POSES, unit_quaternion
-from yumi.virtual.mechanics.course import (
+from yumi.virtual.mechanics.motion import (
     STOP,
     Fault,
     Frames,

@@ -1,25 +1,41 @@
-r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), and how it stops and resumes them."""
+r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), and how it stops and resumes them.
+
+RAPID's path recorder (option Path Recovery): back along the path the arm has come, and forth again.
+
+What is recorded is where the arm was planned to be in each cycle, so that the way back is the way it came, whatever
+moves it was made of.
+
+RAPID's path corrections (option 612-1, Path Offset): offsets that a program adds to moves with \Corr.
+
+An offset is in path coordinates: x along the path, y across it and the tool's z axis, z completes them. It is taken
+over while the arm moves, smoothly; at standstill nothing changes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf, radians
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S
-from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.program import SystemEvent
-from yumi.robot.joints import JOINT_COUNT, Pose
+from yumi.rapid.types import RapidRuntimeError
+from yumi.robot.arms import Lost
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose
 from yumi.robot.kinematics import compose, inverse
+from yumi.rws.types import EventType
+from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.units import ArmUnit
-from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget
-from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move
-from yumi.virtual.instructions.poses import unit_quaternion
+from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget, unit_quaternion
+from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.course import CircleMode, Frames
+from yumi.virtual.mechanics.motion import CircleMode, Fault, Frames, Leg, Speed, Zone, followed, retraced_leg
 from yumi.virtual.mechanics.path import Acceleration
 
 STOP_MOVE = "StopMove"
@@ -506,3 +522,326 @@ def add_motion_settings(
     )
     for name, signature, returns, implementation in functions:
         library.function(name, signature, returns)(implementation)
+
+
+MOST_RECORDED = 50_000  # positions: what is older is forgotten
+_RECORDER = "path recorder"
+_OFFSET_SHARE = 0.1  # of the way: within it \ToolOffs is reached
+_APART = radians(0.1)  # between two of them, of the axis that moves most
+_SPEED = Speed(0.25, radians(90.0))  # without \Speed
+
+
+@dataclass(eq=False, slots=True)
+class PathIdentity:
+    """What a pathrecid stands for: a place on the recorded path; None before PathRecStart.
+
+    Attributes:
+        recording: which recording it is of.
+        index: of the position there.
+    """
+
+    recording: int = 0
+    index: int | None = None
+
+
+class PathRecorder:
+    """The path recorder of one task."""
+
+    def __init__(self, motion: MotionInstructions) -> None:
+        self._motion = motion
+        self._unit = motion.unit
+        self._positions: list[Joints] = []
+        self._recording = 0
+        self._at: int | None = None  # the position where the arm is on its way back and forth; None at the end
+        self._is_retracing = False
+
+    def start(self, call: Call) -> None:
+        """PathRecStart: record from here on; while it records, mark this place."""
+        self._unit.observers[_RECORDER] = self._observe
+        self._unit.beginnings[_RECORDER] = self._forget
+        self._observe(is_mark=True)
+        call["ID"].recording, call["ID"].index = self._recording, len(self._positions) - 1
+
+    def stop(self, call: Call) -> None:
+        r"""PathRecStop: record no more; with \Clear what is recorded is forgotten."""
+        self._unit.observers.pop(_RECORDER, None)
+        if call.present("Clear"):
+            self._clear()
+
+    def _clear(self) -> None:
+        self._positions.clear()
+        self._recording += 1
+        self._at = None
+
+    def _forget(self) -> None:
+        """The program begins at main: nothing is recorded, until PathRecStart."""
+        self._unit.observers.pop(_RECORDER, None)
+        self._clear()
+        self._is_retracing = False
+
+    def _observe(self, *, is_mark: bool = False) -> None:
+        """Record where the arm is planned to be, but not while it goes back or forth, or on a path between."""
+        if self._is_retracing or self._unit.path_level > 1:
+            return
+        here, positions = self._unit.arm.planned, self._positions
+        if self._at is not None:  # the program goes on: what lay ahead of here is another path now
+            del positions[self._at + 1 :]
+            self._at = None
+        moved = max(abs(a - b) for a, b in zip(here, positions[-1], strict=True)) if positions else _APART
+        if moved >= _APART or (is_mark and moved > 0.0):
+            positions.append(here)
+            if len(positions) > MOST_RECORDED:
+                del positions[: MOST_RECORDED // 2]
+                self._recording += 1  # places that were marked before cannot be reached any more
+
+    def back(self, call: Call) -> Wait:
+        r"""PathRecMoveBwd: to the place of \ID, or where the recording began."""
+        end = self._end(call, 0)
+        if not self._is_behind(end):
+            raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path behind the arm.")
+        yield from self._retrace(call, end)
+
+    def forth(self, call: Call) -> Wait:
+        r"""PathRecMoveFwd: to the place of \ID, or where the way back began."""
+        end = self._end(call, len(self._positions) - 1)
+        if not self._is_ahead(end):
+            raise RapidRuntimeError("ERR_PATHDIST", f"{call.name}: that place is not on the path ahead of the arm.")
+        yield from self._retrace(call, end)
+
+    def is_valid_back(self, call: Call) -> bool:
+        """PathRecValidBwd."""
+        return self._is_behind(self._end(call, 0))
+
+    def is_valid_forth(self, call: Call) -> bool:
+        """PathRecValidFwd."""
+        return self._is_ahead(self._end(call, len(self._positions) - 1))
+
+    def _end(self, call: Call, default: int) -> int | None:
+        """Where a call goes to; None for a place of another recording."""
+        if not call.present("ID"):
+            return default if self._positions else None
+        identity: PathIdentity = call["ID"]
+        return identity.index if identity.recording == self._recording else None
+
+    def _is_behind(self, end: int | None) -> bool:
+        at = len(self._positions) - 1 if self._at is None else self._at
+        return end is not None and (end < at or (end == at and self._at is None and len(self._positions) > 0))
+
+    def _is_ahead(self, end: int | None) -> bool:
+        return end is not None and self._at is not None and end > self._at
+
+    def _retrace(self, call: Call, end: int | None) -> Wait:
+        assert end is not None, "it was checked"
+        positions, arm = self._positions, self._unit.arm
+        while not arm.is_stationary:
+            yield None
+        if self._at is None:
+            self._at = len(positions) - 1
+            if positions[-1] != arm.planned:  # where the way back begins is where the way forth ends
+                positions.append(arm.planned)
+                self._at += 1
+        step = 1 if end >= self._at else -1
+        way = [arm.planned, *positions[self._at + step : end + step if end + step >= 0 else None : step]]
+        offset = call.get("ToolOffs", (0.0, 0.0, 0.0))
+        speed = self._motion.speed(call, call["Speed"]) if call.present("Speed") else _SPEED
+        frames = self._motion.read_frames(call)
+
+        def build(start: Joints, entry: Zone) -> Leg:
+            joints = np.array(way if len(way) > 1 else way * 2)
+            if any(offset):
+                # The way back comes beside the path by even parts, so that it begins where the arm stands.
+                shares = np.minimum(np.linspace(0.0, 1.0, len(joints)) / _OFFSET_SHARE, 1.0)
+                points, rotations = frames.tip(*arm.kinematics.forward(joints))
+                points = points + shares[:, None] * (rotations @ (np.array(offset) * 1e-3))
+                joints = followed(arm.kinematics, points, rotations, arm.kinematics.angles(joints), frames, start)
+            return retraced_leg(arm.kinematics, joints, frames, speed)
+
+        self._is_retracing = True
+        try:
+            yield from self._motion.passed(call, build)
+        finally:
+            self._is_retracing = False
+        self._at = end
+
+
+def add_recorder(library: Library, motion: MotionInstructions) -> None:
+    """Register the path recorder of one task."""
+    own = PathRecorder(motion)
+    library.object_type("pathrecid", PathIdentity)
+    library.instruction("PathRecStart", "VAR pathrecid ID")(own.start)
+    library.instruction("PathRecStop", r"\switch Clear")(own.stop)
+    way = r"\VAR pathrecid ID, \pos ToolOffs, \speeddata Speed"
+    library.instruction("PathRecMoveBwd", way)(own.back)
+    library.instruction("PathRecMoveFwd", way)(own.forth)
+    library.function("PathRecValidBwd", r"\VAR pathrecid ID", "bool")(own.is_valid_back)
+    library.function("PathRecValidFwd", r"\VAR pathrecid ID", "bool")(own.is_valid_forth)
+
+
+MOST_GENERATORS = 5
+_TIME = 0.08  # [s] in which most of a step is taken over
+_FULL_SPEED = 0.01  # [m/s] of the path, below which corrections come more slowly, and at standstill not at all
+_SAME = 1e-9  # [m]
+
+Array = NDArray[np.float64]
+
+
+@dataclass(eq=False, slots=True)
+class CorrectionGenerator:
+    """What a corrdescr stands for; its offset [m] is None until it is connected."""
+
+    offset: Array | None = None
+
+
+class PathCorrection:
+    """The corrections of one task, and what becomes of the arm's path (`PathMotion.corrector`)."""
+
+    def __init__(self, unit: ArmUnit, events: EventLog) -> None:
+        self._unit, self._events = unit, events
+        self._generators: list[CorrectionGenerator] = []
+        self._offset, self._rate = np.zeros(3), np.zeros(3)
+        self._point: Array | None = None
+        self._axes: Array | None = None
+        self._beside: Array | None = None  # corrected minus planned joint positions of the last cycle [rad]
+        self._has_failed = False
+
+    # Generators ---------------------------------------------------------------------------------------------------
+
+    def connect(self, call: Call) -> None:
+        """CorrCon."""
+        generator = call["Descr"]
+        if generator in self._generators:
+            return
+        if len(self._generators) >= MOST_GENERATORS:
+            raise RapidRuntimeError("CORR_NOFREE", f"CorrCon: {MOST_GENERATORS} generators are connected already.")
+        generator.offset = np.zeros(3)
+        self._generators.append(generator)
+        self._unit.arm.path.corrector = self
+        self._unit.beginnings["path corrections"] = self.clear
+
+    def disconnect(self, call: Call) -> None:
+        """CorrDiscon."""
+        generator = self._connected(call)
+        self._generators.remove(generator)
+        generator.offset = None
+
+    def clear(self) -> None:
+        """CorrClear, and the program begins at main."""
+        for generator in self._generators:
+            generator.offset = None
+        self._generators.clear()
+
+    def write(self, call: Call) -> None:
+        """CorrWrite: the offset of one generator [mm]; it replaces the one before."""
+        self._connected(call).offset = np.array(call["Data"]) * 1e-3
+        self._has_failed = False
+
+    def read(self, call: Call) -> tuple[float, ...]:
+        """CorrRead: the sum of all generators' offsets [mm]."""
+        if not self._generators:
+            raise RapidRuntimeError("CORR_NOOBJECT", "CorrRead: no correction generator is connected; use CorrCon.")
+        return tuple((self._total() * 1e3).tolist())
+
+    def _connected(self, call: Call) -> CorrectionGenerator:
+        generator: CorrectionGenerator = call["Descr"]
+        if generator not in self._generators:
+            name = call.reference("Descr").name
+            raise RapidRuntimeError("CORR_NOTCONN", f"{call.name}: {name} is not connected; use CorrCon before.")
+        return generator
+
+    def _total(self) -> Array:
+        total = np.zeros(3)
+        for each in self._generators:
+            if each.offset is not None:
+                total += each.offset
+        return total
+
+    # The path -----------------------------------------------------------------------------------------------------
+
+    def restart(self) -> None:
+        """The path begins anew where the arm stands: nothing is corrected there."""
+        self._offset, self._rate = np.zeros(3), np.zeros(3)
+        self._point = self._axes = self._beside = None
+
+    @property
+    def memory(self) -> object:
+        """What a path that is put aside has to be restored with."""
+        return self._offset, self._rate, self._point, self._axes, self._beside
+
+    @memory.setter
+    def memory(self, value: Any) -> None:
+        self._offset, self._rate, self._point, self._axes, self._beside = value
+
+    def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
+        """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
+        wanted = self._total() if is_corrected and self._generators else np.zeros(3)
+        if not wanted.any() and not self._offset.any() and not self._rate.any():
+            self._point = self._beside = None  # of where the arm is when it is corrected again they say nothing
+            return position
+        kinematics = self._unit.arm.kinematics
+        point, rotation, angle = place_of(kinematics, position, leg.frames)
+        along = np.zeros(3) if self._point is None else point - self._point
+        self._point = point
+        way = float(np.linalg.norm(along))
+        if way > _SAME:
+            across = np.cross(rotation[:, 2], along / way)
+            if np.linalg.norm(across) > 1e-3:  # the tool does not point along the path
+                across = across / np.linalg.norm(across)
+                self._axes = np.array([along / way, across, np.cross(along / way, across)])
+        if self._axes is None:
+            return position
+        before = self._offset.copy(), self._rate.copy()
+        passed = min(1.0, way / dt / _FULL_SPEED) * dt  # a critically damped step, as far as the path moves
+        self._rate = self._rate + ((wanted - self._offset) / _TIME - 2.0 * self._rate) * (passed / _TIME)
+        self._offset = self._offset + self._rate * passed
+        found = self._reached(point, rotation, angle, leg, position)
+        if found is None:
+            self._offset, self._rate = before[0], np.zeros(3)
+            if not self._has_failed:
+                code, title = Fault.OUT_OF_REACH.value
+                sentence = "The path correction is out of reach: the arm keeps the one it has. Write a smaller one."
+                self._events.append(code, title, sentence, EventType.ERROR)
+            self._has_failed = True
+            found = self._reached(point, rotation, angle, leg, position) or self._returning(point, leg, position, dt)
+        if np.max(np.abs(wanted - self._offset)) < _SAME and np.max(np.abs(self._rate)) < _SAME:
+            self._offset, self._rate = wanted, np.zeros(3)
+        self._beside = np.subtract(found, position)
+        return found
+
+    def _reached(self, point: Array, rotation: Array, angle: float, leg: Leg, near: Joints) -> Joints | None:
+        """The joint positions [rad] of the corrected place, None where there are none in the joints' range."""
+        assert self._axes is not None, "it was found"
+        kinematics = self._unit.arm.kinematics
+        at, turned = leg.frames.tool0((point + self._offset @ self._axes)[None], rotation[None])
+        try:
+            found = kinematics.follow(at, turned, np.array([angle]), self._start(near))[0]
+        except Lost:
+            return None
+        position = cast("Joints", tuple(found.tolist()))
+        return None if kinematics.limits.outside(position) is not None else position
+
+    def _start(self, near: Joints) -> Joints:
+        """The posture [rad] that the corrected one is looked for from: as far beside the path as the last one was."""
+        return near if self._beside is None else cast("Joints", tuple((near + self._beside).tolist()))
+
+    def _returning(self, point: Array, leg: Leg, near: Joints, dt: float) -> Joints:
+        """The joint positions [rad] on the way back to the path, where not even the correction before is in reach."""
+        if self._beside is None:
+            self._offset = np.zeros(3)
+            return near
+        assert self._axes is not None, "it was found"
+        kinematics = self._unit.arm.kinematics
+        beside = near + self._beside * max(0.0, 1.0 - dt / _TIME)
+        found = tuple(np.clip(beside, kinematics.limits.lower, kinematics.limits.upper).tolist())
+        self._offset = self._axes @ (place_of(kinematics, cast("Joints", found), leg.frames)[0] - point)
+        return cast("Joints", found)
+
+
+def add_corrections(library: Library, unit: ArmUnit, events: EventLog) -> None:
+    """Register the path corrections of one task."""
+    own = PathCorrection(unit, events)
+    library.object_type("corrdescr", CorrectionGenerator)
+    library.instruction("CorrCon", "VAR corrdescr Descr")(own.connect)
+    library.instruction("CorrDiscon", "VAR corrdescr Descr")(own.disconnect)
+    library.instruction("CorrClear", "")(lambda call: own.clear())
+    library.instruction("CorrWrite", "VAR corrdescr Descr, pos Data")(own.write)
+    library.function("CorrRead", "", "pos")(own.read)

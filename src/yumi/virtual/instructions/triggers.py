@@ -12,9 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from yumi.rapid.errors import RapidRuntimeError
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.types import ArrayType, SignalType, resolved
+from yumi.rapid.types import ArrayType, RapidRuntimeError, SignalType, resolved
 from yumi.virtual.controller.units import Contact
 from yumi.virtual.instructions.motion import FATAL, FRAMES, Build, MotionInstructions
 from yumi.virtual.mechanics.path import Passage, Trigger

@@ -1,20 +1,24 @@
-"""``/rw/cfg``: the system parameters (reference/rws.md §9); what is changed acts after a restart."""
+"""``/rw/cfg``: the system parameters (reference/rws.md §9); what is changed acts after a restart.
+
+``/fileservice``: the controller's disk (reference/rws.md §11).
+"""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from datetime import datetime, timezone
 
 from yumi.errors import SettingsError
-from yumi.rws.cfg_files import read_cfg
 from yumi.rws.documents import Link, Page, State
-from yumi.rws.types import Code, Grant
+from yumi.rws.types import Code, Grant, read_cfg
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.events import Refusal, Refused
+from yumi.virtual.controller.files import CAPACITY, DEVICES, File
 from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
 from yumi.virtual.controller.system import DOMAINS
-from yumi.virtual.rws.files import path_of_file
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
+from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
 
 _BASE = "/rw/cfg/"
 _PAGE = 70
@@ -312,4 +316,120 @@ OPERATIONS = (
     Operation("GET", _INSTANCE, get_instance),
     Operation("POST", _INSTANCE, set_instance, "set", needs_mastership="cfg", needs_grant=Grant.CFG_WRITE),
     Operation("DELETE", _INSTANCE, remove_instance, needs_mastership="cfg", needs_grant=Grant.CFG_WRITE),
+)
+
+
+_FILE_SERVICE = "/fileservice/"
+_TEXT = (("Content-Type", "application/octet-stream"),)
+_CREATED = 201
+_OK = 200
+
+
+def get_devices(controller: Irc5, call: Call) -> Page:
+    free = CAPACITY - sum(len(controller.files.get_file(path).content or b"") for path in controller.files)
+    states = (
+        entry(
+            "fs-device",
+            f"${device.lower()}",
+            fs_device_type="ramdisk" if device == "RAMDISK" else "fixed",
+            fs_total_space=str(CAPACITY),
+            fs_free_space=str(free),
+            fs_enabled="TRUE",
+            fs_readonly="FALSE",
+        )
+        for device in DEVICES
+    )
+    return resource("File Service", _FILE_SERVICE, "", *states)
+
+
+def get(controller: Irc5, call: Call) -> Answer:
+    """The content of a file, or the list of a directory."""
+    file = _find(controller, call)
+    if file.content is not None:
+        return HttpReply(_OK, _TEXT, file.content)
+    states = []
+    for each in controller.files.entries(file.path):
+        time = datetime.fromtimestamp(each.changed, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S")
+        fields = {"fs-cdate": time, "fs-mdate": time}
+        if each.content is not None:
+            fields |= {"fs-size": str(len(each.content)), "fs-readonly": "false"}
+        kind = "fs-dir" if each.content is None else "fs-file"
+        states.append(State(kind, each.name, fields, (Link("self", each.name),)))
+    return resource("File Service", f"{_FILE_SERVICE}{call.names['path']}/", "", *states)
+
+
+def head(controller: Irc5, call: Call) -> None:
+    _find(controller, call)
+
+
+def put(controller: Irc5, call: Call) -> HttpReply:
+    is_new = controller.files.write(_path(call), call.content)
+    return HttpReply(_CREATED if is_new else _OK, _TEXT)
+
+
+def delete(controller: Irc5, call: Call) -> None:
+    controller.files.remove(_find(controller, call).path)
+
+
+def create_copy_or_rename(controller: Irc5, call: Call) -> HttpReply | None:
+    """Create a directory in one, copy or rename; the body names the action."""
+    if call.option("fs-action") is not None:
+        raise invalid("Invalid/No Query Parameter: fs-action belongs into the body")
+    action, name = call.required("fs-action"), call.required("fs-newname").rstrip("/")
+    file = _find(controller, call)
+    folder = file.path.rpartition("/")[0]
+    if not name or ".." in name.split("/"):
+        raise invalid("fs-newname is a name, or a path from /fileservice")
+    if action == "create":
+        controller.files.make_directory(f"{file.path}/{name}")
+        return HttpReply(_CREATED, _TEXT)
+    target = path_of_file(name) if name.startswith("/fileservice/") else f"{folder}/{name}"
+    if action == "rename" and "/" in name:
+        raise invalid(f"fs-newname is a name without a path, not {name[:50]!r}")
+    is_taken = target.lower() in (entry.path.lower() for entry in controller.files.entries(target.rpartition("/")[0]))
+    if is_taken and call.parameter("fs-overwrite", "false") != "true":
+        raise Failure(409, Code.INVALIDARG, f"{target} exists")
+    controller.files.copy(file.path, target)
+    if action == "rename":
+        controller.files.remove(file.path)
+    return HttpReply(_OK, _TEXT) if action == "rename" and file.content is None else None
+
+
+def _find(controller: Irc5, call: Call) -> File:
+    """The file of a call; a missing one has another status here than where RAPID loads it."""
+    try:
+        return controller.files.get_file(_path(call))
+    except Refused as refused:
+        status = 404 if refused.reason is Refusal.NO_FILE else 400
+        raise Failure(status, Code.FAIL, str(refused)) from refused
+
+
+def _path(call: Call) -> str:
+    return path_of_file(call.names["path"])
+
+
+def path_of_file(text: str) -> str:
+    """``$home/a.mod`` or ``HOME:/a.mod``, with or without ``/fileservice/`` before it, as RAPID writes it."""
+    device, _, rest = text.removeprefix("/fileservice/").partition("/")
+    name = device.removeprefix("$").removesuffix(":").upper()
+    if name not in DEVICES:
+        raise Failure(404, Code.FAIL, f"there is no device {device}")
+    if ".." in rest.split("/"):
+        raise invalid("a path does not lead upwards")
+    return f"{name}:/{rest}".rstrip("/")
+
+
+_PATH = "/fileservice/{path:.+}"
+_ACTIONS: Values = {
+    "fs-action": ("create", "copy", "rename"),
+    "fs-newname": (),
+    "fs-overwrite": ("true", "false"),
+}
+FILE_OPERATIONS = (
+    Operation("GET", "/fileservice", get_devices, needs_grant=Grant.FTP_READ),
+    Operation("GET", _PATH, get, needs_grant=Grant.FTP_READ),
+    Operation("HEAD", _PATH, head, needs_grant=Grant.FTP_READ),
+    Operation("PUT", _PATH, put, needs_grant=Grant.FTP_WRITE),
+    Operation("POST", _PATH, create_copy_or_rename, values=_ACTIONS, needs_grant=Grant.FTP_WRITE),
+    Operation("DELETE", _PATH, delete, needs_grant=Grant.FTP_WRITE),
 )

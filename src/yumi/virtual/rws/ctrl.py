@@ -18,7 +18,7 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import DEVICES
 from yumi.virtual.controller.system import check_backup, restore_backup, write_backup
-from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, not_there, resource
 

@@ -23,12 +23,19 @@ from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.rws.documents import Link, Page, State, first_value
 from yumi.rws.types import Code, Grant, decode
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.maintenance import Supervision
-from yumi.virtual.controller.units import MechanicalUnit
+from yumi.virtual.controller.units import MechanicalUnit, Supervision
 from yumi.virtual.instructions.data import frame, pose_from_rapid, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
-from yumi.virtual.rws.users import refuse_in_manual_mode
+from yumi.virtual.rws.operations import (
+    Call,
+    Failure,
+    Operation,
+    Values,
+    entry,
+    invalid,
+    refuse_in_manual_mode,
+    resource,
+)
 
 _BASE = "/rw/motionsystem/"
 _NO_AXIS = 8.9e9  # 9E9 and above in RAPID: not connected

@@ -20,8 +20,7 @@ from yumi.rws.documents import FORM_TYPE, Form, Page, Pairs, State, Status, deco
 from yumi.rws.types import GRANTS, Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
-from yumi.virtual.rws import configuration, ctrl, dialogs, event_log, files, io, motion, panel, rapid, symbols, system
-from yumi.virtual.rws.documents import write_page, write_status
+from yumi.virtual.rws import configuration, ctrl, io, motion, rapid, symbols, system
 from yumi.virtual.rws.http import (
     NONCE_LIFE,
     Challenge,
@@ -35,34 +34,38 @@ from yumi.virtual.rws.http import (
     nonce_age,
     read_cookies,
     read_credentials,
+    write_page,
+    write_status,
 )
-from yumi.virtual.rws.messages import MessageService
+from yumi.virtual.rws.io import MessageService
 from yumi.virtual.rws.operations import (
     LONGEST_KEPT,
+    OWN_DOMAINS,
     Answer,
     Call,
     Failure,
+    Mastership,
     Operation,
     Router,
+    Users,
     invalid,
     refusal,
     resource,
 )
 from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
-from yumi.virtual.rws.users import OWN_DOMAINS, Mastership, Users
 
 OPERATIONS = (
     *system.OPERATIONS,
     *ctrl.OPERATIONS,
-    *panel.OPERATIONS,
+    *system.PANEL_OPERATIONS,
     *rapid.OPERATIONS,
     *symbols.OPERATIONS,
-    *dialogs.OPERATIONS,
+    *rapid.DIALOG_OPERATIONS,
     *io.OPERATIONS,
     *motion.OPERATIONS,
     *configuration.OPERATIONS,
-    *event_log.OPERATIONS,
-    *files.OPERATIONS,
+    *system.EVENT_LOG_OPERATIONS,
+    *configuration.FILE_OPERATIONS,
 )
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 

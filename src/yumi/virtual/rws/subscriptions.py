@@ -14,22 +14,19 @@ from math import inf
 from typing import Protocol
 
 from yumi.errors import ProtocolError
-from yumi.rapid.errors import UnknownSymbol
 from yumi.rapid.task import Task
+from yumi.rapid.types import UnknownSymbol
+from yumi.rws.client import PROTOCOL, Priority, Resource
 from yumi.rws.documents import Form, Link, Pairs, State, first_value
-from yumi.rws.events import PROTOCOL, Priority, Resource
 from yumi.rws.types import Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.signals import path_of, printed
-from yumi.virtual.rws import panel
-from yumi.virtual.rws.dialogs import dialog_fields
-from yumi.virtual.rws.documents import write_event, write_group
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.messages import MessageService
-from yumi.virtual.rws.operations import Call, Failure, Operation, invalid
-from yumi.virtual.rws.rapid import execution_state, pointer_fields
-from yumi.virtual.rws.users import Mastership, Users
+from yumi.virtual.rws import system
+from yumi.virtual.rws.http import HttpReply, write_event, write_group
+from yumi.virtual.rws.io import MessageService
+from yumi.virtual.rws.operations import Call, Failure, Mastership, Operation, Users, invalid
+from yumi.virtual.rws.rapid import dialog_fields, execution_state, pointer_fields
 
 Event = tuple[State, ...]
 """One event: a state, or two that belong together."""
@@ -135,7 +132,7 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
 def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
     title = "collisiondetectstate" if name == "coldetstate" else name
-    return _field(path, f"pnl-{name}-ev", name, title, lambda: panel.VALUES[name](controller))
+    return _field(path, f"pnl-{name}-ev", name, title, lambda: system.VALUES[name](controller))
 
 
 def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:

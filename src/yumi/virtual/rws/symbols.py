@@ -12,19 +12,27 @@ from typing import TypeVar
 
 from yumi.errors import ProtocolError
 from yumi.rapid import ast as s
-from yumi.rapid.errors import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol
 from yumi.rapid.parser import format_value, parse_expression, parse_value
 from yumi.rapid.program import LoadedModule, UserRoutine
 from yumi.rapid.task import Task
-from yumi.rapid.types import Variable
+from yumi.rapid.types import RapidReferenceError, RapidSyntaxError, RapidValueError, UnknownSymbol, Variable
 from yumi.rws.documents import Form, Page, State
 from yumi.rws.types import Code, Grant, RapidValue, decode
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.files import path_of_file
+from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
+from yumi.virtual.rws.operations import (
+    Answer,
+    Call,
+    Failure,
+    Operation,
+    Values,
+    entry,
+    invalid,
+    refuse_in_manual_mode,
+    resource,
+)
 from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
-from yumi.virtual.rws.users import refuse_in_manual_mode
 
 T = TypeVar("T")
 

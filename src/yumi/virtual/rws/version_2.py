@@ -20,13 +20,11 @@ from urllib.parse import quote, unquote, urljoin
 from yumi.rws.documents import FORM_TYPE, Form, Link, Page, Pairs, State, Status, decode_form, encode_form, first_value
 from yumi.rws.types import REALM, Code
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.rws.documents import write_hal, write_hal_status, write_page, write_status
-from yumi.virtual.rws.files import path_of_file
-from yumi.virtual.rws.http import HttpReply, HttpRequest, Session
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Router, Values, resource
+from yumi.virtual.rws.configuration import path_of_file
+from yumi.virtual.rws.http import HttpReply, HttpRequest, Session, write_hal, write_hal_status, write_page, write_status
+from yumi.virtual.rws.operations import Answer, Call, Domains, Failure, Operation, Router, Values, resource
 from yumi.virtual.rws.service import RwsService, form_of
 from yumi.virtual.rws.subscriptions import Rules
-from yumi.virtual.rws.users import Domains
 
 XHTML = "application/xhtml+xml;v=2.0"
 HAL = "application/hal+json;v=2.0"

@@ -14,9 +14,8 @@ from threading import Thread
 from parent import say_ready
 
 from yumi.control.controller import write_goal
-from yumi.control.events import Event
 from yumi.control.loop import Commands
-from yumi.control.shared_state import read_snapshot
+from yumi.control.shared_state import Event, read_snapshot
 from yumi.driver.control_process import ControlProcess, WakeMode
 from yumi.driver.settings import Settings, read_controllers, read_settings
 from yumi.driver.wiring import EgmPlan, build_arms, plan_egm

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from yumi.egm.messages import RapidState
+from yumi.egm.codec import RapidState
 from yumi.rapid.program import Execution
 from yumi.robot.joints import Side, home
 from yumi.rws.types import ControllerState, OperatingMode

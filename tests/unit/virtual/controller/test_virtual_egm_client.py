@@ -8,9 +8,8 @@ from math import inf, nan, radians
 
 import pytest
 
-from yumi.egm.codec import SensorCodec
+from yumi.egm.codec import MciState, MotorState, RapidState, RobotMessage, SensorCodec, SensorMessage
 from yumi.egm.egm_pb2 import EgmSensor
-from yumi.egm.messages import MciState, MotorState, RapidState, RobotMessage, SensorMessage
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Joints, Pose, Side, abb_from_chain, home
 from yumi.robot.kinematics import tool0_to_body

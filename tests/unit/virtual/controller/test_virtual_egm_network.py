@@ -8,12 +8,10 @@ from math import degrees
 import pytest
 
 from yumi.egm import egm_pb2 as pb
-from yumi.egm.codec import SensorCodec, parse
-from yumi.egm.messages import RobotMessage
+from yumi.egm.codec import RobotMessage, SensorCodec, parse
 from yumi.robot.joints import CYCLE, Side
-from yumi.virtual.controller.egm import EgmClient
-from yumi.virtual.controller.egm_network import EgmNetwork, Outgoing, field_borders
-from yumi.virtual.controller.fault_names import Fault, Way
+from yumi.virtual.controller.egm import EgmClient, EgmNetwork, Outgoing, field_borders
+from yumi.virtual.controller.events import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.motion import EgmRun
 

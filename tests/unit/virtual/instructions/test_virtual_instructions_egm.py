@@ -5,8 +5,7 @@ from math import radians
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.egm.codec import SensorCodec
-from yumi.egm.messages import SensorMessage
+from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.robot.joints import Side, home
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.egm import EgmOutcome, EgmState

@@ -12,8 +12,7 @@ import pytest
 
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 from yumi.rws.documents import Link, State, read_page, read_status
-from yumi.virtual.rws.documents import _FIELD_NAMES, _TYPES
-from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.http import _FIELD_NAMES, _TYPES, HttpReply
 
 
 @pytest.fixture(scope="module")
