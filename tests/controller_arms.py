@@ -1,4 +1,5 @@
-"""Arms for the contract of controllers: each takes a case, a controller and how it is told where to go."""
+"""A perfect arm, and arms for the contract of controllers: each takes a case, a controller and how it is told where to
+go."""
 
 from __future__ import annotations
 
@@ -14,10 +15,21 @@ from yumi.control.controllers.joint_position import (
     JointPositionController,
     JointVelocityController,
 )
-from yumi.control.cycle import run_cycle
+from yumi.control.cycle import WireCounters, run_cycle
 from yumi.control.limiter import Limiter
-from yumi.driver.wiring import PerfectArm
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmState, Joints, Side, home, joint_names, joints
+from yumi.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    Joints,
+    Side,
+    change_rate,
+    home,
+    joint_names,
+    joints,
+)
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig
 
@@ -40,6 +52,43 @@ def order_speeds(box: Buffer, state: ArmState, goal: Joints) -> None:
     ways = zip(goal, state.position, strict=True)
     speeds = [max(-_FASTEST, min(_FASTEST, _STEERING * (wanted - now))) for wanted, now in ways]
     write_speeds(box, state.session, joints(speeds), state.time)
+
+
+class PerfectArm:
+    """An arm without dynamics; every ``read`` is one cycle later.
+
+    Attributes:
+        is_running: whether it follows commands; set it to stop the robot.
+
+    Args:
+        position: where it begins, chain order [rad].
+    """
+
+    def __init__(self, position: Joints) -> None:
+        self.is_running = True
+        self._position = position
+        self._velocity = ZERO
+        self._dt = 0.0
+
+    def read(self, now: float) -> ArmState | None:
+        state = ArmState(now, self._dt, 1, self._position, self._velocity, self._position, self.is_running)
+        self._dt = CYCLE
+        return state
+
+    def write(self, command: ArmCommand) -> None:
+        if not self.is_running:
+            return
+        self._velocity = change_rate(command.position, self._position, CYCLE)
+        self._position = command.position
+
+    def silence(self, now: float) -> float:
+        return 0.0
+
+    def lost_after(self, now: float) -> float | None:
+        return None
+
+    def wire_counters(self) -> WireCounters:
+        return WireCounters(session=1)
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
+from yumi.driver.egm_server import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.driver.wiring import EgmArm
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SILENCE, SensorSession
 from yumi.egm.udp import memory_links

@@ -9,6 +9,7 @@ from math import radians
 
 import pytest
 
+from controller_arms import PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
 from yumi.control.controller import MemoryBuffer, StageClock
 from yumi.control.controller_manager import ControllerManager
@@ -16,7 +17,6 @@ from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoa
 from yumi.control.cycle import Cycle, run_cycle
 from yumi.control.limiter import Limiter
 from yumi.control.shared_state import ControllerReport
-from yumi.driver.wiring import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Side, joint_names, joints
 
 NAME = "joint_goal_controller"

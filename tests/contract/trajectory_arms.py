@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
+from controller_arms import PerfectArm
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
@@ -19,7 +20,6 @@ from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import ControllerReport, Event, TrajectoryFeedback
 from yumi.control.trajectory import ArmPlan
-from yumi.driver.wiring import PerfectArm
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joint_names
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import VirtualArmRig

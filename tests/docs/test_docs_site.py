@@ -14,7 +14,7 @@ sys.path.append(str(ROOT / "setup"))
 
 import docs_site
 
-from yumi.driver.bringup import ANNOUNCEMENT, OPTIONS
+from yumi.driver.bringup import ANNOUNCEMENT, REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
 from yumi.driver.state_machine import FIRST_CONTACT
 
@@ -79,7 +79,7 @@ def test_links_of_a_page_lead_somewhere(page: str) -> None:
 def test_page_about_the_real_robot_says_which_options_are_needed_and_which_are_not() -> None:
     rows = re.findall(r"^\| option (\S+) ([^|]+?) \| (.*) \|$", _text(REAL_ROBOT), re.MULTILINE)
     needed = {f"{number} {name}" for number, name, text in rows if text.startswith("needed: ")}
-    assert needed == {option.partition(" (")[0] for option in OPTIONS}
+    assert needed == {option.partition(" (")[0] for option in REQUIRED_OPTIONS}
     others = {number: text for number, name, text in rows if f"{number} {name}" not in needed}
     assert others.pop("604-1").startswith("needed, and part of every YuMi")
     assert sorted(others) == ["616-1", "623-1"]

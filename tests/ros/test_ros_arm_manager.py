@@ -28,6 +28,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
+from controller_arms import PerfectArm
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
@@ -47,7 +48,6 @@ from yumi.control.shared_state import (
 )
 from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
-from yumi.driver.wiring import PerfectArm
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names

@@ -15,13 +15,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_bench import Client
 from std_msgs.msg import String
 
+from controller_arms import PerfectArm
 from yumi.clock import SystemClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.driver.control_process import ArmBuffers
-from yumi.driver.wiring import CONTROLLER_KINDS, PerfectArm, Place
+from yumi.driver.wiring import CONTROLLER_KINDS, Place
 from yumi.robot.description import robot_description
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Side, home, joint_names
 from yumi.ros.controller_manager import ArmManager

@@ -15,10 +15,10 @@ from yumi.control.limiter import Limiter, SpeedScale
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
 from yumi.driver.bringup import Bringup
+from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
-from yumi.driver.wiring import EgmArm
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, memory_links

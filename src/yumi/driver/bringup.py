@@ -1,14 +1,9 @@
 """Bring-up: checks of the controller, the steps to a robot that is ready, EGM's start and stop on it.
 
-Everything goes over Robot Web Services to the state machine on the robot; each step waits until it is done, with a
-deadline, and says what is wrong when it is not.
-
-The controller panel over Robot Web Services: motors, program, speed ratio; I/O signals and RAPID variables by name.
-
-Each step reads the state first, says what forbids it (:mod:`yumi.driver.readiness`), and waits until it is done.
-Signals and variables are text in, text out, as a person gives and reads them.
-
-RAPID routines run by name, through the state machine's state "run RAPID routine".
+All of it goes over Robot Web Services. :class:`Bringup` puts the steps together: :class:`LaunchChecks` of what cannot
+be repaired from here, motors and program by the :class:`ControllerPanel`, EGM by the state machines on the robot; RAPID
+routines run in those by name (:class:`RapidRoutines`). A step that changes something reads the state first, says what
+forbids it (:mod:`yumi.driver.readiness`), and waits with a deadline until it is done.
 """
 
 from __future__ import annotations
@@ -36,374 +31,22 @@ from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
+ANNOUNCEMENT = "Bring-up will: "
+"""How the line begins that says what will be done to the robot, before the first of it is done."""
+
+STOP_PROGRAM = "stop the RAPID program"
+"""The step before a program that runs is started anew."""
+
 DEADLINE = 5.0
-"""Longest wait for motors or program to obey [s]."""
-
-_NAME = re.compile(r"[A-Za-z]\w{0,31}")
-_SIGNAL = re.compile(r"[A-Za-z][\w/]{0,95}")
-_BAD_VALUE, _FORBIDDEN, _UNKNOWN = 400, 403, 404
-_EXAMPLES = {"bool": "TRUE", "string": '"text"', "num": "1.5", "dnum": "1.5"}
-
-
-class ControllerPanel:
-    """Motors, program, signals and variables of one controller.
-
-    Args:
-        client: a connected client.
-        clock: for waiting.
-    """
-
-    def __init__(self, client: RwsClient, clock: Clock) -> None:
-        self._client = client
-        self._clock = clock
-
-    @property
-    def are_motors_on(self) -> bool:
-        return self._client.controller_state() is ControllerState.MOTORS_ON
-
-    @property
-    def is_running(self) -> bool:
-        """Whether the RAPID program runs."""
-        return self._client.execution() is ExecutionState.RUNNING
-
-    def state(self) -> RobotState:
-        """Mode, motors and program, read now; nothing else of the state is known."""
-        client = self._client
-        return RobotState(True, client.operating_mode(), client.controller_state(), client.execution())
-
-    def check_automatic(self) -> None:
-        """See that requests which change something are accepted at all.
-
-        Raises:
-            RobotNotReady: the mode switch is not in AUTO.
-        """
-        check(Request.WRITE, RobotState(True, self._client.operating_mode()))
-
-    def switch_motors_on(self) -> None:
-        """Motors on, which also acknowledges an emergency stop that has been released.
-
-        Raises:
-            RobotNotReady: not in AUTO, or a stop keeps them off.
-        """
-        state = self.state()
-        check(Request.BRING_UP, state, intro="the motors cannot be switched on: ")
-        if state.controller_state is not ControllerState.MOTORS_ON:
-            self._client.set_motors(True)
-            wait_until(
-                self._clock,
-                lambda: self.are_motors_on,
-                DEADLINE,
-                lambda: (
-                    f"Motors do not go on, the controller is in {self._client.controller_state().value!r}; "
-                    "release the emergency stop and acknowledge it on the FlexPendant."
-                ),
-            )
-
-    def switch_motors_off(self) -> None:
-        """Motors off; the brakes hold the arms and the program stops.
-
-        Raises:
-            RobotNotReady: they stay on.
-        """
-        if self.are_motors_on:
-            self._client.set_motors(False)
-            refusal = "Motors do not go off; use the stop button."
-            wait_until(self._clock, lambda: not self.are_motors_on, DEADLINE, refusal)
-
-    def start_rapid(self) -> None:
-        """Start the program where its pointers are.
-
-        Raises:
-            RobotNotReady: not in AUTO, motors off, or it does not run.
-        """
-        state = self.state()
-        check(Request.START_RAPID, state, intro="the RAPID program cannot start: ")
-        if state.execution is not ExecutionState.RUNNING:
-            self._client.start_rapid()
-            self._wait_for(ExecutionState.RUNNING)
-
-    def stop_rapid(self) -> None:
-        """Stop the program; the arms come to rest on their paths.
-
-        Raises:
-            RobotNotReady: it still runs.
-        """
-        if self.is_running:
-            self._client.stop_rapid()
-            self._wait_for(ExecutionState.STOPPED)
-
-    def move_pp_to_main(self) -> None:
-        """Program pointers of all tasks to main; all variables get their initial values.
-
-        Raises:
-            RobotNotReady: not in AUTO, or the program runs.
-        """
-        check(Request.MOVE_PP, self.state(), intro="the program pointers cannot be moved: ")
-        self._client.move_pp_to_main()
-
-    def set_speed_ratio(self, percent: int) -> None:
-        """Override of the speeds of RAPID motions, 0 to 100 %; it counts from the next motion on.
-
-        Raises:
-            CommandRefused: outside that range.
-            RobotNotReady: not in AUTO, or the controller keeps another value.
-        """
-        self.check_automatic()
-        self._client.set_speed_ratio(percent)
-        kept = self._client.speed_ratio()
-        if kept != percent:
-            raise RobotNotReady(
-                f"The controller keeps a speed ratio of {kept} %, not {percent} %; see the FlexPendant."
-            )
-
-    def _wait_for(self, state: ExecutionState) -> None:
-        wait_until(
-            self._clock,
-            lambda: self._client.execution() is state,
-            DEADLINE,
-            f"The RAPID program is not {state.value} after {DEADLINE:g} s; look at the event log on the FlexPendant.",
-        )
-
-    # Signals and variables
-
-    def read_signal(self, name: str) -> str:
-        """The logical value of an I/O signal; raises CommandRefused when the controller has no such signal."""
-        return _number(self._signal(name))
-
-    def write_signal(self, name: str, value: str | float) -> None:
-        """Set an I/O signal, and see that it keeps the value.
-
-        Raises:
-            CommandRefused: no such signal, or no such value; nothing was changed.
-            RobotNotReady: not in AUTO, where this controller takes none.
-            ControllerRefused: the controller does not let remote clients write it.
-        """
-        try:
-            number = float(value)
-        except ValueError as error:
-            raise CommandRefused(f"{value!r} is not a value for signal {name}; give a number.") from error
-        if not isfinite(number):
-            raise CommandRefused(f"Signal {name} cannot be {number}; give a finite number.")
-        self._signal(name)
-        try:
-            self._client.set_signal(name, number)
-        except ControllerRefused as error:
-            if error.status == _FORBIDDEN:
-                self.check_automatic()  # what may be written in AUTO may be forbidden in manual
-            if error.status != _BAD_VALUE:
-                raise
-            raise CommandRefused(
-                f"The controller does not take {_number(number)} for signal {name}; a digital signal is 0 or 1, "
-                "another one has the range of its configuration."
-            ) from error
-        kept = self._signal(name)
-        if kept != number:
-            raise CommandRefused(
-                f"Signal {name} is {_number(kept)} after {_number(number)} was written; see who sets it."
-            )
-
-    def _signal(self, name: str) -> float:
-        if not _SIGNAL.fullmatch(name):
-            raise CommandRefused(f"{name!r} is not a name of a signal; give one of the controller's I/O signals.")
-        try:
-            return self._client.signal(name).value
-        except ControllerRefused as error:
-            if error.status != _UNKNOWN:
-                raise
-            raise CommandRefused(f"The controller has no signal {name}; look at its list of I/O signals.") from error
-
-    def read_variable(self, task: str, module: str, name: str) -> str:
-        """The value of a RAPID variable as RAPID writes it; raises CommandRefused when there is none of that name."""
-        self._type_of(task, module, name)
-        return self._client.symbol(task, module, name)
-
-    def write_variable(self, task: str, module: str, name: str, value: str) -> None:
-        """Write a RAPID variable; ``value`` as RAPID writes it: ``1.5``, ``TRUE``, ``"text"``, ``[1,[2,3]]``.
-
-        Raises:
-            CommandRefused: there is none of that name, ``value`` is not a RAPID value or not of its type, or it is a
-                constant; nothing was changed.
-            RobotNotReady: not in AUTO.
-        """
-        self.check_automatic()
-        kind = self._type_of(task, module, name)
-        example = _EXAMPLES.get(kind, "[1,[2,3]]")
-        try:
-            rapid_values.decode(value)
-        except ProtocolError as error:
-            raise CommandRefused(
-                f"{value!r} is not a RAPID value; {module}/{name} of {task} takes a {kind}, such as {example}."
-            ) from error
-        try:
-            self._client.set_symbol(task, module, name, value)
-        except ControllerRefused as error:
-            if error.status != _BAD_VALUE:
-                raise
-            raise CommandRefused(
-                f"The controller does not take {value} for {module}/{name} of {task}: it is a {kind}, such as "
-                f"{example}, or a constant, which cannot be written."
-            ) from error
-
-    def _type_of(self, task: str, module: str, name: str) -> str:
-        for word in (task, module, name):
-            if not _NAME.fullmatch(word):
-                raise CommandRefused(f"{word!r} is not a RAPID name; give task, module and variable.")
-        try:
-            return self._client.symbol_type(task, module, name)
-        except ControllerRefused as error:
-            raise CommandRefused(f"The controller has no {module}/{name} in task {task}; check the names.") from error
-
-
-def _number(value: float) -> str:
-    return str(int(value)) if value.is_integer() else repr(value)
-
+"""Longest wait for motors, program or state machines to obey [s]."""
 
 LONGEST_ROUTINE = 300.0
 """Longest wait for the end of a routine [s]; it goes on, only the wait ends."""
 
-_ROUTINE = re.compile(r"[A-Za-z]\w{0,31}")
-_FILE = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
-_MODULE = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
-_OUR_MODULES = "trob"  # how those of the state machine begin
-
-
-class RapidRoutines:
-    """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
-
-    Args:
-        client: a connected client.
-        panel: of the same controller.
-        machines: the state machines.
-        clock: for waiting.
-
-    Attributes:
-        is_running: whether the end of one is awaited.
-    """
-
-    def __init__(self, client: RwsClient, panel: ControllerPanel, machines: StateMachines, clock: Clock) -> None:
-        self._client = client
-        self._panel = panel
-        self._machines = machines
-        self._clock = clock
-        self.is_running = False
-
-    def run(self, side: Side, name: str) -> None:
-        """Run a routine in one arm's task and wait for its end.
-
-        Args:
-            side: whose task.
-            name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
-                ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
-
-        Raises:
-            CommandRefused: it is not a name of a routine; nothing was changed.
-            RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
-        """
-        if not _ROUTINE.fullmatch(name):
-            raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
-        self._check_free(side, Request.RUN_ROUTINE)
-
-        def why_not_ended() -> str:
-            what = f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s"
-            if self._client.speed_ratio() > 0:
-                return f"{what}; look at the robot."
-            return (
-                f"{what}: the speed ratio is 0 %, with which no RAPID motion goes on; look at the robot, then raise "
-                "the speed ratio (set_speed_ratio, or at the FlexPendant)."
-            )
-
-        self.is_running = True
-        try:
-            self._write(side, "routine_name_input", name)
-            self._write(side.other, "routine_name_input", "")
-            self._client.pulse_signal(RUN_RAPID)
-            wait_until(
-                self._clock,
-                lambda: self._is_over(side),
-                LONGEST_ROUTINE,
-                why_not_ended,
-            )
-        finally:
-            self.is_running = False
-        try:
-            is_unknown = self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
-        except ControllerRefused:  # ABB's own state machine does not report it
-            is_unknown = False
-        if is_unknown:
-            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
-
-    def load_module(self, side: Side, file_name: str, text: str) -> None:
-        """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
-
-        A module that was loaded from the same file before is replaced. The state machine loads it, so that the program
-        goes on meanwhile.
-
-        Args:
-            side: whose task.
-            file_name: such as ``Pick.mod``.
-            text: the module.
-
-        Raises:
-            CommandRefused: name or text is impossible, the text is not RAPID, or the module is there from another file.
-            RobotNotReady: the program does not run, or the arm is busy.
-        """
-        module = _module_in(file_name, text)
-        self._check_free(side, Request.LOAD_MODULE)
-        path = f"HOME:/{file_name}"
-        if self._has_module(side, module):
-            self._run_with_file(side, "runModuleUnload", path)
-            if self._has_module(side, module):
-                raise CommandRefused(
-                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
-                )
-        self._client.upload(path, text)
-        self._run_with_file(side, "runModuleLoad", path)
-        if not self._has_module(side, module):
-            raise CommandRefused(
-                f"{side.task} did not load {path}; it is not a correct RAPID module, see the event log."
-            )
-
-    def _run_with_file(self, side: Side, routine: str, path: str) -> None:
-        self._write(side, "module_file_path_input", path)
-        self.run(side, routine)
-
-    def _has_module(self, side: Side, name: str) -> bool:
-        return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
-
-    def _check_free(self, side: Side, request: Request) -> None:
-        client = self._client
-        machines = dict.fromkeys(Side, self._machines.state(side))
-        state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
-        check(request, state, (side,), "a routine cannot run: ")
-
-    def _is_over(self, side: Side) -> bool:
-        """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
-        if not self._panel.is_running:
-            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
-        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
-            return False
-        return self._machines.state(side) is MachineState.IDLE
-
-    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
-        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
-
-
-def _module_in(file_name: str, text: str) -> str:
-    """The name of the module that ``text`` declares."""
-    if not _FILE.fullmatch(file_name):
-        raise CommandRefused(f"{file_name!r} is not a name of a RAPID file; give letters and digits and .mod or .sys.")
-    found = _MODULE.search(text)
-    if found is None:
-        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
-    if found[1].lower().startswith(_OUR_MODULES):
-        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
-    return found[1]
-
-
 OLDEST_ROBOTWARE = (6, 9)
 """EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
 
-OPTIONS: Mapping[str, str] = {"689-1 Externally Guided Motion (EGM)": "EGM can move no arm"}
+REQUIRED_OPTIONS: Mapping[str, str] = {"689-1 Externally Guided Motion (EGM)": "EGM can move no arm"}
 """What the controller must have, and what does not work without.
 
 The programs of two arms need 604-1 MultiMove, with which every YuMi is delivered; that both tasks are there is checked
@@ -411,12 +54,21 @@ itself. 623-1 Multitasking and 616-1 PC Interface are not needed.
 """
 
 GRIPPER_PRODUCT = "SmartGripper"
+"""What the grippers need; the arms move without."""
 
 PROGRAM_VERSION = 1.1
 """Of the state machine's interface; see ``controller_files/TRobMain.mod``."""
 
 ANY_ADDRESS = "0.0.0.0"
 """A socket at this address receives what comes to any of this machine's."""
+
+_RAPID_NAME = re.compile(r"[A-Za-z]\w{0,31}")
+_SIGNAL_NAME = re.compile(r"[A-Za-z][\w/]{0,95}")
+_FILE_NAME = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
+_MODULE_DECLARATION = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
+_OUR_MODULES = "trob"  # how those of the state machine begin
+_BAD_VALUE, _FORBIDDEN, _UNKNOWN = 400, 403, 404
+_EXAMPLES = {"bool": "TRUE", "string": '"text"', "num": "1.5", "dnum": "1.5"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -425,103 +77,6 @@ class EgmAddress:
 
     host: str
     port: int
-
-
-class LaunchChecks:
-    """Checks one controller for what no request can repair, and for what will be missed later.
-
-    Args:
-        client: a connected client.
-        addresses: where each arm's datagrams are awaited; left out, the devices are not checked.
-
-    Attributes:
-        remarks: what is not as it should be, but prevents nothing.
-    """
-
-    def __init__(self, client: RwsClient, addresses: Mapping[Side, EgmAddress] | None = None) -> None:
-        self.remarks: list[str] = []
-        self._client = client
-        self._addresses = addresses or {}
-
-    def run(self) -> None:
-        """Check everything.
-
-        Raises:
-            RobotNotReady: something is missing that cannot be repaired from here; the message says what and how.
-        """
-        system = self._client.system()
-        if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            version = ".".join(map(str, system.robotware))
-            raise RobotNotReady(f"The controller runs RobotWare {version}; EGM for a YuMi needs 6.09 or newer.")
-        for option, loss in OPTIONS.items():
-            if option not in system.options:
-                raise RobotNotReady(f"The controller lacks the option {option!r}; without it {loss}.")
-        if GRIPPER_PRODUCT not in system.options:
-            self.remarks.append(f"the controller lacks the product {GRIPPER_PRODUCT!r}; the grippers cannot be used")
-        for side in Side:
-            self.check_unit(side)
-        self.check_tasks()
-        self.check_devices()
-
-    def check_unit(self, side: Side) -> None:
-        """See that the controller moves an arm; raises RobotNotReady."""
-        try:
-            self._client.joint_target(side.unit)
-        except ControllerRefused as error:
-            raise RobotNotReady(
-                f"The controller has no mechanical unit {side.unit}; it does not move a YuMi's {side.word} arm."
-            ) from error
-
-    def check_tasks(self) -> None:
-        """See that the program is in both tasks: of all that is checked, this changes without a restart."""
-        for side in Side:
-            self.check_task(side)
-
-    def check_task(self, side: Side) -> None:
-        """See that an arm's task has the robot-side program, in its version; raises RobotNotReady."""
-        task, remedy = side.task, "load the RAPID modules of this package on it"
-        try:
-            kind = self._client.symbol_type(task, MAIN, "current_state")
-        except ControllerRefused as error:
-            raise RobotNotReady(f"Task {task} has no state machine ({MAIN}); {remedy}.") from error
-        if kind != "num":
-            raise RobotNotReady(f"{task}/{MAIN}/current_state has type {kind}, not num; {remedy}.")
-        try:
-            version = rapid_values.decode(self._client.symbol(task, MAIN, "VERSION"))
-        except ControllerRefused:
-            version = "unknown"
-        if version != PROGRAM_VERSION:
-            raise RobotNotReady(
-                f"Task {task} has version {version} of the state machine, not {PROGRAM_VERSION}; {remedy}."
-            )
-
-    def check_devices(self) -> None:
-        """See that the robot's datagrams come here; raises RobotNotReady when an arm has no UDPUC device."""
-        if not self._addresses:
-            return
-        devices = {each.name: each.attributes for each in self._client.cfg("SIO", "COM_TRP")}
-        for side, address in self._addresses.items():
-            device = devices.get(side.unit, {})
-            if device.get("Type") != "UDPUC":
-                raise RobotNotReady(
-                    f"The controller has no UDPUC device {side.unit} (Communication, Transmission Protocol); load "
-                    "SIO.cfg of this package and restart it."
-                )
-            host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
-            if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
-                self.remarks.append(
-                    f"the {side.word} arm's datagrams go to {host}:{port}, here they are awaited at "
-                    f"{address.host}:{address.port}; make the UDPUC device {side.unit} or the settings fit"
-                )
-
-
-ANNOUNCEMENT = "Bring-up will: "
-"""How the line begins that says what will be done to the robot, before the first of it is done."""
-
-STOP_PROGRAM = "stop the RAPID program"
-"""The step before a program that runs is started anew."""
-
-_IDLE_DEADLINE = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -662,7 +217,7 @@ class Bringup:
     def _steps_to_restart(self, *, is_running: bool) -> list[Step]:
         def start() -> None:
             self.panel.start_rapid()
-            self.machines.wait_for_idle(_IDLE_DEADLINE)
+            self.machines.wait_for_idle(DEADLINE)
 
         stop = [Step(STOP_PROGRAM, self.panel.stop_rapid)] if is_running else []
         to_main = Step("move the program pointers to main", self.panel.move_pp_to_main)
@@ -703,3 +258,437 @@ class Bringup:
     def state(self, side: Side) -> MachineState:
         """The state machine of one arm."""
         return self.machines.state(side)
+
+
+class LaunchChecks:
+    """Checks one controller for what no request can repair, and for what will be missed later.
+
+    Args:
+        client: a connected client.
+        addresses: where each arm's datagrams are awaited; left out, the devices are not checked.
+
+    Attributes:
+        remarks: what is not as it should be, but prevents nothing.
+    """
+
+    def __init__(self, client: RwsClient, addresses: Mapping[Side, EgmAddress] | None = None) -> None:
+        self.remarks: list[str] = []
+        self._client = client
+        self._addresses = addresses or {}
+
+    def run(self) -> None:
+        """Check everything.
+
+        Raises:
+            RobotNotReady: something is missing that cannot be repaired from here; the message says what and how.
+        """
+        system = self._client.system()
+        if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
+            version = ".".join(map(str, system.robotware))
+            raise RobotNotReady(f"The controller runs RobotWare {version}; EGM for a YuMi needs 6.09 or newer.")
+        for option, loss in REQUIRED_OPTIONS.items():
+            if option not in system.options:
+                raise RobotNotReady(f"The controller lacks the option {option!r}; without it {loss}.")
+        if GRIPPER_PRODUCT not in system.options:
+            self.remarks.append(f"the controller lacks the product {GRIPPER_PRODUCT!r}; the grippers cannot be used")
+        for side in Side:
+            self.check_unit(side)
+        self.check_tasks()
+        self.check_devices()
+
+    def check_unit(self, side: Side) -> None:
+        """See that the controller moves an arm; raises RobotNotReady."""
+        try:
+            self._client.joint_target(side.unit)
+        except ControllerRefused as error:
+            raise RobotNotReady(
+                f"The controller has no mechanical unit {side.unit}; it does not move a YuMi's {side.word} arm."
+            ) from error
+
+    def check_tasks(self) -> None:
+        """See that the program is in both tasks: of all that is checked, this changes without a restart."""
+        for side in Side:
+            self.check_task(side)
+
+    def check_task(self, side: Side) -> None:
+        """See that an arm's task has the robot-side program, in its version; raises RobotNotReady."""
+        task, remedy = side.task, "load the RAPID modules of this package on it"
+        try:
+            kind = self._client.symbol_type(task, MAIN, "current_state")
+        except ControllerRefused as error:
+            raise RobotNotReady(f"Task {task} has no state machine ({MAIN}); {remedy}.") from error
+        if kind != "num":
+            raise RobotNotReady(f"{task}/{MAIN}/current_state has type {kind}, not num; {remedy}.")
+        try:
+            version = rapid_values.decode(self._client.symbol(task, MAIN, "VERSION"))
+        except ControllerRefused:
+            version = "unknown"
+        if version != PROGRAM_VERSION:
+            raise RobotNotReady(
+                f"Task {task} has version {version} of the state machine, not {PROGRAM_VERSION}; {remedy}."
+            )
+
+    def check_devices(self) -> None:
+        """See that the robot's datagrams come here; raises RobotNotReady when an arm has no UDPUC device."""
+        if not self._addresses:
+            return
+        devices = {each.name: each.attributes for each in self._client.cfg("SIO", "COM_TRP")}
+        for side, address in self._addresses.items():
+            device = devices.get(side.unit, {})
+            if device.get("Type") != "UDPUC":
+                raise RobotNotReady(
+                    f"The controller has no UDPUC device {side.unit} (Communication, Transmission Protocol); load "
+                    "SIO.cfg of this package and restart it."
+                )
+            host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
+            if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
+                self.remarks.append(
+                    f"the {side.word} arm's datagrams go to {host}:{port}, here they are awaited at "
+                    f"{address.host}:{address.port}; make the UDPUC device {side.unit} or the settings fit"
+                )
+
+
+class ControllerPanel:
+    """Motors, program, speed ratio, I/O signals and RAPID variables of one controller.
+
+    Signals and variables are text in, text out, as a person gives and reads them.
+
+    Args:
+        client: a connected client.
+        clock: for waiting.
+    """
+
+    def __init__(self, client: RwsClient, clock: Clock) -> None:
+        self._client = client
+        self._clock = clock
+
+    @property
+    def are_motors_on(self) -> bool:
+        return self._client.controller_state() is ControllerState.MOTORS_ON
+
+    @property
+    def is_running(self) -> bool:
+        """Whether the RAPID program runs."""
+        return self._client.execution() is ExecutionState.RUNNING
+
+    def state(self) -> RobotState:
+        """Mode, motors and program, read now; nothing else of the state is known."""
+        client = self._client
+        return RobotState(True, client.operating_mode(), client.controller_state(), client.execution())
+
+    def check_automatic(self) -> None:
+        """See that requests which change something are accepted at all.
+
+        Raises:
+            RobotNotReady: the mode switch is not in AUTO.
+        """
+        check(Request.WRITE, RobotState(True, self._client.operating_mode()))
+
+    def switch_motors_on(self) -> None:
+        """Motors on, which also acknowledges an emergency stop that has been released.
+
+        Raises:
+            RobotNotReady: not in AUTO, or a stop keeps them off.
+        """
+        state = self.state()
+        check(Request.BRING_UP, state, intro="the motors cannot be switched on: ")
+        if state.controller_state is not ControllerState.MOTORS_ON:
+            self._client.set_motors(True)
+            wait_until(
+                self._clock,
+                lambda: self.are_motors_on,
+                DEADLINE,
+                lambda: (
+                    f"Motors do not go on, the controller is in {self._client.controller_state().value!r}; "
+                    "release the emergency stop and acknowledge it on the FlexPendant."
+                ),
+            )
+
+    def switch_motors_off(self) -> None:
+        """Motors off; the brakes hold the arms and the program stops.
+
+        Raises:
+            RobotNotReady: they stay on.
+        """
+        if self.are_motors_on:
+            self._client.set_motors(False)
+            refusal = "Motors do not go off; use the stop button."
+            wait_until(self._clock, lambda: not self.are_motors_on, DEADLINE, refusal)
+
+    def start_rapid(self) -> None:
+        """Start the program where its pointers are.
+
+        Raises:
+            RobotNotReady: not in AUTO, motors off, or it does not run.
+        """
+        state = self.state()
+        check(Request.START_RAPID, state, intro="the RAPID program cannot start: ")
+        if state.execution is not ExecutionState.RUNNING:
+            self._client.start_rapid()
+            self._wait_for(ExecutionState.RUNNING)
+
+    def stop_rapid(self) -> None:
+        """Stop the program; the arms come to rest on their paths.
+
+        Raises:
+            RobotNotReady: it still runs.
+        """
+        if self.is_running:
+            self._client.stop_rapid()
+            self._wait_for(ExecutionState.STOPPED)
+
+    def move_pp_to_main(self) -> None:
+        """Program pointers of all tasks to main; all variables get their initial values.
+
+        Raises:
+            RobotNotReady: not in AUTO, or the program runs.
+        """
+        check(Request.MOVE_PP, self.state(), intro="the program pointers cannot be moved: ")
+        self._client.move_pp_to_main()
+
+    def set_speed_ratio(self, percent: int) -> None:
+        """Override of the speeds of RAPID motions, 0 to 100 %; it counts from the next motion on.
+
+        Raises:
+            CommandRefused: outside that range.
+            RobotNotReady: not in AUTO, or the controller keeps another value.
+        """
+        self.check_automatic()
+        self._client.set_speed_ratio(percent)
+        kept = self._client.speed_ratio()
+        if kept != percent:
+            raise RobotNotReady(
+                f"The controller keeps a speed ratio of {kept} %, not {percent} %; see the FlexPendant."
+            )
+
+    def _wait_for(self, state: ExecutionState) -> None:
+        wait_until(
+            self._clock,
+            lambda: self._client.execution() is state,
+            DEADLINE,
+            f"The RAPID program is not {state.value} after {DEADLINE:g} s; look at the event log on the FlexPendant.",
+        )
+
+    def read_signal(self, name: str) -> str:
+        """The logical value of an I/O signal; raises CommandRefused when the controller has no such signal."""
+        return _signal_text(self._signal(name))
+
+    def write_signal(self, name: str, value: str | float) -> None:
+        """Set an I/O signal, and see that it keeps the value.
+
+        Raises:
+            CommandRefused: no such signal, or no such value; nothing was changed.
+            RobotNotReady: not in AUTO, where this controller takes none.
+            ControllerRefused: the controller does not let remote clients write it.
+        """
+        try:
+            number = float(value)
+        except ValueError as error:
+            raise CommandRefused(f"{value!r} is not a value for signal {name}; give a number.") from error
+        if not isfinite(number):
+            raise CommandRefused(f"Signal {name} cannot be {number}; give a finite number.")
+        self._signal(name)
+        try:
+            self._client.set_signal(name, number)
+        except ControllerRefused as error:
+            if error.status == _FORBIDDEN:
+                self.check_automatic()  # what may be written in AUTO may be forbidden in manual
+            if error.status != _BAD_VALUE:
+                raise
+            raise CommandRefused(
+                f"The controller does not take {_signal_text(number)} for signal {name}; a digital signal is 0 or 1, "
+                "another one has the range of its configuration."
+            ) from error
+        kept = self._signal(name)
+        if kept != number:
+            raise CommandRefused(
+                f"Signal {name} is {_signal_text(kept)} after {_signal_text(number)} was written; see who sets it."
+            )
+
+    def _signal(self, name: str) -> float:
+        if not _SIGNAL_NAME.fullmatch(name):
+            raise CommandRefused(f"{name!r} is not a name of a signal; give one of the controller's I/O signals.")
+        try:
+            return self._client.signal(name).value
+        except ControllerRefused as error:
+            if error.status != _UNKNOWN:
+                raise
+            raise CommandRefused(f"The controller has no signal {name}; look at its list of I/O signals.") from error
+
+    def read_variable(self, task: str, module: str, name: str) -> str:
+        """The value of a RAPID variable as RAPID writes it; raises CommandRefused when there is none of that name."""
+        self._type_of(task, module, name)
+        return self._client.symbol(task, module, name)
+
+    def write_variable(self, task: str, module: str, name: str, value: str) -> None:
+        """Write a RAPID variable; ``value`` as RAPID writes it: ``1.5``, ``TRUE``, ``"text"``, ``[1,[2,3]]``.
+
+        Raises:
+            CommandRefused: there is none of that name, ``value`` is not a RAPID value or not of its type, or it is a
+                constant; nothing was changed.
+            RobotNotReady: not in AUTO.
+        """
+        self.check_automatic()
+        kind = self._type_of(task, module, name)
+        example = _EXAMPLES.get(kind, "[1,[2,3]]")
+        try:
+            rapid_values.decode(value)
+        except ProtocolError as error:
+            raise CommandRefused(
+                f"{value!r} is not a RAPID value; {module}/{name} of {task} takes a {kind}, such as {example}."
+            ) from error
+        try:
+            self._client.set_symbol(task, module, name, value)
+        except ControllerRefused as error:
+            if error.status != _BAD_VALUE:
+                raise
+            raise CommandRefused(
+                f"The controller does not take {value} for {module}/{name} of {task}: it is a {kind}, such as "
+                f"{example}, or a constant, which cannot be written."
+            ) from error
+
+    def _type_of(self, task: str, module: str, name: str) -> str:
+        for word in (task, module, name):
+            if not _RAPID_NAME.fullmatch(word):
+                raise CommandRefused(f"{word!r} is not a RAPID name; give task, module and variable.")
+        try:
+            return self._client.symbol_type(task, module, name)
+        except ControllerRefused as error:
+            raise CommandRefused(f"The controller has no {module}/{name} in task {task}; check the names.") from error
+
+
+def _signal_text(value: float) -> str:
+    return str(int(value)) if value.is_integer() else repr(value)
+
+
+class RapidRoutines:
+    """Runs routines in the tasks of both arms, one at a time: both tasks see the edge that starts one.
+
+    Args:
+        client: a connected client.
+        panel: of the same controller.
+        machines: the state machines.
+        clock: for waiting.
+
+    Attributes:
+        is_running: whether the end of one is awaited.
+    """
+
+    def __init__(self, client: RwsClient, panel: ControllerPanel, machines: StateMachines, clock: Clock) -> None:
+        self._client = client
+        self._panel = panel
+        self._machines = machines
+        self._clock = clock
+        self.is_running = False
+
+    def run(self, side: Side, name: str) -> None:
+        """Run a routine in one arm's task and wait for its end.
+
+        Args:
+            side: whose task.
+            name: of the state machine's own (``runMoveToCalibrationPosition``, ``runMoveJ``, ``runMoveAbsJ``,
+                ``runCallByVar``), of your ``TRobSystem``, or of any procedure without parameters in the task.
+
+        Raises:
+            CommandRefused: it is not a name of a routine; nothing was changed.
+            RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
+        """
+        if not _RAPID_NAME.fullmatch(name):
+            raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
+        self._check_free(side, Request.RUN_ROUTINE)
+
+        def why_not_ended() -> str:
+            what = f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s"
+            if self._client.speed_ratio() > 0:
+                return f"{what}; look at the robot."
+            return (
+                f"{what}: the speed ratio is 0 %, with which no RAPID motion goes on; look at the robot, then raise "
+                "the speed ratio (set_speed_ratio, or at the FlexPendant)."
+            )
+
+        self.is_running = True
+        try:
+            self._write(side, "routine_name_input", name)
+            self._write(side.other, "routine_name_input", "")
+            self._client.pulse_signal(RUN_RAPID)
+            wait_until(
+                self._clock,
+                lambda: self._is_over(side),
+                LONGEST_ROUTINE,
+                why_not_ended,
+            )
+        finally:
+            self.is_running = False
+        try:
+            is_unknown = self._client.symbol(side.task, RAPID, "is_routine_unknown") == "TRUE"
+        except ControllerRefused:  # ABB's own state machine does not report it
+            is_unknown = False
+        if is_unknown:
+            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
+
+    def load_module(self, side: Side, file_name: str, text: str) -> None:
+        """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
+
+        A module that was loaded from the same file before is replaced. The state machine loads it, so that the program
+        goes on meanwhile.
+
+        Args:
+            side: whose task.
+            file_name: such as ``Pick.mod``.
+            text: the module.
+
+        Raises:
+            CommandRefused: name or text is impossible, the text is not RAPID, or the module is there from another file.
+            RobotNotReady: the program does not run, or the arm is busy.
+        """
+        module = _module_in(file_name, text)
+        self._check_free(side, Request.LOAD_MODULE)
+        path = f"HOME:/{file_name}"
+        if self._has_module(side, module):
+            self._run_with_file(side, "runModuleUnload", path)
+            if self._has_module(side, module):
+                raise CommandRefused(
+                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
+                )
+        self._client.upload(path, text)
+        self._run_with_file(side, "runModuleLoad", path)
+        if not self._has_module(side, module):
+            raise CommandRefused(
+                f"{side.task} did not load {path}; it is not a correct RAPID module, see the event log."
+            )
+
+    def _run_with_file(self, side: Side, routine: str, path: str) -> None:
+        self._write(side, "module_file_path_input", path)
+        self.run(side, routine)
+
+    def _has_module(self, side: Side, name: str) -> bool:
+        return any(module.name.lower() == name.lower() for module in self._client.modules(side.task))
+
+    def _check_free(self, side: Side, request: Request) -> None:
+        client = self._client
+        machines = dict.fromkeys(Side, self._machines.state(side))
+        state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
+        check(request, state, (side,), "a routine cannot run: ")
+
+    def _is_over(self, side: Side) -> bool:
+        """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
+        if not self._panel.is_running:
+            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
+        if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
+            return False
+        return self._machines.state(side) is MachineState.IDLE
+
+    def _write(self, side: Side, symbol: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, RAPID, symbol, rapid_values.encode(value))
+
+
+def _module_in(file_name: str, text: str) -> str:
+    """The name of the module that ``text`` declares."""
+    if not _FILE_NAME.fullmatch(file_name):
+        raise CommandRefused(f"{file_name!r} is not a name of a RAPID file; give letters and digits and .mod or .sys.")
+    found = _MODULE_DECLARATION.search(text)
+    if found is None:
+        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
+    if found[1].lower().startswith(_OUR_MODULES):
+        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
+    return found[1]

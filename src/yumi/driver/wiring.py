@@ -14,9 +14,7 @@
                                             end-in-time, forced-end
                      process 2     the control process: the cycles of both arms, one thread
 
-The controllers an arm starts with: loaded, given their parameters and led to their initial states.
-
-An arm behind EGM: datagrams from a link become states, commands become datagrams; and a perfect arm for tests.
+Also the controllers an arm can have and starts with: how each type is made, and how it is led to its initial state.
 """
 
 from __future__ import annotations
@@ -27,11 +25,11 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from ipaddress import ip_address
 from math import radians
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from yumi.clock import Clock, SystemClock
 from yumi.control.collisions import CollisionLimiter
-from yumi.control.controller import ENCODE, RECEIVE, SEND, Controller, StageClock, find_parameter
+from yumi.control.controller import Controller, StageClock, find_parameter
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.controllers.joint_goal import JointGoalController
@@ -43,7 +41,7 @@ from yumi.control.controllers.joint_position import (
     JointVelocityController,
 )
 from yumi.control.controllers.joint_trajectory import DualArmTrajectoryController, JointTrajectoryController
-from yumi.control.cycle import FlightRecorder, WireCounters
+from yumi.control.cycle import FlightRecorder
 from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
@@ -51,13 +49,14 @@ from yumi.control.shared_state import Event, read_snapshot
 from yumi.control.tool_path import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
+from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.readiness import StopLog
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
-from yumi.egm.codec import JointCodec, JointReport, MciState, MotorState, RapidState, RobotMessage
-from yumi.egm.session import Counted, Message, SensorSession
+from yumi.egm.codec import JointCodec
+from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.realtime import Only
@@ -66,259 +65,19 @@ from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
-    ZERO,
-    ArmCommand,
-    ArmState,
     JointLimits,
     Joints,
     Side,
-    change_rate,
     joint_names,
     set_prefix,
 )
 from yumi.rws.client import RwsClient
 
-LONGEST_PERIOD = 0.100
-"""The robot's clock is not believed beyond this [s]."""
-
-
-PUNCTUAL = 0.5 * CYCLE, 1.25 * CYCLE
-"""Times between two datagrams at which nothing else can wait behind the second [s]."""
-
-_ON, _RUNNING, _STOPPED = MotorState.ON, MciState.RUNNING, RapidState.STOPPED  # the enumerations are slow to look into
-
-
-class DatagramLink(Protocol):
-    """A socket that talks to one robot, or anything that behaves like one."""
-
-    @property
-    def foreign(self) -> int:
-        """How many datagrams came from elsewhere and were left aside."""
-
-    @property
-    def is_pinned(self) -> bool:
-        """Whether only one sender is heard."""
-
-    def pin(self) -> None:
-        """From now on hear only the sender of what was handed out last."""
-
-    def release(self) -> None:
-        """From now on hear every sender again."""
-
-    def receive_next(self) -> bytes | None:
-        """The oldest datagram that waits, if any; never waits."""
-
-    def receive(self) -> Sequence[bytes]:
-        """All datagrams of one sender that wait, oldest first; never waits."""
-
-    def send(self, datagram: bytes) -> None:
-        """Answer the sender of what was handed out last."""
-
-
-def accept_from(
-    link: DatagramLink, session: SensorSession[Message], datagrams: Sequence[bytes], now: float
-) -> Message | None:
-    """Take what has arrived; the sender of what begins a session is the only one heard until the session ends."""
-    while datagrams:
-        message = session.accept(datagrams, now)
-        if link.is_pinned:
-            return message
-        if message is not None:
-            link.pin()
-            return message
-        datagrams = link.receive()
-    return None
-
-
-class EgmArm:
-    """One seven-axis arm guided by EGM.
-
-    Args:
-        link: where its datagrams come from.
-        session: its conversation.
-        stages: what notes where a cycle's time goes.
-        keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
-    """
-
-    def __init__(
-        self,
-        link: DatagramLink,
-        session: SensorSession[JointReport],
-        stages: StageClock | None = None,
-        keep: Callable[[bytes], None] = lambda datagram: None,
-    ) -> None:
-        self._keep = keep
-        self._datagram = b""
-        self._link = link
-        self._session = session
-        self._stages = stages or StageClock()
-        self._before: JointReport | None = None
-
-    def read(self, now: float) -> ArmState | None:
-        datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
-        if not datagrams:
-            return None
-        session = self._session
-        message = accept_from(self._link, session, datagrams, now)
-        if message is None:
-            return None
-        self._datagram = datagrams[-1]
-        before = None if session.is_first or session.is_resumed else self._before
-        self._before = message
-        dt = period(before, message)
-        return ArmState(
-            now,
-            dt,
-            session.number,
-            message.measured,
-            ZERO if before is None or dt <= 0.0 else change_rate(message.measured, before.measured, dt),
-            message.planned,
-            is_running(message),
-        )
-
-    def _datagrams(self, now: float) -> Sequence[bytes]:
-        """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
-        earliest, latest = PUNCTUAL
-        if not earliest < self._session.silence(now) < latest or not self._link.is_pinned:
-            return self._link.receive()
-        datagram = self._link.receive_next()
-        return () if datagram is None else (datagram,)
-
-    def write(self, command: ArmCommand) -> None:
-        velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
-        self._stages.note(SEND)
-        self._session.settle()
-        self._keep(self._datagram)
-
-    def silence(self, now: float) -> float:
-        return self._session.silence(now)
-
-    def lost_after(self, now: float) -> float | None:
-        if not self._session.close_if_silent(now):
-            return None
-        self._link.release()
-        return self._session.silence(now)
-
-    def wire_counters(self) -> WireCounters:
-        return wire_counters(self._session, self._link.foreign)
-
-
-def is_running(message: JointReport | RobotMessage) -> bool:
-    """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
-    return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
-
-
-def period(before: Counted | None, message: Counted) -> float:
-    """Robot time from one message to the next [s], 0 where there is none before."""
-    if before is None:
-        return 0.0
-    passed = message.measured_time - before.measured_time
-    return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
-
-
-def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters:
-    counters, arrivals = session.counters, session.arrivals
-    return WireCounters(
-        session.number,
-        counters.missed,
-        counters.lost,
-        counters.late,
-        counters.stale,
-        counters.repeated,
-        counters.malformed,
-        foreign,
-        arrivals.jitter,
-        arrivals.worst_jitter,
-        arrivals.drift_ppm,
-        arrivals.cycle_time,
-    )
-
-
-class PerfectArm:
-    """An arm without dynamics; every ``read`` is one cycle later.
-
-    Attributes:
-        is_running: whether it follows commands; set it to stop the robot.
-
-    Args:
-        position: where it begins, chain order [rad].
-    """
-
-    def __init__(self, position: Joints) -> None:
-        self.is_running = True
-        self._position = position
-        self._velocity = ZERO
-        self._dt = 0.0
-
-    def read(self, now: float) -> ArmState | None:
-        state = ArmState(now, self._dt, 1, self._position, self._velocity, self._position, self.is_running)
-        self._dt = CYCLE
-        return state
-
-    def write(self, command: ArmCommand) -> None:
-        if not self.is_running:
-            return
-        self._velocity = change_rate(command.position, self._position, CYCLE)
-        self._position = command.position
-
-    def silence(self, now: float) -> float:
-        return 0.0
-
-    def lost_after(self, now: float) -> float | None:
-        return None
-
-    def wire_counters(self) -> WireCounters:
-        return WireCounters(session=1)
-
-
-def start_controllers(
-    manager: ControllerManager, controllers: Sequence[ControllerSettings]
-) -> tuple[ControllerSettings, ...]:
-    """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
-
-    Raises:
-        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
-    """
-    started = tuple(_start(manager, settings) for settings in controllers)
-    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
-    taken = {entry.place for settings in started for entry in settings.entries.values()}
-    for settings in controllers:
-        for key, entry in settings.entries.items():
-            if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
-                raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
-    return started
-
-
-def _start(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
-    name, state = settings.name, settings.state
-    if settings.kind not in manager.kinds:
-        known = ", ".join(manager.kinds)
-        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
-    if state is InitialState.UNLOADED:
-        return settings
-    place = settings.place  # of what may be refused
-    try:
-        manager.load_kind(name, settings.kind)
-        has = [info.parameter for info in manager.parameters(name)]
-        own = {
-            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
-        }
-        for key, entry in own.items():
-            place = entry.place
-            manager.set_parameters(name, {key: entry.value})
-        place = settings.place
-        if state is not InitialState.UNCONFIGURED:
-            manager.configure(name)
-            commands = any(info.required for info in manager.controllers() if info.name == name)
-            if state is InitialState.ACTIVE or (state is None and not commands):
-                manager.switch((name,), (), None)
-    except (CommandRefused, SwitchFailed) as refusal:
-        raise SettingsError(f"{place}: {refusal}") from refusal
-    return replace(settings, entries=own)
-
-
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
+"""What runs on each arm."""
+
+Halves = dict[str, dict[Side, DualArmTrajectoryController]]
+"""The active halves of controllers that move both arms, by the controllers' name and arm."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -380,6 +139,86 @@ CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
     ),
 }
 """How a controller of each type is made."""
+
+
+def _manager_of(
+    side: Side,
+    buffers: ArmBuffers,
+    halves: Halves,
+    limits: JointLimits = YUMI_LIMITS,
+    period: float = CYCLE,
+    speed: SpeedScale | None = None,
+    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
+) -> ControllerManager:
+    speed = speed or SpeedScale()
+
+    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
+        return lambda name: make(
+            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
+        )
+
+    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
+    counted = read_snapshot(buffers.snapshots).activity
+    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
+
+
+def start_controllers(
+    manager: ControllerManager, controllers: Sequence[ControllerSettings]
+) -> tuple[ControllerSettings, ...]:
+    """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
+
+    Raises:
+        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
+    """
+    started = tuple(_start_controller(manager, settings) for settings in controllers)
+    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
+    taken = {entry.place for settings in started for entry in settings.entries.values()}
+    for settings in controllers:
+        for key, entry in settings.entries.items():
+            if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
+                raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
+    return started
+
+
+def _start_controller(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
+    name, state = settings.name, settings.state
+    if settings.kind not in manager.kinds:
+        known = ", ".join(manager.kinds)
+        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
+    if state is InitialState.UNLOADED:
+        return settings
+    place = settings.place  # of what may be refused
+    try:
+        manager.load_kind(name, settings.kind)
+        has = [info.parameter for info in manager.parameters(name)]
+        own = {
+            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
+        }
+        for key, entry in own.items():
+            place = entry.place
+            manager.set_parameters(name, {key: entry.value})
+        place = settings.place
+        if state is not InitialState.UNCONFIGURED:
+            manager.configure(name)
+            commands = any(info.required for info in manager.controllers() if info.name == name)
+            if state is InitialState.ACTIVE or (state is None and not commands):
+                manager.switch((name,), (), None)
+    except (CommandRefused, SwitchFailed) as refusal:
+        raise SettingsError(f"{place}: {refusal}") from refusal
+    return replace(settings, entries=own)
+
+
+def check_controllers(controllers: Controllers) -> Controllers:
+    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
+
+    Raises:
+        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
+    """
+    halves: Halves = {}
+    return {
+        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
+        for side, entries in controllers.items()
+    }
 
 
 @dataclass(frozen=True, slots=True)
@@ -445,44 +284,6 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         grippers={side: settings.gripper.modules(side) for side in Side},
         tool_limits=settings.tool_limits.limits,
     )
-
-
-def check_controllers(controllers: Controllers) -> Controllers:
-    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
-
-    Raises:
-        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
-    """
-    halves: Halves = {}
-    return {
-        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
-        for side, entries in controllers.items()
-    }
-
-
-Halves = dict[str, dict[Side, DualArmTrajectoryController]]
-"""The active halves of controllers that move both arms, by the controllers' name and arm."""
-
-
-def _manager_of(
-    side: Side,
-    buffers: ArmBuffers,
-    halves: Halves,
-    limits: JointLimits = YUMI_LIMITS,
-    period: float = CYCLE,
-    speed: SpeedScale | None = None,
-    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
-) -> ControllerManager:
-    speed = speed or SpeedScale()
-
-    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(
-            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
-        )
-
-    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
-    counted = read_snapshot(buffers.snapshots).activity
-    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
 
 
 def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Side, ConnectedArm]:

@@ -5,13 +5,13 @@ from typing import Any
 
 import pytest
 
+from controller_arms import PerfectArm
 from unit.control.controller_doubles import RUNNING, Double
 from yumi.control.controller import MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.limiter import Limiter
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, ControllerCommand, serve
 from yumi.control.shared_state import ControllerReport, Snapshot, read_snapshot
-from yumi.driver.wiring import PerfectArm
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 

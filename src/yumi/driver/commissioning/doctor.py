@@ -31,8 +31,8 @@ from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import (
     GRIPPER_PRODUCT,
     OLDEST_ROBOTWARE,
-    OPTIONS,
     PROGRAM_VERSION,
+    REQUIRED_OPTIONS,
     ControllerPanel,
     EgmAddress,
     LaunchChecks,
@@ -623,7 +623,7 @@ def _system(system: SystemInfo) -> Iterator[Finding]:
         yield Finding("RobotWare", Verdict.PROBLEM, f"{version}; this driver speaks to RobotWare 6", "")
     else:
         yield Finding("RobotWare", Verdict.OK, version)
-    for option, loss in OPTIONS.items():
+    for option, loss in REQUIRED_OPTIONS.items():
         if option in system.options:
             yield Finding("option", Verdict.OK, option)
         else:

@@ -21,7 +21,7 @@ from math import isclose
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
-from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, OPTIONS, EgmAddress
+from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
@@ -575,7 +575,7 @@ class Installation:
             yield f"RobotWare {version} has no EGM for seven axes; have it updated to 6.09 or newer, but not 7"
         elif system.robotware[0] > _NEWEST_ROBOTWARE:
             yield f"RobotWare {version} has another protocol (Robot Web Services 2); this package is for RobotWare 6"
-        for option, loss in OPTIONS.items():
+        for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
                 yield f"the option {option!r} is missing: {loss}; have ABB add it to the system"
         tasks = {task.name for task in self._client.tasks()}

@@ -8,8 +8,8 @@ from itertools import count
 import pytest
 
 from yumi.control.shared_state import Limited, Snapshot
+from yumi.driver.egm_server import EgmArm
 from yumi.driver.endpoint import arm_report
-from yumi.driver.wiring import EgmArm
 from yumi.egm.codec import JointCodec, MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
