@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from yumi.clock import Clock, wait_until
-from yumi.driver.readiness import NO_STOP, Report, Request, RobotState, arms_in_words, check, unmet
+from yumi.driver.readiness import NO_STOP, Report, Request, RobotState, arms_in_words, check_request, unmet
 from yumi.driver.state_machine import (
     MAIN,
     RAPID,
@@ -190,7 +190,7 @@ class Bringup:
             self.check_controller()
         self.report_remarks()
         state = self.panel.state()
-        check(Request.BRING_UP, state)
+        check_request(Request.BRING_UP, state)
         for step in self._steps(state):
             self.step(step.name)
             step.do()
@@ -382,7 +382,7 @@ class ControllerPanel:
         Raises:
             RobotNotReady: the mode switch is not in AUTO.
         """
-        check(Request.WRITE, RobotState(True, self._client.operating_mode()))
+        check_request(Request.WRITE, RobotState(True, self._client.operating_mode()))
 
     def switch_motors_on(self) -> None:
         """Motors on, which also acknowledges an emergency stop that has been released.
@@ -391,7 +391,7 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, or a stop keeps them off.
         """
         state = self.state()
-        check(Request.BRING_UP, state, intro="the motors cannot be switched on: ")
+        check_request(Request.BRING_UP, state, intro="the motors cannot be switched on: ")
         if state.controller_state is not ControllerState.MOTORS_ON:
             self._client.set_motors(True)
             wait_until(
@@ -422,7 +422,7 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, motors off, or it does not run.
         """
         state = self.state()
-        check(Request.START_RAPID, state, intro="the RAPID program cannot start: ")
+        check_request(Request.START_RAPID, state, intro="the RAPID program cannot start: ")
         if state.execution is not ExecutionState.RUNNING:
             self._client.start_rapid()
             self._wait_for(ExecutionState.RUNNING)
@@ -443,7 +443,7 @@ class ControllerPanel:
         Raises:
             RobotNotReady: not in AUTO, or the program runs.
         """
-        check(Request.MOVE_PP, self.state(), intro="the program pointers cannot be moved: ")
+        check_request(Request.MOVE_PP, self.state(), intro="the program pointers cannot be moved: ")
         self._client.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:
@@ -668,7 +668,7 @@ class RapidRoutines:
         client = self._client
         machines = dict.fromkeys(Side, self._machines.state(side))
         state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
-        check(request, state, (side,), "a routine cannot run: ")
+        check_request(request, state, (side,), "a routine cannot run: ")
 
     def _is_over(self, side: Side) -> bool:
         """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""

@@ -1,17 +1,13 @@
-"""May the robot move, and if not, why not and what to do: the one table of conditions.
+"""May the robot move, and if not, why not and what to do: its state, the one table of conditions, and its stops.
 
-Everybody who refuses motion takes condition, reason and remedy from here: robot manager, controller panel, Python API,
-ROS and log. ``docs/reference/readiness.md`` is written from the tables below: ``python -m yumi.driver.readiness``.
+Everybody who refuses motion takes condition, reason and remedy from here, and everybody who reports a stop its cause:
+robot manager, controller panel, Python API, ROS and log. ``docs/reference/readiness.md`` is written from the tables
+below: ``python -m yumi.driver.readiness``.
 
-The robot's state as the robot manager knows it, and the modes it can bring the robot to.
-
-Stops: what stopped the robot, and whether a person must confirm that before anything moves again.
-
-This is the one place that computes the cause, from the event log and the controller's state together; exceptions,
-results, topics and the log carry its words. After an emergency stop, a guard stop or a collision a reset must not
-itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such a stop stays open until a person confirms
-it by its id. The id has a random part, made when this program first saw the stop, so that no program can know it
-beforehand.
+What stopped the robot is computed from the event log and the controller's state together. After an emergency stop, a
+guard stop or a collision a reset must not itself start motion (IEC 60204-1 section 9.2, ISO 10218-1 section 5.5): such
+a stop stays open until a person confirms it by its id. The id has a random part, made when this program first saw the
+stop, so that no program can know it beforehand.
 """
 
 from __future__ import annotations
@@ -86,7 +82,7 @@ class RobotState:
         last_event: the newest message of the event log.
         speed_scale: the factor in force on the speed of every controller, above 0 up to 1; a tenth at most while parts
             may touch.
-        reason: why EGM can neither be started nor runs (:mod:`yumi.driver.readiness`); empty when it can or does.
+        reason: why EGM can neither be started nor runs, see :func:`why_not_ready`; empty when it can or does.
         cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
         allowed_collisions: pairs of parts that may touch now, such as ``left gripper - right gripper``.
@@ -296,7 +292,7 @@ def sentence_of(condition: Condition, state: RobotState, arms: Arms = BOTH, intr
     return text[0].upper() + text[1:]
 
 
-def check(request: Request, state: RobotState, arms: Arms = BOTH, intro: str = "") -> None:
+def check_request(request: Request, state: RobotState, arms: Arms = BOTH, intro: str = "") -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:
@@ -333,59 +329,6 @@ def why_arm_does_not_follow(side: Side, snapshot: Snapshot) -> str:
     if snapshot.problem is not Problem.NONE:
         return f"{side.word} arm: {CAUSES[snapshot.problem]}"
     return "" if snapshot.is_running else NOT_RUNNING.format(arm=side.word)
-
-
-_SYMBOLS = {"{mode}": "MANR", "{after_stop}": "", "{machines}": "right arm: RUN_RAPID_ROUTINE", "{stop}": "50204-…"}
-
-
-def reference_page() -> str:
-    """The page of the documentation, in Markdown."""
-    every = [*NEEDED[Request.READY], *(condition for needed in NEEDED.values() for condition in needed)]
-    conditions = list(dict.fromkeys(every))
-    numbers = {condition: number for number, condition in enumerate(conditions, 1)}
-    lines = [
-        "# When may the robot move?",
-        "",
-        "<!-- Written by `python -m yumi.driver.readiness` from src/yumi/driver/readiness.py; do not edit. -->",
-        "",
-        "One table answers this for the robot manager, the Python API, ROS and the log.",
-        "The reason is in the exception, in the service's reply and in the topic `yumi_robot_manager/state` alike.",
-        "",
-        "| | condition | reason where it is not met | what to do |",
-        "|---|---|---|---|",
-    ]
-    for condition, number in numbers.items():
-        reason = condition.reason
-        for symbol, example in _SYMBOLS.items():
-            reason = reason.replace(symbol, example)
-        lines.append(f"| {number} | {condition.name} | {reason} | {condition.remedy} |")
-    lines += [
-        "",
-        "What each request needs, in the order in which it is checked.",
-        "A request that can bring a condition about by itself does not need it: `start_egm` switches the motors on.",
-        "",
-        f"| request | {' | '.join(map(str, numbers.values()))} |",
-        f"|---|{'---|' * len(numbers)}",
-    ]
-    for request, needed in NEEDED.items():
-        marks = " | ".join("●" if condition in needed else " " for condition in conditions)
-        lines.append(f"| {request.value} | {marks} |")
-    lines += ["", "An arm takes goals when EGM runs on it and nothing makes it hold:", "", "| reason |", "|---|"]
-    lines.append(f"| {NOT_RUNNING.format(arm='right')} |")
-    lines += [f"| right arm: {cause} |" for problem, cause in CAUSES.items() if problem is not Problem.NONE]
-    lines += [
-        "",
-        "How the conditions follow each other when the robot is brought up:",
-        "",
-        "```mermaid",
-        "flowchart TD",
-    ]
-    ready = NEEDED[Request.READY]
-    for here, after in zip(ready, [*ready[1:], None], strict=True):
-        target = f"c{numbers[after]}" if after else "ready([EGM can start])"
-        lines.append(f'    c{numbers[here]}{{"{here.name}?"}} -- yes --> {target}')
-        lines.append(f'    c{numbers[here]} -- no --> r{numbers[here]}["{here.remedy}"]')
-    return "\n".join([*lines, "```", ""])
 
 
 @dataclass(frozen=True, slots=True)
@@ -459,25 +402,35 @@ EVENT_TEXTS: Mapping[int, EventText] = {
 STARTED = (10150, 10151)
 """The program was started: what is older is history."""
 
-_BY_INFORMATION = (10013, 10012, 10015, 10016, 10045, 10010, 10125)
-
-ACCOMPANYING = (10010, 10125)
-"""Motors off, program stopped: they accompany every other stop, and may come before the event that says more."""
-
-AUTO_CONFIRMED = 10017
-"""AUTO was confirmed at the FlexPendant."""
-
-MOTORS_OFF, RESTARTED = 10010, 10045
-
-UNHANDLED = 40228
-"""An error that the program does not handle: it follows the event of that error, EGM's time-out too."""
-
-_BY_PERSON = {10014, 10015, 10016, AUTO_CONFIRMED}
-"""Mode switch, and system failure, which a person has to look at."""
-
+_MOTORS_OFF, _GUARD_STOP, _EMERGENCY_STOP, _SYSTEM_FAILURE = 10010, 10012, 10013, 10014
+_MANUAL, _AUTO_CHOSEN, _AUTO_CONFIRMED = 10015, 10016, 10017  # with the mode switch
+_RESTARTED, _PROGRAM_STOPPED, _PROGRAM_ERROR, _EGM_TIMEOUT = 10045, 10125, 80001, 41822
 _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
-_PERSONS_STOPS = (10012, 10013, *_COLLISIONS)
+_UNHANDLED = 40228  # it follows the event of the error that the program does not handle, EGM's time-out too
+
+# These accompany every other stop, and may come before the event that says more.
+_ACCOMPANYING = (_MOTORS_OFF, _PROGRAM_STOPPED)
+
+# What stops the robot and is no error, the one that says most first.
+_STOPS = (_EMERGENCY_STOP, _GUARD_STOP, _MANUAL, _AUTO_CHOSEN, _RESTARTED, *_ACCOMPANYING)
+
+# Mode switch, and system failure, which a person has to look at.
+_BY_PERSON = {_SYSTEM_FAILURE, _MANUAL, _AUTO_CHOSEN, _AUTO_CONFIRMED}
+
+# States that are a stop, also where the event log was cleared; and the number of the event they come with.
+_STATES: Mapping[ControllerState, int] = {
+    ControllerState.EMERGENCY_STOP: _EMERGENCY_STOP,
+    ControllerState.EMERGENCY_STOP_RESET: _EMERGENCY_STOP,
+    ControllerState.GUARD_STOP: _GUARD_STOP,
+}
+_TITLES = {_EMERGENCY_STOP: "Emergency stop state", _GUARD_STOP: "Guard stop state"}
+
+PAGES = (10, 50, 1000)
+"""So many events are read, the next number where these were not enough; a controller remembers the last one."""
+
+HISTORY = 2.0
+"""An event that came so long before the robot was last seen to work has not stopped it [s]."""
 
 
 def needs_person(code: int) -> bool:
@@ -485,12 +438,12 @@ def needs_person(code: int) -> bool:
 
     Emergency stop, guard stop (a guard that closes must not start motion) and collision, however they are reported.
     """
-    return code in _PERSONS_STOPS or code in _SAFETY_CHAIN
+    return code in {_EMERGENCY_STOP, _GUARD_STOP, *_COLLISIONS} or code in _SAFETY_CHAIN
 
 
 def is_guard_stop(code: int) -> bool:
     """Whether an event of this number is a guard stop, which also comes when the mode switch leaves AUTO."""
-    return code in {10012, *_SAFETY_CHAIN}
+    return code == _GUARD_STOP or code in _SAFETY_CHAIN
 
 
 def is_without_person(event: Event) -> bool:
@@ -499,7 +452,8 @@ def is_without_person(event: Event) -> bool:
     EGM's time-out, a restart of the controller, and the watchdog of our own program (see ``TRobWatchdog.mod``). Not a
     program stop alone, which may have been the stop button of the FlexPendant.
     """
-    return event.code in {41822, 10045} or (event.code == 80001 and "watchdog" in event.title.lower())
+    is_watchdog = event.code == _PROGRAM_ERROR and "watchdog" in event.title.lower()
+    return is_watchdog or event.code in {_EGM_TIMEOUT, _RESTARTED}
 
 
 def are_without_person(events: Iterable[Event]) -> bool:
@@ -510,10 +464,10 @@ def are_without_person(events: Iterable[Event]) -> bool:
     """
     recent = _since_start(events)
     codes = {event.code for event in recent}
-    if codes & _BY_PERSON or any(map(needs_person, codes)) or (MOTORS_OFF in codes and RESTARTED not in codes):
+    if codes & _BY_PERSON or any(map(needs_person, codes)) or (_MOTORS_OFF in codes and _RESTARTED not in codes):
         return False
-    errors = [event for event in recent if event.type is EventType.ERROR and event.code != UNHANDLED]
-    return all(map(is_without_person, errors)) and (bool(errors) or UNHANDLED not in codes)
+    errors = [event for event in recent if event.type is EventType.ERROR and event.code != _UNHANDLED]
+    return all(map(is_without_person, errors)) and (bool(errors) or _UNHANDLED not in codes)
 
 
 def explain(event: Event) -> str:
@@ -536,29 +490,13 @@ def cause_among(events: Iterable[Event]) -> Event | None:
     errors = [event for event in recent if event.type is EventType.ERROR]
     if errors:
         return errors[-1]
-    stops = [event for event in recent if event.code in _BY_INFORMATION]
-    return min(stops, key=lambda event: _BY_INFORMATION.index(event.code), default=None)
+    stops = [event for event in recent if event.code in _STOPS]
+    return min(stops, key=lambda event: _STOPS.index(event.code), default=None)
 
 
 def _since_start(events: Iterable[Event]) -> list[Event]:
     """Those after the program was last started, newest first: who started it took note of what was before."""
     return list(takewhile(lambda event: event.code not in STARTED, events))
-
-
-PAGES = (10, 50, 1000)
-"""So many events are read, the next number where these were not enough; a controller remembers the last one."""
-
-HISTORY = 2.0
-"""An event that came so long before the robot was last seen to work has not stopped it [s]."""
-
-_STATES: Mapping[ControllerState, int] = {
-    ControllerState.EMERGENCY_STOP: 10013,
-    ControllerState.EMERGENCY_STOP_RESET: 10013,
-    ControllerState.GUARD_STOP: 10012,
-}
-"""States that are such a stop, also where the event log was cleared; and the number of the event they come with."""
-
-_TITLES = {10013: "Emergency stop state", 10012: "Guard stop state"}
 
 
 class EventSource(Protocol):
@@ -665,7 +603,7 @@ class StopLog:
     def is_certain(self) -> bool:
         """Whether a better explanation is not to be expected: motors off and program stopped accompany every stop."""
         stop, cause = self._known.stop, self._known.cause
-        return stop is not None or (cause is not None and cause.code not in ACCOMPANYING)
+        return stop is not None or (cause is not None and cause.code not in _ACCOMPANYING)
 
     @property
     def is_without_person(self) -> bool:
@@ -800,7 +738,7 @@ class StopLog:
         now = self._clock.now()
         self._recent.extendleft((event, now) for event in reversed(fresh))
         stop = self._known.stop
-        confirmed = next((index for index, event in enumerate(fresh) if event.code == AUTO_CONFIRMED), len(fresh))
+        confirmed = next((index for index, event in enumerate(fresh) if event.code == _AUTO_CONFIRMED), len(fresh))
         if confirmed < len(fresh) and stop is not None and all(map(is_guard_stop, stop.codes)):
             # Leaving AUTO is a guard stop, too; who has confirmed AUTO at the FlexPendant has looked at the robot.
             self._stop_events, stop = (), None
@@ -848,6 +786,59 @@ def _demand(stop: Stop, state: ControllerState) -> str:
         f"The robot was stopped by {stop.cause}. {now}Nothing moves until a person has looked at the robot and "
         f"confirmed this stop: call recover with the id {stop.id}."
     )
+
+
+_SYMBOLS = {"{mode}": "MANR", "{after_stop}": "", "{machines}": "right arm: RUN_RAPID_ROUTINE", "{stop}": "50204-…"}
+
+
+def reference_page() -> str:
+    """The page of the documentation, in Markdown."""
+    every = [*NEEDED[Request.READY], *(condition for needed in NEEDED.values() for condition in needed)]
+    conditions = list(dict.fromkeys(every))
+    numbers = {condition: number for number, condition in enumerate(conditions, 1)}
+    lines = [
+        "# When may the robot move?",
+        "",
+        "<!-- Written by `python -m yumi.driver.readiness` from src/yumi/driver/readiness.py; do not edit. -->",
+        "",
+        "One table answers this for the robot manager, the Python API, ROS and the log.",
+        "The reason is in the exception, in the service's reply and in the topic `yumi_robot_manager/state` alike.",
+        "",
+        "| | condition | reason where it is not met | what to do |",
+        "|---|---|---|---|",
+    ]
+    for condition, number in numbers.items():
+        reason = condition.reason
+        for symbol, example in _SYMBOLS.items():
+            reason = reason.replace(symbol, example)
+        lines.append(f"| {number} | {condition.name} | {reason} | {condition.remedy} |")
+    lines += [
+        "",
+        "What each request needs, in the order in which it is checked.",
+        "A request that can bring a condition about by itself does not need it: `start_egm` switches the motors on.",
+        "",
+        f"| request | {' | '.join(map(str, numbers.values()))} |",
+        f"|---|{'---|' * len(numbers)}",
+    ]
+    for request, needed in NEEDED.items():
+        marks = " | ".join("●" if condition in needed else " " for condition in conditions)
+        lines.append(f"| {request.value} | {marks} |")
+    lines += ["", "An arm takes goals when EGM runs on it and nothing makes it hold:", "", "| reason |", "|---|"]
+    lines.append(f"| {NOT_RUNNING.format(arm='right')} |")
+    lines += [f"| right arm: {cause} |" for problem, cause in CAUSES.items() if problem is not Problem.NONE]
+    lines += [
+        "",
+        "How the conditions follow each other when the robot is brought up:",
+        "",
+        "```mermaid",
+        "flowchart TD",
+    ]
+    ready = NEEDED[Request.READY]
+    for here, after in zip(ready, [*ready[1:], None], strict=True):
+        target = f"c{numbers[after]}" if after else "ready([EGM can start])"
+        lines.append(f'    c{numbers[here]}{{"{here.name}?"}} -- yes --> {target}')
+        lines.append(f'    c{numbers[here]} -- no --> r{numbers[here]}["{here.remedy}"]')
+    return "\n".join([*lines, "```", ""])
 
 
 if __name__ == "__main__":

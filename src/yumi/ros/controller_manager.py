@@ -3,10 +3,9 @@
 The node ``controller_manager`` waits for a robot description, then serves the arm's controllers. ``~/activity`` says
 who is in which state whenever that changes, latched. ``/diagnostics`` has controllers, hardware and rate.
 
-One arm's controllers in ROS: they run in the control process; here each loaded one has a node of its name.
-
-The node has the controller's parameters, and the topics and actions of its type. The arm itself is a hardware component
-of ros2_control, which decides whether its interfaces can be used.
+The controllers run in the control process; here each loaded one has a node of its name, with its parameters and the
+topics and actions of its type. The arm itself is a hardware component of ros2_control, which decides whether its
+interfaces can be used.
 """
 
 from __future__ import annotations
@@ -67,11 +66,46 @@ from yumi.ros.nodes import (
     Presets,
     TimerThread,
     common_parameters,
-    declare,
+    declare_parameters,
     pass_on_changes,
     remarks_on,
 )
 from yumi.settings import Values
+
+try:
+    from controller_manager_msgs.srv import CleanupController
+except ImportError:  # installations from before December 2025
+    CleanupController = None
+
+RATE = round(1.0 / CYCLE)
+"""``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
+
+BASE_CLASS = "controller_interface::ControllerInterface"
+HARDWARE_ID = "ros2_control"
+
+OK: bytes = DiagnosticStatus.OK
+WARN: bytes = DiagnosticStatus.WARN
+ERROR: bytes = DiagnosticStatus.ERROR
+
+_DIAGNOSTICS_PERIOD = 1.0  # [s]
+_REMINDER = 2.0  # [s] between two that the description is still waited for
+_SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
+_NO_EFFORTS = "EGM takes no efforts: take a type for positions or velocities"
+_ADVICE: Mapping[str, str] = {
+    "ur_controllers/ScaledJointTrajectoryController": (
+        "take joint_trajectory_controller/JointTrajectoryController, whose trajectories follow the robot's speed_scale"
+    ),
+    "effort_controllers/JointGroupEffortController": _NO_EFFORTS,
+    "effort_controllers/GripperActionController": _NO_EFFORTS,
+    "position_controllers/GripperActionController": "the gripper's actions need no controller: gripper/gripper_cmd",
+    "parallel_gripper_action_controller/GripperActionController": (
+        "the gripper's actions need no controller: gripper/parallel_gripper_cmd"
+    ),
+}
+"""What to do about types of other robots' files."""
+
+Explain = Callable[[Callable[[Cause], None]], None]
+"""Calls back with what stopped the robot, once that is known."""
 
 
 class ControllerInterface(Protocol):
@@ -88,16 +122,18 @@ MakeInterface = Callable[[Any, Side, str], ControllerInterface]
 """Makes what a controller of some kind offers besides parameters, from its node, the arm and its name."""
 
 
-class ControllerNodes:
-    """The nodes of one arm's controllers, with their parameters; they come with loading and go with unloading.
+class ArmManager:
+    """The node ``controller_manager`` of one arm.
 
     Args:
         side: which arm.
-        namespace: of the nodes, such as ``/r``.
+        namespace: of its nodes, such as ``/r``.
         control: where the controllers are commanded.
-        executor: what spins the nodes.
+        known: the controllers of ``controllers.yaml``, loaded or not.
+        executor: what spins this node and those of the controllers.
         interfaces: what controllers of a type offer besides parameters.
-        rate: of the controller manager [Hz].
+        clock: the machine's clock.
+        timers: for what has to be requested from the control process.
     """
 
     def __init__(
@@ -105,106 +141,97 @@ class ControllerNodes:
         side: Side,
         namespace: str,
         control: CommandPort,
+        known: Iterable[ControllerSettings],
         executor: Executor,
         interfaces: Mapping[str, MakeInterface],
-        rate: int,
+        clock: Clock,
+        timers: TimerThread,
     ) -> None:
-        self._side = side
-        self._namespace = namespace
-        self._control = control
-        self._executor = executor
-        self._make_interface = interfaces
-        self._rate = rate
-        self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
-        self._failures = Failures()
+        self.node: Any = rclpy.create_node(
+            "controller_manager", namespace=namespace, allow_undeclared_parameters=True, enable_logger_service=True
+        )
+        self._log = self.node.get_logger()
+        self._clock = self.node.get_clock()
+        self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
+        self._parameters = ManagerParameters(self.node, RATE)
+        self._nodes = ControllerNodes(side, namespace, control, executor, interfaces, RATE)
+        self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
+        self._hardware = ArmHardware(side, control)
+        self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
+        self._has_changed = self.node.create_guard_condition(self._publish_activity, MutuallyExclusiveCallbackGroup())
+        executor.add_node(self.node)
+        self._wait = DescriptionWait(self.node, side, self._serve)
+        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 1)
+        timers.every(_DIAGNOSTICS_PERIOD, f"/diagnostics of {self._name}", self._publish_diagnostics)
 
-    def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
-        """Make the node of a loaded controller.
+    def on_event(self, event: Event, explain: Explain | None = None) -> None:
+        """Log an event of the control process and update the activity; from any thread.
 
         Args:
-            info: the controller.
-            arguments: ROS arguments of its node, e.g. parameter files.
-            presets: the entries of ``controllers.yaml`` for a controller that is not loaded from the start.
-
-        Raises:
-            CommandRefused: a value in its parameter files is not allowed; there is no node.
-            RobotNotReady: the control process has ended.
+            event: what happened.
+            explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
         """
-        name = info.name
+        if isinstance(event, ControllerReport):
+            self._nodes.on_event(event.controller, event.report)
+            return
+        if isinstance(event, ControlProcessEnded | ReportsDropped):
+            self._nodes.on_event_of_all(event)
+        if not is_fault(event):
+            self._log.info(str(event))
+        elif explain is None:
+            self._log.error(str(event))
+        else:
+            explain(lambda cause: self._log.error(explained(event, cause)))
+        self.update()
 
-        def change(values: Values) -> None:
-            self._control.call(Commands.set_parameters, self._side, name, values)
-
-        node: Any = rclpy.create_node(
-            name,
-            namespace=self._namespace,
-            cli_args=["--ros-args", *arguments] if arguments else None,
-            use_global_arguments=False,
-        )
-        try:
-            # The controller gets what its parameter files set now, and what is set on the node later.
-            infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
-            files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
-            every = (*common_parameters(self._rate), *infos)
-            changed = declare(node, every, presets or {})
-            for remark in remarks_on(node, every, presets or {}, files):
-                node.get_logger().warning(remark)
-            if changed:
-                change(changed)
-            pass_on_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
-            make = self._make_interface.get(info.kind)
-            self._nodes[name] = (node, make(node, self._side, name) if make else None)
-        except Exception:
-            node.destroy_node()
-            raise
-        self._executor.add_node(node)
-
-    def remove(self, name: str) -> None:
-        """Destroy the node of an unloaded controller."""
-        if name in self._nodes:
-            self._executor.remove_node(self._nodes[name][0])
-            self._destroy(name)
-
-    def on_event(self, name: str, event: object) -> None:
-        """Pass an event of one controller on to its topics and actions, else log it; from any thread."""
-        node, interface = self._nodes.get(name, (None, None))
-        if interface is not None:
-            interface.on_event(event)
-        elif node is not None and not isinstance(event, ControlProcessEnded | ReportsDropped):
-            node.get_logger().info(str(event))
-
-    def on_event_of_all(self, event: object) -> None:
-        """Pass on what concerns all controllers; from any thread."""
-        for name in tuple(self._nodes):
-            self._failures.attempt(f"Handling {type(event).__name__} of {name}", self.on_event, name, event)
+    def update(self) -> None:
+        """Have the executor publish the activity if it has changed; from any thread."""
+        self._has_changed.trigger()
 
     def destroy(self) -> None:
-        """Destroy all; when nothing spins any more."""
-        for name in tuple(self._nodes):
-            self._destroy(name)
+        """When nothing spins any more."""
+        self._nodes.destroy()
+        self.node.destroy_node()
 
-    def _destroy(self, name: str) -> None:
-        node, interface = self._nodes.pop(name)
-        if interface is not None:
-            interface.destroy()
-        node.destroy_node()
+    def _publish_activity(self) -> None:
+        if self._wait.is_over:
+            self._activity.update()
 
+    def _serve(self) -> None:
+        try:
+            self._controllers.begin()
+        except YumiError as error:
+            self._log.error(f"The controllers cannot be served: {error}")
+            return
+        self._services = ControllerManagerServices(
+            self.node, self._controllers, self._hardware, RATE, self._activity.update
+        )
+        self._activity.update()
 
-_NO_EFFORTS = "EGM takes no efforts: take a type for positions or velocities"
-_ADVICE: Mapping[str, str] = {
-    "ur_controllers/ScaledJointTrajectoryController": (
-        "take joint_trajectory_controller/JointTrajectoryController, whose trajectories follow the robot's speed_scale"
-    ),
-    "effort_controllers/JointGroupEffortController": _NO_EFFORTS,
-    "effort_controllers/GripperActionController": _NO_EFFORTS,
-    "position_controllers/GripperActionController": "the gripper's actions need no controller: gripper/gripper_cmd",
-    "parallel_gripper_action_controller/GripperActionController": (
-        "the gripper's actions need no controller: gripper/parallel_gripper_cmd"
-    ),
-}
-"""What to do about types of other robots' files."""
+    def _publish_diagnostics(self) -> None:
+        array = DiagnosticArray()
+        array.header.stamp = stamp(self._clock.now().nanoseconds)
+        array.status = [
+            DiagnosticStatus(
+                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
+            )
+            for task, (level, text, pairs) in self._statuses()
+        ]
+        self._diagnostics.publish(array)
 
-_SWITCH_TIMEOUT = 1.0  # [s], ros2_control's own where a request says 0
+    def _statuses(self) -> Iterable[tuple[str, Status]]:
+        if not self._wait.is_over:
+            return [("Controller Manager Activity", (WARN, "Waiting for robot description....", []))]
+        try:
+            controllers, hardware = self._controllers.list(), self._hardware.info()
+        except YumiError as error:
+            return [("Controller Manager Activity", (ERROR, str(error), []))]
+        threshold = self._parameters.threshold
+        return [
+            ("Controllers Activity", controllers_status(controllers, threshold)),
+            ("Hardware Components Activity", hardware_status(hardware, RATE, threshold)),
+            ("Controller Manager Activity", manager_status(hardware, RATE, threshold)),
+        ]
 
 
 class ArmControllers:
@@ -346,6 +373,108 @@ class ArmControllers:
         raise CommandRefused(f"There is no controller {name!r}; loaded are: {loaded}.")
 
 
+class ControllerNodes:
+    """The nodes of one arm's controllers, with their parameters; they come with loading and go with unloading.
+
+    Args:
+        side: which arm.
+        namespace: of the nodes, such as ``/r``.
+        control: where the controllers are commanded.
+        executor: what spins the nodes.
+        interfaces: what controllers of a type offer besides parameters.
+        rate: of the controller manager [Hz].
+    """
+
+    def __init__(
+        self,
+        side: Side,
+        namespace: str,
+        control: CommandPort,
+        executor: Executor,
+        interfaces: Mapping[str, MakeInterface],
+        rate: int,
+    ) -> None:
+        self._side = side
+        self._namespace = namespace
+        self._control = control
+        self._executor = executor
+        self._make_interface = interfaces
+        self._rate = rate
+        self._nodes: dict[str, tuple[Any, ControllerInterface | None]] = {}
+        self._failures = Failures()
+
+    def add(self, info: ControllerInfo, arguments: Sequence[str] = (), presets: Presets | None = None) -> None:
+        """Make the node of a loaded controller.
+
+        Args:
+            info: the controller.
+            arguments: ROS arguments of its node, e.g. parameter files.
+            presets: the entries of ``controllers.yaml`` for a controller that is not loaded from the start.
+
+        Raises:
+            CommandRefused: a value in its parameter files is not allowed; there is no node.
+            RobotNotReady: the control process has ended.
+        """
+        name = info.name
+
+        def change(values: Values) -> None:
+            self._control.call(Commands.set_parameters, self._side, name, values)
+
+        node: Any = rclpy.create_node(
+            name,
+            namespace=self._namespace,
+            cli_args=["--ros-args", *arguments] if arguments else None,
+            use_global_arguments=False,
+        )
+        try:
+            # The controller gets what its parameter files set now, and what is set on the node later.
+            infos: tuple[ParameterInfo, ...] = self._control.call(Commands.list_parameters, self._side, name)
+            files = [Path(word) for option, word in pairwise(arguments) if option == "--params-file"]
+            every = (*common_parameters(self._rate), *infos)
+            changed = declare_parameters(node, every, presets or {})
+            for remark in remarks_on(node, every, presets or {}, files):
+                node.get_logger().warning(remark)
+            if changed:
+                change(changed)
+            pass_on_changes(node, (each.parameter.name for each in infos if not each.parameter.fixed), change)
+            make = self._make_interface.get(info.kind)
+            self._nodes[name] = (node, make(node, self._side, name) if make else None)
+        except Exception:
+            node.destroy_node()
+            raise
+        self._executor.add_node(node)
+
+    def remove(self, name: str) -> None:
+        """Destroy the node of an unloaded controller."""
+        if name in self._nodes:
+            self._executor.remove_node(self._nodes[name][0])
+            self._destroy(name)
+
+    def on_event(self, name: str, event: object) -> None:
+        """Pass an event of one controller on to its topics and actions, else log it; from any thread."""
+        node, interface = self._nodes.get(name, (None, None))
+        if interface is not None:
+            interface.on_event(event)
+        elif node is not None and not isinstance(event, ControlProcessEnded | ReportsDropped):
+            node.get_logger().info(str(event))
+
+    def on_event_of_all(self, event: object) -> None:
+        """Pass on what concerns all controllers; from any thread."""
+        for name in tuple(self._nodes):
+            self._failures.attempt(f"Handling {type(event).__name__} of {name}", self.on_event, name, event)
+
+    def destroy(self) -> None:
+        """Destroy all; when nothing spins any more."""
+        for name in tuple(self._nodes):
+            self._destroy(name)
+
+    def _destroy(self, name: str) -> None:
+        node, interface = self._nodes.pop(name)
+        if interface is not None:
+            interface.destroy()
+        node.destroy_node()
+
+
 class ArmHardware:
     """The component of one arm."""
 
@@ -376,17 +505,6 @@ class ArmHardware:
             YumiError: there is no such component, or it does not go to that state.
         """
         self._control.call(Commands.set_hardware_state, self._side, name, target)
-
-
-try:
-    from controller_manager_msgs.srv import CleanupController
-except ImportError:  # installations from before December 2025
-    CleanupController = None
-
-BASE_CLASS = "controller_interface::ControllerInterface"
-
-
-_REMINDER = 2.0  # [s]
 
 
 class DescriptionWait:
@@ -579,18 +697,11 @@ class ActivityTopic:
                 self._publisher.publish(activity(controllers, hardware, self._clock.now().nanoseconds))
 
 
-HARDWARE_ID = "ros2_control"
-_PERIOD = 1.0  # [s]
-
 Threshold = Callable[[str, str], tuple[float, float]]
 """From a subject and a quantity to where a warning and an error begin, [Hz] or [µs]."""
 
 Status = tuple[bytes, str, list[KeyValue]]
 """Level, sentence and values."""
-
-OK: bytes = DiagnosticStatus.OK
-WARN: bytes = DiagnosticStatus.WARN
-ERROR: bytes = DiagnosticStatus.ERROR
 
 
 def controllers_status(controllers: Iterable[ControllerInfo], threshold: Threshold) -> Status:
@@ -602,7 +713,7 @@ def controllers_status(controllers: Iterable[ControllerInfo], threshold: Thresho
     for info in infos:
         pairs.append(KeyValue(key=f"{info.name}.state", value=info.state.value))
         if info.state is State.ACTIVE and info.execution_time.count:
-            pairs.append(KeyValue(key=f"{info.name}.execution_time", value=_times(info.execution_time)))
+            pairs.append(KeyValue(key=f"{info.name}.execution_time", value=_times_text(info.execution_time)))
             faults += _time_faults(f"an update of {info.name}", info.execution_time, "controllers", threshold)
     is_all = all(info.state is State.ACTIVE for info in infos)
     level, sentence = _judged("All controllers are active" if is_all else "Not all controllers are active", faults)
@@ -620,7 +731,7 @@ def hardware_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> 
     for word, times in (("read", hardware.read_time), ("write", hardware.write_time)):
         if times.count:
             cycle = f"{hardware.name}.{word}_cycle"
-            pairs.append(KeyValue(key=f"{cycle}.execution_time", value=_times(times)))
+            pairs.append(KeyValue(key=f"{cycle}.execution_time", value=_times_text(times)))
             pairs.append(KeyValue(key=f"{cycle}.periodicity", value=rates))
             faults += _time_faults(f"a {word}", times, "hardware_components", threshold)
     level, sentence = _judged("All hardware components are active", faults)
@@ -639,7 +750,7 @@ def manager_status(hardware: HardwareInfo, rate: int, threshold: Threshold) -> S
     return level, sentence, pairs
 
 
-def _times(times: Statistics) -> str:
+def _times_text(times: Statistics) -> str:
     mean, lowest, highest, deviation = (
         value * 1e6 for value in (times.mean, times.minimum, times.maximum, times.deviation)
     )
@@ -704,121 +815,3 @@ def _judged(sentence: str, faults: Iterable[_Fault]) -> _Fault:
     """The worst level, and all reasons after ``sentence``."""
     known = list(faults)
     return max([OK, *(level for level, _ in known)]), "; ".join([sentence, *(reason for _, reason in known)])
-
-
-Explain = Callable[[Callable[[Cause], None]], None]
-
-RATE = round(1.0 / CYCLE)
-"""``update_rate`` [Hz]: the robot's own, 4.032 ms a cycle."""
-
-
-class ArmManager:
-    """The node ``controller_manager`` of one arm.
-
-    Args:
-        side: which arm.
-        namespace: of its nodes, such as ``/r``.
-        control: where the controllers are commanded.
-        known: the controllers of ``controllers.yaml``, loaded or not.
-        executor: what spins this node and those of the controllers.
-        interfaces: what controllers of a type offer besides parameters.
-        clock: the machine's clock.
-        timers: for what has to be requested from the control process.
-    """
-
-    def __init__(
-        self,
-        side: Side,
-        namespace: str,
-        control: CommandPort,
-        known: Iterable[ControllerSettings],
-        executor: Executor,
-        interfaces: Mapping[str, MakeInterface],
-        clock: Clock,
-        timers: TimerThread,
-    ) -> None:
-        self.node: Any = rclpy.create_node(
-            "controller_manager", namespace=namespace, allow_undeclared_parameters=True, enable_logger_service=True
-        )
-        self._log = self.node.get_logger()
-        self._clock = self.node.get_clock()
-        self._name = self.node.get_fully_qualified_name()  # both arms' managers have the same bare name
-        self._parameters = ManagerParameters(self.node, RATE)
-        self._nodes = ControllerNodes(side, namespace, control, executor, interfaces, RATE)
-        self._controllers = ArmControllers(side, control, self._nodes, self._parameters, known, self._log)
-        self._hardware = ArmHardware(side, control)
-        self._activity = ActivityTopic(self.node, self._controllers.list, self._hardware.info)
-        self._has_changed = self.node.create_guard_condition(self._publish_activity, MutuallyExclusiveCallbackGroup())
-        executor.add_node(self.node)
-        self._wait = DescriptionWait(self.node, side, self._serve)
-        self._diagnostics = self.node.create_publisher(DiagnosticArray, "/diagnostics", 1)
-        timers.every(_PERIOD, f"/diagnostics of {self._name}", self._publish_diagnostics)
-
-    def on_event(self, event: Event, explain: Explain | None = None) -> None:
-        """Log an event of the control process and update the activity; from any thread.
-
-        Args:
-            event: what happened.
-            explain: calls back with what stopped the robot, once that is known; a fault is logged with it then.
-        """
-        if isinstance(event, ControllerReport):
-            self._nodes.on_event(event.controller, event.report)
-            return
-        if isinstance(event, ControlProcessEnded | ReportsDropped):
-            self._nodes.on_event_of_all(event)
-        if not is_fault(event):
-            self._log.info(str(event))
-        elif explain is None:
-            self._log.error(str(event))
-        else:
-            explain(lambda cause: self._log.error(explained(event, cause)))
-        self.update()
-
-    def update(self) -> None:
-        """Have the executor publish the activity if it has changed; from any thread."""
-        self._has_changed.trigger()
-
-    def destroy(self) -> None:
-        """When nothing spins any more."""
-        self._nodes.destroy()
-        self.node.destroy_node()
-
-    def _publish_activity(self) -> None:
-        if self._wait.is_over:
-            self._activity.update()
-
-    def _serve(self) -> None:
-        try:
-            self._controllers.begin()
-        except YumiError as error:
-            self._log.error(f"The controllers cannot be served: {error}")
-            return
-        self._services = ControllerManagerServices(
-            self.node, self._controllers, self._hardware, RATE, self._activity.update
-        )
-        self._activity.update()
-
-    def _publish_diagnostics(self) -> None:
-        array = DiagnosticArray()
-        array.header.stamp = stamp(self._clock.now().nanoseconds)
-        array.status = [
-            DiagnosticStatus(
-                name=f"{self._name}: {task}", hardware_id=HARDWARE_ID, level=level, message=text, values=pairs
-            )
-            for task, (level, text, pairs) in self._statuses()
-        ]
-        self._diagnostics.publish(array)
-
-    def _statuses(self) -> Iterable[tuple[str, Status]]:
-        if not self._wait.is_over:
-            return [("Controller Manager Activity", (WARN, "Waiting for robot description....", []))]
-        try:
-            controllers, hardware = self._controllers.list(), self._hardware.info()
-        except YumiError as error:
-            return [("Controller Manager Activity", (ERROR, str(error), []))]
-        threshold = self._parameters.threshold
-        return [
-            ("Controllers Activity", controllers_status(controllers, threshold)),
-            ("Hardware Components Activity", hardware_status(hardware, RATE, threshold)),
-            ("Controller Manager Activity", manager_status(hardware, RATE, threshold)),
-        ]

@@ -1,11 +1,11 @@
-"""What runs the driver's callbacks: executors, a thread each, and threads for what is published at fixed rates.
+"""What the driver's nodes have in common: executors and timer threads for their callbacks, and their parameters.
 
 A turn of an executor looks at every entity of all its nodes, several times for each request. With the whole driver in
-one executor a turn takes ten milliseconds, during which no other thread runs; so each family of nodes has its own. A
-node's timer costs such a turn, too, many times as much as what most timers do; so periodic work has a
-:class:`TimerThread`, which also goes on while a service call waits.
+one executor a turn takes ten milliseconds, during which no other thread runs; so each family of nodes has one with a
+thread of its own. A node's timer costs such a turn, too, many times as much as what most timers do; so periodic work
+has a :class:`TimerThread`, which also goes on while a service call waits.
 
-Parameters of controllers and of a controller manager as ROS parameters: type, range, unit and description.
+Parameters of controllers and of a controller manager are ROS parameters with type, range, unit and description.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ _THREADS = 8  # so many slow callbacks of a family run side by side
 _POLL = 0.5  # [s] how soon a failed callback is logged
 _FAILURE_PAUSE = 0.01  # [s]
 _LEAST_PAUSE = 0.001  # [s] a timer thread that is behind lets others run
+_CANCELLING = 1.0  # [s] at most, until rclpy has set the flag of a goal that is cancelled
 
 
 class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rclpy has no types
@@ -68,21 +69,6 @@ class _MultiThreadedExecutor(MultiThreadedExecutor):  # type: ignore[misc]  # rc
         is_done = bool(super().shutdown(timeout_sec))
         self._executor.shutdown(wait=False)  # the pool's threads end, which rclpy leaves to the garbage collector
         return is_done
-
-
-_CANCELLING = 1.0  # [s]
-
-
-def is_cancelled(handle: Any, clock: Clock) -> bool:
-    """Whether the client of an action's goal has cancelled it, for a goal whose cancel callback was called.
-
-    rclpy sets the flag, without which no goal can end as cancelled, only after that callback; what the callback has
-    stopped may have ended by then.
-    """
-    end = clock.now() + _CANCELLING
-    while not handle.is_cancel_requested and clock.now() < end:
-        clock.wait(0.001)
-    return bool(handle.is_cancel_requested)
 
 
 class Executors:
@@ -225,7 +211,19 @@ class TimerThread:
             self._has_changed.wait(max(_LEAST_PAUSE, pause) if pause < inf else None)
 
 
-_TYPES = {
+def is_cancelled(handle: Any, clock: Clock) -> bool:
+    """Whether the client of an action's goal has cancelled it, for a goal whose cancel callback was called.
+
+    rclpy sets the flag, without which no goal can end as cancelled, only after that callback; what the callback has
+    stopped may have ended by then.
+    """
+    end = clock.now() + _CANCELLING
+    while not handle.is_cancel_requested and clock.now() < end:
+        clock.wait(0.001)
+    return bool(handle.is_cancel_requested)
+
+
+_ROS_TYPES = {
     ParameterType.BOOL: RosParameter.Type.BOOL,
     ParameterType.INTEGER: RosParameter.Type.INTEGER,
     ParameterType.DOUBLE: RosParameter.Type.DOUBLE,
@@ -239,7 +237,7 @@ Presets = Mapping[str, Entry]
 """Values of a controller's parameters in ``controllers.yaml``, by name."""
 
 
-def descriptor(parameter: Parameter) -> ParameterDescriptor:
+def parameter_descriptor(parameter: Parameter) -> ParameterDescriptor:
     """What ``ros2 param describe`` shows: unit and rule stand beside the description."""
     is_bounded = not (isinf(parameter.lowest) and isinf(parameter.highest))
     rules = []
@@ -255,7 +253,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
         rules.append("only while the controller is unconfigured")
     described = ParameterDescriptor(
         name=parameter.name,
-        type=_TYPES[parameter.type].value,
+        type=_ROS_TYPES[parameter.type].value,
         description=f"{parameter.description} [{parameter.unit}]" if parameter.unit else parameter.description,
         additional_constraints="; ".join(rules),
         read_only=bool(parameter.fixed),
@@ -269,7 +267,7 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
     return described
 
 
-def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Values:
+def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Values:
     """Declare parameters on a controller's node.
 
     Args:
@@ -291,7 +289,9 @@ def declare(node: Any, infos: Iterable[ParameterInfo], presets: Presets) -> Valu
         try:
             accepted = parameter.accept(presets[name].value if name in presets and not parameter.fixed else value)
             initial = list(accepted) if isinstance(accepted, tuple) else accepted
-            wanted = value_of(node.declare_parameter(name, initial, descriptor(parameter), bool(parameter.fixed)))
+            wanted = value_of(
+                node.declare_parameter(name, initial, parameter_descriptor(parameter), bool(parameter.fixed))
+            )
         except CommandRefused as refusal:
             raise CommandRefused(f"{of_node} {refusal}") from refusal
         except ParameterException as error:

@@ -14,7 +14,7 @@ from yumi.driver.readiness import (
     Condition,
     Request,
     RobotState,
-    check,
+    check_request,
     reason_of,
     reference_page,
     sentence_of,
@@ -110,19 +110,19 @@ def test_arm_in_egm_is_ready() -> None:
 )
 def test_request_is_refused_with_reason_and_remedy(request_: Request, state: RobotState, sentence: str) -> None:
     with pytest.raises(RobotNotReady) as refusal:
-        check(request_, state)
+        check_request(request_, state)
     assert str(refusal.value) == sentence
 
 
 def test_condition_of_one_arm_leaves_the_other_out() -> None:
-    check(Request.RUN_ROUTINE, BUSY, (Side.LEFT,))
+    check_request(Request.RUN_ROUTINE, BUSY, (Side.LEFT,))
     with pytest.raises(RobotNotReady, match=r"^The right gripper cannot be calibrated: a state machine is not idle"):
-        check(Request.CALIBRATE, BUSY, (Side.RIGHT,), "the right gripper cannot be calibrated: ")
+        check_request(Request.CALIBRATE, BUSY, (Side.RIGHT,), "the right gripper cannot be calibrated: ")
 
 
 def test_what_a_bring_up_brings_about_does_not_forbid_it() -> None:
-    check(Request.BRING_UP, stopped_by(ControllerState.MOTORS_OFF))
-    check(Request.BRING_UP, BUSY)
+    check_request(Request.BRING_UP, stopped_by(ControllerState.MOTORS_OFF))
+    check_request(Request.BRING_UP, BUSY)
 
 
 @pytest.mark.parametrize("condition", dict.fromkeys(each for needed in NEEDED.values() for each in needed))

@@ -1,12 +1,10 @@
-"""Checks all that driving a robot takes, on the controller and on this machine, and changes nothing.
+"""The doctor: checks all that driving a robot takes, on the controller and on this machine, and changes nothing.
 
-It goes on where the driver gives up at the first thing that is missing.
-
-What the doctor finds: a requirement, whether it is met, why it matters, what to do, and where.
-
-EGM's position streams: do the datagrams of both arms arrive, each at its port, and how regularly? Nothing moves.
-
-This machine's part of the doctor: the way to the robot, EGM's ports, firewall, permissions, ROS environment.
+It goes on where the driver gives up at the first thing that is missing. Each finding names a requirement, whether it is
+met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web Services; this
+machine with its way to the robot, ports, firewall, permissions and ROS environment; and EGM's position streams, for
+which the robot's program may have to be started: do the datagrams of both arms arrive, each at its port, and how
+regularly? The arms do not move.
 """
 
 from __future__ import annotations
@@ -41,6 +39,7 @@ from yumi.driver.commissioning.installation import (
     ADD_INS,
     GRIPPER_MODULE,
     MASTERSHIPS,
+    NEWEST_ROBOTWARE,
     OWN_MODULE,
     delivered,
     delivered_modules,
@@ -156,374 +155,11 @@ _BACKGROUND = {
 """Why it matters, and where it is on the FlexPendant, by how the requirement begins."""
 
 
-START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
-
-_POLL = 0.0005  # [s]
-_FIRST = 3.0  # [s] within which the first datagram comes
-_IDLE_DEADLINE = 5.0
-_AT = 0.02  # [rad] by which the positions in datagrams may differ from those of Robot Web Services
-
-
-class Link(Protocol):
-    """Our end of one arm's EGM."""
-
-    def receive(self) -> list[bytes]:
-        """All datagrams that wait, oldest first."""
-
-
-@dataclass(frozen=True, slots=True)
-class ArmStream:
-    """What came of one arm.
-
-    Attributes:
-        received: datagrams that count.
-        lost: datagrams that the robot sent and that did not arrive.
-        malformed: datagrams that are not EGM.
-        period: mean time between two of them [s].
-        jitter: mean difference of two datagrams' delays [s].
-        worst_jitter: the largest such difference [s].
-        position: in the last datagram [rad], (7,); None where none came.
-    """
-
-    received: int
-    lost: int
-    malformed: int
-    period: float
-    jitter: float
-    worst_jitter: float
-    position: Joints | None
-
-    @property
-    def loss(self) -> float:
-        """Share of the datagrams that were lost."""
-        sent = self.received + self.lost
-        return self.lost / sent if sent else 0.0
-
-    def is_of(self, position: Joints) -> bool:
-        """Whether its datagrams are those of an arm that stands at ``position`` [rad]."""
-        return self.position is not None and all(
-            abs(one - other) < _AT for one, other in zip(self.position, position, strict=True)
-        )
-
-
-def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Side, ArmStream]:
-    """Receive for ``duration`` [s] after the first datagram that comes from now on."""
-    for link in links.values():
-        link.receive()  # what has waited says nothing about when it came
-    sessions = {side: SensorSession(JointCodec()) for side in links}
-    last: dict[Side, Joints] = {}
-    end = clock.now() + _FIRST
-    while clock.now() < end:
-        for side, link in links.items():
-            message = sessions[side].accept(link.receive(), clock.now())
-            if message is not None:
-                if not last:
-                    end = clock.now() + duration
-                sessions[side].settle()
-                last[side] = message.measured
-        clock.wait(_POLL)
-    return {
-        side: ArmStream(
-            received=session.counters.received,
-            lost=session.counters.lost,
-            malformed=session.counters.malformed,
-            period=session.arrivals.cycle_time,
-            jitter=session.arrivals.jitter,
-            worst_jitter=session.arrivals.worst_jitter,
-            position=last.get(side),
-        )
-        for side, session in sessions.items()
-    }
-
-
-@contextmanager
-def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda text: None) -> Iterator[None]:
-    """Position streams of both arms for the time of the block; afterwards motors and program are on or off as before.
-
-    Where no program runs, the motors go on and the program starts at main, with its variables as they begin; its
-    pointers stay where it stops. Other tasks of the user are not started: they are switched off for that time, which
-    ``on_progress`` gets before. The arms do not move.
-
-    Raises:
-        RobotNotReady: a task has another program than the state machine, or a stop waits for a person's confirmation,
-            and nothing was switched; or the mode or the program prevents it; or a task that was switched off could not
-            be switched on again.
-    """
-    for side in Side:
-        _refuse_other_program(client, side)
-    panel = ControllerPanel(client, clock)
-
-    def quietly(action: Callable[[], object]) -> None:
-        with suppress(ControllerRefused, NoConnection, RobotNotReady):  # what failed before says more
-            action()
-
-    with ExitStack() as undo:
-        were_on, was_running = panel.are_motors_on, panel.is_running
-        if not was_running:
-            _refuse_open_stop(client, clock)
-            if not were_on:
-                on_progress("motors on")
-                undo.callback(quietly, panel.switch_motors_off)
-                panel.switch_motors_on()
-            undo.enter_context(_others_off(client, on_progress))
-            on_progress("program pointers to main, start the program")
-            panel.move_pp_to_main()
-            undo.callback(quietly, panel.stop_rapid)
-            panel.start_rapid()
-        wait_until(
-            clock,
-            lambda: all(_state(client, side) is MachineState.IDLE for side in Side),
-            _IDLE_DEADLINE,
-            "The state machine on the robot does not become idle; look at the FlexPendant.",
-        )
-        on_progress("start the position streams")
-        client.pulse_signal(START_STREAM)
-        undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
-        yield
-
-
-@contextmanager
-def _others_off(client: RwsClient, on_progress: OnProgress) -> Iterator[None]:
-    """Keep other tasks switched off for the time of the block: all that the task panel selects would start.
-
-    Raises:
-        RobotNotReady: one could not be switched on again.
-    """
-    left_off: list[str] = []
-
-    def switch_on(task: str) -> None:
-        try:
-            client.select_task(task, True)
-        except YumiError:
-            left_off.append(f"Task {task} is still switched off; select it on the FlexPendant (QuickSet menu, Tasks).")
-            on_progress(left_off[-1])
-
-    def report(kind: object, error: BaseException | None, trace: object) -> None:
-        """The error, if there was one, comes after what is left off; a Ctrl-C stays one."""
-        if left_off and (error is None or isinstance(error, YumiError)):
-            raise RobotNotReady(" ".join((*left_off, *([f"Before that: {error}"] if error else [])))) from error
-
-    with ExitStack() as undo:
-        undo.push(report)  # the last that is done
-        for task in client.tasks():
-            if task.is_active and task.starts_by_hand and task.name not in {side.task for side in Side}:
-                on_progress(f"task {task.name} is switched off meanwhile")
-                undo.callback(switch_on, task.name)
-                client.select_task(task.name, False)
-        yield
-
-
-def _refuse_other_program(client: RwsClient, side: Side) -> None:
-    """Refuse a task where a start at main would run something else than the state machine."""
-    try:
-        client.symbol(side.task, MAIN, "current_state")
-    except ControllerRefused as error:
-        raise RobotNotReady(
-            f"{side.task} has no state machine of this package, so nothing is started there; load it: yumi install."
-        ) from error
-    for name, _ in foreign_mains(client, side):
-        raise RobotNotReady(
-            f"{side.task} has another program: its module {name} has a main, so nothing is started; save and remove it."
-        )
-
-
-def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
-    """Start nothing after a stop that a person must confirm; a driver that comes later would not see it any more."""
-    stops = StopLog(clock)
-    stops.read(client)
-    if stops.stop is not None:
-        raise RobotNotReady(
-            f"The robot was stopped by {stops.stop.cause}. Nothing is started before a person has looked at it and "
-            "confirmed that stop: start the driver (yumi up), then yumi recover."
-        )
-
-
-def _state(client: RwsClient, side: Side) -> MachineState | None:
-    try:
-        return read_machine_state(client.symbol(side.task, MAIN, "current_state"))
-    except ProtocolError:
-        return None
-
-
-_UFW = Path("/etc/ufw/ufw.conf")
-_SYSTEM_PATH = f"{os.environ.get('PATH', os.defpath)}:/usr/sbin:/sbin"
-_LISTINGS = (["nft", "list", "ruleset"], ["iptables", "-S"])
-_UFW_ON = re.compile(r"(?im)^\s*ENABLED\s*=\s*\"?yes")
-_CLOSES = re.compile(r"hook input[^}]*policy drop|-P INPUT DROP|\breject\b|-j (?:REJECT|DROP)")
-_MTU = 576
-"""The smallest one of IPv4; a datagram of EGM has a few hundred bytes, so that it is never cut with this."""
-
-_DISCOVERY = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
-_DISCOVERY_REMEDY = "set it to LOCALHOST, or to SUBNET for several machines, or unset it"
-_LAST_DOMAIN = 232
-_SAFE_DOMAIN = 101
-"""Above this, ports of ROS 2 lie where Linux takes those of outgoing connections."""
-
-Run = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
-"""Runs a program that only reads; raises OSError or subprocess.TimeoutExpired."""
-
-
-def examine_machine(
-    robot: str,
-    addresses: Mapping[Side, EgmAddress],
-    run: Run | None = None,
-    ufw: Path = _UFW,
-    cards: Callable[[], tuple[NetworkCard, ...]] = network_cards,
-    environment: Mapping[str, str] = os.environ,
-) -> Iterator[Finding]:
-    """Look at this machine.
-
-    Args:
-        robot: the controller's IP address.
-        addresses: where each arm's datagrams are awaited.
-        run: runs a program; by default for 5 s at most.
-        ufw: its configuration.
-        cards: this machine's network cards.
-        environment: variables.
-    """
-    yield from examine_route(robot, addresses, cards())
-    ports = [address.port for address in addresses.values()]
-    if len({*ports}) < len(ports):
-        found = f"both arms' datagrams are awaited at port {ports[0]}"
-        yield Finding("UDP ports here", Verdict.PROBLEM, found, "give the arms two ports in the settings (egm)")
-    for side, address in addresses.items():
-        name = f"UDP port {address.port} here"
-        try:
-            UdpServer(address.host, address.port).close()
-            yield Finding(name, Verdict.OK, f"free for the {side.word} arm")
-        except NoConnection as error:
-            yield problem(name, error)
-    yield _firewall(robot, ports, run or _run, ufw)
-    limits = (
-        ("real-time priority", resource.RLIMIT_RTPRIO, "more jitter under load", "rtprio 99"),
-        ("locked memory", resource.RLIMIT_MEMLOCK, "rare delays when memory is short", "memlock unlimited"),
-    )
-    for name, limit, loss, line in limits:
-        highest = resource.getrlimit(limit)[1]
-        is_permitted = (
-            os.geteuid() == 0 or highest == resource.RLIM_INFINITY or (highest > 0 and limit == resource.RLIMIT_RTPRIO)
-        )
-        yield Finding(
-            name,
-            Verdict.OK if is_permitted else Verdict.NOTE,
-            "permitted" if is_permitted else f"not permitted to this user; EGM works, with {loss}",
-            "" if is_permitted else f"add '{line}' for the user to /etc/security/limits.d",
-        )
-    yield from _ros(environment)
-
-
 def problem(requirement: str, error: Exception) -> Finding:
     """The finding of an error; its message has the remedy after a semicolon."""
     found, _, remedy = str(error).rstrip(".").partition("; ")
     return Finding(requirement, Verdict.PROBLEM, found, remedy)
 
-
-def examine_route(
-    robot: str, addresses: Mapping[Side, EgmAddress], cards: tuple[NetworkCard, ...]
-) -> Iterator[Finding]:
-    """The card that faces the robot, and others that could be taken for it."""
-    if ip_address(robot).is_loopback:
-        yield Finding("route", Verdict.OK, "the robot is on this machine")
-        return
-    for host in dict.fromkeys(address.host for address in addresses.values()):
-        card = next((card for card in cards if card.address == host), None)
-        if card is None:
-            found = f"no network card has the address {host}, where datagrams are awaited"
-            yield Finding("route", Verdict.PROBLEM, found, "set egm.listen to auto, or give the card this address")
-            continue
-        network = IPv4Interface(f"{card.address}/{card.mask}").network
-        if ip_address(robot) in network:
-            yield Finding("route", Verdict.OK, f"{card.name} ({card.address}) is in the robot's network {network}")
-        else:
-            found = f"{card.name} ({card.address}) is in {network}, the robot {robot} is not: a router is between them"
-            remedy = "connect this machine to the robot's network by a cable, with an address of its own there"
-            yield Finding("route", Verdict.NOTE, found, remedy)
-        others = [
-            each
-            for each in cards
-            if each.name != card.name and ip_address(robot) in IPv4Interface(f"{each.address}/{each.mask}").network
-        ]
-        if others:
-            names = ", ".join(f"{each.name} ({each.address})" for each in others)
-            yield Finding(
-                "network card",
-                Verdict.PROBLEM,
-                f"{names} is in the robot's network, too, beside {card.name} ({card.address})",
-                "leave one card in that network: datagrams may leave by the other, and the robot ignores them",
-            )
-        faults = [
-            (card.is_wireless, "a radio link (Wi-Fi)", "use a cable: a radio link delays single datagrams by far"),
-            (card.is_tunnel, "a tunnel (VPN)", "connect by a cable"),
-            (not card.is_up, "not connected", "plug the cable in"),
-            (card.mtu < _MTU, f"set to packets of {card.mtu} bytes", f"sudo ip link set {card.name} mtu 1500"),
-        ]
-        seen = [(what, remedy) for is_so, what, remedy in faults if is_so]
-        for what, remedy in seen:
-            yield Finding("network card", Verdict.PROBLEM, f"{card.name} is {what}", remedy)
-        if not seen and not others:
-            yield Finding("network card", Verdict.OK, f"{card.name}, MTU {card.mtu}")
-
-
-def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:
-    if find_spec("rclpy") is None:
-        remedy = "install yumi-ros2[ros] or source your ROS 2 Jazzy, unless you need no ROS"
-        yield Finding("ROS 2", Verdict.NOTE, "not installed for this Python", remedy)
-    else:
-        yield Finding("ROS 2", Verdict.OK, environment.get("ROS_DISTRO", "installed"))
-    text = environment.get("ROS_DOMAIN_ID", "0") or "0"
-    if not text.isdecimal() or int(text) > _LAST_DOMAIN:
-        found = f"ROS_DOMAIN_ID is {text!r}"
-        yield Finding("ROS domain", Verdict.PROBLEM, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
-    elif int(text) > _SAFE_DOMAIN:
-        found = f"ROS_DOMAIN_ID is {text}: its ports may be taken by outgoing connections"
-        yield Finding("ROS domain", Verdict.NOTE, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
-    else:
-        yield Finding("ROS domain", Verdict.OK, text)
-    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
-    if environment.get("ROS_LOCALHOST_ONLY") and reach:
-        found = f"ROS_LOCALHOST_ONLY, which is set too, overrules ROS_AUTOMATIC_DISCOVERY_RANGE={reach}"
-        yield Finding("ROS discovery", Verdict.NOTE, found, "unset ROS_LOCALHOST_ONLY")
-    elif reach.upper() == "OFF":
-        yield Finding("ROS discovery", Verdict.NOTE, "OFF: no other program finds the driver", _DISCOVERY_REMEDY)
-    elif reach and reach.upper() not in _DISCOVERY:
-        found = f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, which means SUBNET: all machines of the network find it"
-        yield Finding("ROS discovery", Verdict.PROBLEM, found, _DISCOVERY_REMEDY)
-    else:
-        yield Finding("ROS discovery", Verdict.OK, reach or "as the driver sets it")
-
-
-def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:
-    """What can be known of it without root; a firewall that drops EGM is the most frequent fault of a new set-up."""
-    wanted = f"{min(ports)}:{max(ports)}"
-    if ip_address(robot).is_loopback:
-        return Finding("firewall", Verdict.OK, "does not matter to this machine's own address")
-    if ufw.is_file() and _UFW_ON.search(ufw.read_text(encoding="utf-8", errors="replace")):
-        remedy = f"sudo ufw allow from {robot} to any port {wanted} proto udp"
-        return Finding("firewall", Verdict.NOTE, "ufw is on, its rules are not readable without root", remedy)
-    for name, *arguments in _LISTINGS:
-        program = shutil.which(name, path=_SYSTEM_PATH)
-        if program is None:
-            continue
-        try:
-            done = run([program, *arguments])
-        except (OSError, subprocess.TimeoutExpired):
-            done = None
-        if done is None or done.returncode != 0:
-            remedy = f"see with sudo that UDP ports {wanted} are open to {robot}"
-            return Finding("firewall", Verdict.NOTE, f"{name}: not readable without root", remedy)
-        if _CLOSES.search(done.stdout) and not all(str(port) in done.stdout for port in ports):
-            found = f"{name} closes something, and does not name all of the ports {wanted}"
-            return Finding("firewall", Verdict.NOTE, found, f"see that UDP ports {wanted} are open to {robot}")
-        return Finding("firewall", Verdict.OK, f"{name} shows nothing that closes UDP ports {wanted}")
-    return Finding("firewall", Verdict.OK, "none found (ufw, nft, iptables)")
-
-
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=5.0, stdin=subprocess.DEVNULL)
-
-
-NEWEST_ROBOTWARE = 6
-"""RobotWare 7 has Robot Web Services 2, another protocol."""
 
 CLOCK_TOLERANCE = 60.0
 """By so much the clocks may differ before it is worth a note [s]: events are found by their times."""
@@ -532,8 +168,8 @@ _DISPENSABLE = {
     GRIPPER_MODULE: "the grippers cannot be used",
     WATCHDOG: "the robot does not stop when the driver dies",
 }
-_LOAD = "load the RAPID modules of this package: yumi install"
 _INSTALL = "yumi install"
+_LOAD = f"load the RAPID modules of this package: {_INSTALL}"
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
 NEEDED_GRANTS = {
     Grant.RAPID_EXECUTE: "start programs",
@@ -541,9 +177,6 @@ NEEDED_GRANTS = {
     Grant.IO_WRITE: "write signals",
 }
 """What the user of the driver needs, and for what; `yumi install` needs more."""
-_NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
-_WORST_LOSS = 0.001
-_WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
 
 
 def examine_controller(
@@ -584,18 +217,6 @@ def examine_controller(
     for side in Side if GRIPPER_PRODUCT in system.options else ():
         yield from _guarded(partial(_gripper, client, side))
     yield _clock(client, now())
-
-
-def _clock(client: RwsClient, here: datetime) -> Finding:
-    try:
-        robot = client.clock()
-    except YumiError as error:
-        return Finding("clock", Verdict.NOTE, f"cannot be read: {error}")
-    off = abs((robot - here).total_seconds())
-    if off <= CLOCK_TOLERANCE:
-        return Finding("clock", Verdict.OK, f"{off:.0f} s from this machine's")
-    found = f"{robot:%Y-%m-%d %H:%M:%S} there, {here:%Y-%m-%d %H:%M:%S} here (local times, zones are not compared)"
-    return Finding("clock", Verdict.NOTE, found, "set it on the FlexPendant, so that its event log can be matched")
 
 
 def _checked(requirement: str, found: str, check: Callable[[], None]) -> Finding:
@@ -746,6 +367,42 @@ def _foreign_program(client: RwsClient, side: Side) -> list[Finding]:
         return []
 
 
+def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding]:
+    """The modules of one task, their version, and whether they are this package's."""
+    name = f"modules in {side.task}"
+    try:
+        loaded = {module.name.lower() for module in client.modules(side.task)}
+    except ControllerRefused as error:
+        return [Finding(name, Verdict.PROBLEM, f"there is no such task ({error})", "see that this is a YuMi")]
+    ours = delivered_modules()
+    missing = [module for module in ours if module.lower() not in loaded]
+    findings = []
+    needed = [module for module in missing if module not in _DISPENSABLE]
+    if needed:
+        findings.append(Finding(name, Verdict.PROBLEM, f"{', '.join(needed)} missing", _LOAD))
+    for module in (each for each in missing if each in _DISPENSABLE):
+        findings.append(Finding(name, Verdict.NOTE, f"{module} missing: {_DISPENSABLE[module]}", _LOAD))
+    if needed:
+        return findings
+    version = _checked(f"version in {side.task}", f"{PROGRAM_VERSION}", lambda: LaunchChecks(client).check_task(side))
+    try:
+        texts = {module: client.module_text(side.task, module) for module in ours if module not in missing}
+    except (ControllerRefused, ProtocolError) as error:
+        found = f"all needed are loaded; their texts cannot be compared: {error}"
+        return [*findings, Finding(name, Verdict.NOTE, found), version]
+    changed = [
+        module for module, text in texts.items() if module != OWN_MODULE and essence(text) != essence(ours[module])
+    ]
+    if changed:
+        verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
+        why = ", as ABB's add-in has its own" if has_add_in else ""
+        found = f"{', '.join(changed)} not as in this package{why}"
+        findings.append(Finding(name, verdict, found, f"unless that is meant, {_LOAD}"))
+    elif not missing:
+        findings.append(Finding(name, Verdict.OK, "all loaded, as in this package"))
+    return [*findings, version]
+
+
 def _signals(client: RwsClient) -> list[Finding]:
     """Each signal of the state machine: there, of the right kind, writable for clients, and in use since a restart."""
     nowhere = {side: EgmAddress("", 0) for side in Side}
@@ -791,6 +448,18 @@ def _motion_data(client: RwsClient) -> list[Finding]:
     return [Finding("motion data", Verdict.OK, "filtered and raw, for both arms")]
 
 
+def _device(client: RwsClient, side: Side, address: EgmAddress) -> Finding:
+    name = f"UDPUC device {side.unit}"
+    checks = LaunchChecks(client, {side: address})
+    try:
+        checks.check_devices()
+    except YumiError as error:
+        return problem(name, error)
+    if checks.remarks:
+        return problem(name, RobotNotReady(checks.remarks[0]))
+    return Finding(name, Verdict.OK, f"sends to {address.host}:{address.port}, where it is awaited")
+
+
 def _shared_port(client: RwsClient) -> list[Finding]:
     devices = {each.name: each.attributes for each in client.cfg("SIO", "COM_TRP")}
     ports = {devices[side.unit].get("RemotePortNumber") for side in Side if side.unit in devices}
@@ -810,6 +479,382 @@ def _gripper(client: RwsClient, side: Side) -> list[Finding]:
     if is_calibrated:
         return [Finding(name, Verdict.OK, "calibrated")]
     return [Finding(name, Verdict.OK, "not calibrated yet; `yumi up` calibrates it, its fingers close")]
+
+
+def _clock(client: RwsClient, here: datetime) -> Finding:
+    try:
+        robot = client.clock()
+    except YumiError as error:
+        return Finding("clock", Verdict.NOTE, f"cannot be read: {error}")
+    off = abs((robot - here).total_seconds())
+    if off <= CLOCK_TOLERANCE:
+        return Finding("clock", Verdict.OK, f"{off:.0f} s from this machine's")
+    found = f"{robot:%Y-%m-%d %H:%M:%S} there, {here:%Y-%m-%d %H:%M:%S} here (local times, zones are not compared)"
+    return Finding("clock", Verdict.NOTE, found, "set it on the FlexPendant, so that its event log can be matched")
+
+
+_UFW = Path("/etc/ufw/ufw.conf")
+_SYSTEM_PATH = f"{os.environ.get('PATH', os.defpath)}:/usr/sbin:/sbin"
+_LISTINGS = (["nft", "list", "ruleset"], ["iptables", "-S"])
+_UFW_ON = re.compile(r"(?im)^\s*ENABLED\s*=\s*\"?yes")
+_CLOSES = re.compile(r"hook input[^}]*policy drop|-P INPUT DROP|\breject\b|-j (?:REJECT|DROP)")
+_SMALLEST_MTU = 576
+"""The smallest one of IPv4; a datagram of EGM has a few hundred bytes, so that it is never cut with this."""
+
+_DISCOVERY = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
+_DISCOVERY_REMEDY = "set it to LOCALHOST, or to SUBNET for several machines, or unset it"
+_LAST_DOMAIN = 232
+_SAFE_DOMAIN = 101
+"""Above this, ports of ROS 2 lie where Linux takes those of outgoing connections."""
+
+Run = Callable[[list[str]], "subprocess.CompletedProcess[str]"]
+"""Runs a program that only reads; raises OSError or subprocess.TimeoutExpired."""
+
+
+def examine_machine(
+    robot: str,
+    addresses: Mapping[Side, EgmAddress],
+    run: Run | None = None,
+    ufw: Path = _UFW,
+    cards: Callable[[], tuple[NetworkCard, ...]] = network_cards,
+    environment: Mapping[str, str] = os.environ,
+) -> Iterator[Finding]:
+    """Look at this machine.
+
+    Args:
+        robot: the controller's IP address.
+        addresses: where each arm's datagrams are awaited.
+        run: runs a program; by default for 5 s at most.
+        ufw: its configuration.
+        cards: this machine's network cards.
+        environment: variables.
+    """
+    yield from examine_route(robot, addresses, cards())
+    ports = [address.port for address in addresses.values()]
+    if len({*ports}) < len(ports):
+        found = f"both arms' datagrams are awaited at port {ports[0]}"
+        yield Finding("UDP ports here", Verdict.PROBLEM, found, "give the arms two ports in the settings (egm)")
+    for side, address in addresses.items():
+        name = f"UDP port {address.port} here"
+        try:
+            UdpServer(address.host, address.port).close()
+            yield Finding(name, Verdict.OK, f"free for the {side.word} arm")
+        except NoConnection as error:
+            yield problem(name, error)
+    yield _firewall(robot, ports, run or _run_program, ufw)
+    limits = (
+        ("real-time priority", resource.RLIMIT_RTPRIO, "more jitter under load", "rtprio 99"),
+        ("locked memory", resource.RLIMIT_MEMLOCK, "rare delays when memory is short", "memlock unlimited"),
+    )
+    for name, limit, loss, line in limits:
+        highest = resource.getrlimit(limit)[1]
+        is_permitted = (
+            os.geteuid() == 0 or highest == resource.RLIM_INFINITY or (highest > 0 and limit == resource.RLIMIT_RTPRIO)
+        )
+        yield Finding(
+            name,
+            Verdict.OK if is_permitted else Verdict.NOTE,
+            "permitted" if is_permitted else f"not permitted to this user; EGM works, with {loss}",
+            "" if is_permitted else f"add '{line}' for the user to /etc/security/limits.d",
+        )
+    yield from _ros(environment)
+
+
+def examine_route(
+    robot: str, addresses: Mapping[Side, EgmAddress], cards: tuple[NetworkCard, ...]
+) -> Iterator[Finding]:
+    """The card that faces the robot, and others that could be taken for it."""
+    if ip_address(robot).is_loopback:
+        yield Finding("route", Verdict.OK, "the robot is on this machine")
+        return
+    for host in dict.fromkeys(address.host for address in addresses.values()):
+        card = next((card for card in cards if card.address == host), None)
+        if card is None:
+            found = f"no network card has the address {host}, where datagrams are awaited"
+            yield Finding("route", Verdict.PROBLEM, found, "set egm.listen to auto, or give the card this address")
+            continue
+        network = IPv4Interface(f"{card.address}/{card.mask}").network
+        if ip_address(robot) in network:
+            yield Finding("route", Verdict.OK, f"{card.name} ({card.address}) is in the robot's network {network}")
+        else:
+            found = f"{card.name} ({card.address}) is in {network}, the robot {robot} is not: a router is between them"
+            remedy = "connect this machine to the robot's network by a cable, with an address of its own there"
+            yield Finding("route", Verdict.NOTE, found, remedy)
+        others = [
+            each
+            for each in cards
+            if each.name != card.name and ip_address(robot) in IPv4Interface(f"{each.address}/{each.mask}").network
+        ]
+        if others:
+            names = ", ".join(f"{each.name} ({each.address})" for each in others)
+            yield Finding(
+                "network card",
+                Verdict.PROBLEM,
+                f"{names} is in the robot's network, too, beside {card.name} ({card.address})",
+                "leave one card in that network: datagrams may leave by the other, and the robot ignores them",
+            )
+        faults = [
+            (card.is_wireless, "a radio link (Wi-Fi)", "use a cable: a radio link delays single datagrams by far"),
+            (card.is_tunnel, "a tunnel (VPN)", "connect by a cable"),
+            (not card.is_up, "not connected", "plug the cable in"),
+            (card.mtu < _SMALLEST_MTU, f"set to packets of {card.mtu} bytes", f"sudo ip link set {card.name} mtu 1500"),
+        ]
+        seen = [(what, remedy) for is_so, what, remedy in faults if is_so]
+        for what, remedy in seen:
+            yield Finding("network card", Verdict.PROBLEM, f"{card.name} is {what}", remedy)
+        if not seen and not others:
+            yield Finding("network card", Verdict.OK, f"{card.name}, MTU {card.mtu}")
+
+
+def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:
+    """What can be known of it without root; a firewall that drops EGM is the most frequent fault of a new set-up."""
+    wanted = f"{min(ports)}:{max(ports)}"
+    if ip_address(robot).is_loopback:
+        return Finding("firewall", Verdict.OK, "does not matter to this machine's own address")
+    if ufw.is_file() and _UFW_ON.search(ufw.read_text(encoding="utf-8", errors="replace")):
+        remedy = f"sudo ufw allow from {robot} to any port {wanted} proto udp"
+        return Finding("firewall", Verdict.NOTE, "ufw is on, its rules are not readable without root", remedy)
+    for name, *arguments in _LISTINGS:
+        program = shutil.which(name, path=_SYSTEM_PATH)
+        if program is None:
+            continue
+        try:
+            done = run([program, *arguments])
+        except (OSError, subprocess.TimeoutExpired):
+            done = None
+        if done is None or done.returncode != 0:
+            remedy = f"see with sudo that UDP ports {wanted} are open to {robot}"
+            return Finding("firewall", Verdict.NOTE, f"{name}: not readable without root", remedy)
+        if _CLOSES.search(done.stdout) and not all(str(port) in done.stdout for port in ports):
+            found = f"{name} closes something, and does not name all of the ports {wanted}"
+            return Finding("firewall", Verdict.NOTE, found, f"see that UDP ports {wanted} are open to {robot}")
+        return Finding("firewall", Verdict.OK, f"{name} shows nothing that closes UDP ports {wanted}")
+    return Finding("firewall", Verdict.OK, "none found (ufw, nft, iptables)")
+
+
+def _run_program(command: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=5.0, stdin=subprocess.DEVNULL)
+
+
+def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:
+    if find_spec("rclpy") is None:
+        remedy = "install yumi-ros2[ros] or source your ROS 2 Jazzy, unless you need no ROS"
+        yield Finding("ROS 2", Verdict.NOTE, "not installed for this Python", remedy)
+    else:
+        yield Finding("ROS 2", Verdict.OK, environment.get("ROS_DISTRO", "installed"))
+    text = environment.get("ROS_DOMAIN_ID", "0") or "0"
+    if not text.isdecimal() or int(text) > _LAST_DOMAIN:
+        found = f"ROS_DOMAIN_ID is {text!r}"
+        yield Finding("ROS domain", Verdict.PROBLEM, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
+    elif int(text) > _SAFE_DOMAIN:
+        found = f"ROS_DOMAIN_ID is {text}: its ports may be taken by outgoing connections"
+        yield Finding("ROS domain", Verdict.NOTE, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
+    else:
+        yield Finding("ROS domain", Verdict.OK, text)
+    reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    if environment.get("ROS_LOCALHOST_ONLY") and reach:
+        found = f"ROS_LOCALHOST_ONLY, which is set too, overrules ROS_AUTOMATIC_DISCOVERY_RANGE={reach}"
+        yield Finding("ROS discovery", Verdict.NOTE, found, "unset ROS_LOCALHOST_ONLY")
+    elif reach.upper() == "OFF":
+        yield Finding("ROS discovery", Verdict.NOTE, "OFF: no other program finds the driver", _DISCOVERY_REMEDY)
+    elif reach and reach.upper() not in _DISCOVERY:
+        found = f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, which means SUBNET: all machines of the network find it"
+        yield Finding("ROS discovery", Verdict.PROBLEM, found, _DISCOVERY_REMEDY)
+    else:
+        yield Finding("ROS discovery", Verdict.OK, reach or "as the driver sets it")
+
+
+START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
+
+_STREAM_POLL = 0.0005  # [s]
+_FIRST_DATAGRAM = 3.0  # [s] within which the first datagram comes
+_IDLE_DEADLINE = 5.0  # [s]
+_SAME_POSITION = 0.02  # [rad] by which the positions in datagrams may differ from those of Robot Web Services
+
+_NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
+_WORST_LOSS = 0.001
+_WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
+
+
+class Link(Protocol):
+    """Our end of one arm's EGM."""
+
+    def receive(self) -> list[bytes]:
+        """All datagrams that wait, oldest first."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmStream:
+    """What came of one arm.
+
+    Attributes:
+        received: datagrams that count.
+        lost: datagrams that the robot sent and that did not arrive.
+        malformed: datagrams that are not EGM.
+        period: mean time between two of them [s].
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest such difference [s].
+        position: in the last datagram [rad], (7,); None where none came.
+    """
+
+    received: int
+    lost: int
+    malformed: int
+    period: float
+    jitter: float
+    worst_jitter: float
+    position: Joints | None
+
+    @property
+    def loss(self) -> float:
+        """Share of the datagrams that were lost."""
+        sent = self.received + self.lost
+        return self.lost / sent if sent else 0.0
+
+    def is_of(self, position: Joints) -> bool:
+        """Whether its datagrams are those of an arm that stands at ``position`` [rad]."""
+        return self.position is not None and all(
+            abs(one - other) < _SAME_POSITION for one, other in zip(self.position, position, strict=True)
+        )
+
+
+def listen(links: Mapping[Side, Link], clock: Clock, duration: float) -> dict[Side, ArmStream]:
+    """Receive for ``duration`` [s] after the first datagram that comes from now on."""
+    for link in links.values():
+        link.receive()  # what has waited says nothing about when it came
+    sessions = {side: SensorSession(JointCodec()) for side in links}
+    last: dict[Side, Joints] = {}
+    end = clock.now() + _FIRST_DATAGRAM
+    while clock.now() < end:
+        for side, link in links.items():
+            message = sessions[side].accept(link.receive(), clock.now())
+            if message is not None:
+                if not last:
+                    end = clock.now() + duration
+                sessions[side].settle()
+                last[side] = message.measured
+        clock.wait(_STREAM_POLL)
+    return {
+        side: ArmStream(
+            received=session.counters.received,
+            lost=session.counters.lost,
+            malformed=session.counters.malformed,
+            period=session.arrivals.cycle_time,
+            jitter=session.arrivals.jitter,
+            worst_jitter=session.arrivals.worst_jitter,
+            position=last.get(side),
+        )
+        for side, session in sessions.items()
+    }
+
+
+@contextmanager
+def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda text: None) -> Iterator[None]:
+    """Position streams of both arms for the time of the block; afterwards motors and program are on or off as before.
+
+    Where no program runs, the motors go on and the program starts at main, with its variables as they begin; its
+    pointers stay where it stops. Other tasks of the user are not started: they are switched off for that time, which
+    ``on_progress`` gets before. The arms do not move.
+
+    Raises:
+        RobotNotReady: a task has another program than the state machine, or a stop waits for a person's confirmation,
+            and nothing was switched; or the mode or the program prevents it; or a task that was switched off could not
+            be switched on again.
+    """
+    for side in Side:
+        _refuse_other_program(client, side)
+    panel = ControllerPanel(client, clock)
+
+    def quietly(action: Callable[[], object]) -> None:
+        with suppress(ControllerRefused, NoConnection, RobotNotReady):  # what failed before says more
+            action()
+
+    with ExitStack() as undo:
+        were_on, was_running = panel.are_motors_on, panel.is_running
+        if not was_running:
+            _refuse_open_stop(client, clock)
+            if not were_on:
+                on_progress("motors on")
+                undo.callback(quietly, panel.switch_motors_off)
+                panel.switch_motors_on()
+            undo.enter_context(_others_off(client, on_progress))
+            on_progress("program pointers to main, start the program")
+            panel.move_pp_to_main()
+            undo.callback(quietly, panel.stop_rapid)
+            panel.start_rapid()
+        wait_until(
+            clock,
+            lambda: all(_machine_state(client, side) is MachineState.IDLE for side in Side),
+            _IDLE_DEADLINE,
+            "The state machine on the robot does not become idle; look at the FlexPendant.",
+        )
+        on_progress("start the position streams")
+        client.pulse_signal(START_STREAM)
+        undo.callback(quietly, lambda: client.pulse_signal(STOP_STREAM))
+        yield
+
+
+@contextmanager
+def _others_off(client: RwsClient, on_progress: OnProgress) -> Iterator[None]:
+    """Keep other tasks switched off for the time of the block: all that the task panel selects would start.
+
+    Raises:
+        RobotNotReady: one could not be switched on again.
+    """
+    left_off: list[str] = []
+
+    def switch_on(task: str) -> None:
+        try:
+            client.select_task(task, True)
+        except YumiError:
+            left_off.append(f"Task {task} is still switched off; select it on the FlexPendant (QuickSet menu, Tasks).")
+            on_progress(left_off[-1])
+
+    def report(kind: object, error: BaseException | None, trace: object) -> None:
+        """The error, if there was one, comes after what is left off; a Ctrl-C stays one."""
+        if left_off and (error is None or isinstance(error, YumiError)):
+            raise RobotNotReady(" ".join((*left_off, *([f"Before that: {error}"] if error else [])))) from error
+
+    with ExitStack() as undo:
+        undo.push(report)  # the last that is done
+        for task in client.tasks():
+            if task.is_active and task.starts_by_hand and task.name not in {side.task for side in Side}:
+                on_progress(f"task {task.name} is switched off meanwhile")
+                undo.callback(switch_on, task.name)
+                client.select_task(task.name, False)
+        yield
+
+
+def _refuse_other_program(client: RwsClient, side: Side) -> None:
+    """Refuse a task where a start at main would run something else than the state machine."""
+    try:
+        client.symbol(side.task, MAIN, "current_state")
+    except ControllerRefused as error:
+        raise RobotNotReady(
+            f"{side.task} has no state machine of this package, so nothing is started there; load it: yumi install."
+        ) from error
+    for name, _ in foreign_mains(client, side):
+        raise RobotNotReady(
+            f"{side.task} has another program: its module {name} has a main, so nothing is started; save and remove it."
+        )
+
+
+def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
+    """Start nothing after a stop that a person must confirm; a driver that comes later would not see it any more."""
+    stops = StopLog(clock)
+    stops.read(client)
+    if stops.stop is not None:
+        raise RobotNotReady(
+            f"The robot was stopped by {stops.stop.cause}. Nothing is started before a person has looked at it and "
+            "confirmed that stop: start the driver (yumi up), then yumi recover."
+        )
+
+
+def _machine_state(client: RwsClient, side: Side) -> MachineState | None:
+    try:
+        return read_machine_state(client.symbol(side.task, MAIN, "current_state"))
+    except ProtocolError:
+        return None
 
 
 def obstacle_to_stream(findings: Sequence[Finding]) -> Finding | None:
@@ -856,10 +901,10 @@ def examine_stream(
             what = f"the datagrams at port {address.port} are not this arm's{other}"
             yield Finding(name, Verdict.PROBLEM, what, f"exchange the ports of the UDPUC devices: {_INSTALL}")
         else:
-            yield from _quality(name, stream)
+            yield from _stream_quality(name, stream)
 
 
-def _quality(name: str, stream: ArmStream) -> Iterator[Finding]:
+def _stream_quality(name: str, stream: ArmStream) -> Iterator[Finding]:
     numbers = (
         f"{stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost, jitter "
         f"{stream.jitter * 1e3:.2f} ms, worst {stream.worst_jitter * 1e3:.1f} ms"
@@ -874,51 +919,3 @@ def _quality(name: str, stream: ArmStream) -> Iterator[Finding]:
         )
     else:
         yield Finding(name, Verdict.OK, numbers)
-
-
-def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding]:
-    """The modules of one task, their version, and whether they are this package's."""
-    name = f"modules in {side.task}"
-    try:
-        loaded = {module.name.lower() for module in client.modules(side.task)}
-    except ControllerRefused as error:
-        return [Finding(name, Verdict.PROBLEM, f"there is no such task ({error})", "see that this is a YuMi")]
-    ours = delivered_modules()
-    missing = [module for module in ours if module.lower() not in loaded]
-    findings = []
-    needed = [module for module in missing if module not in _DISPENSABLE]
-    if needed:
-        findings.append(Finding(name, Verdict.PROBLEM, f"{', '.join(needed)} missing", _LOAD))
-    for module in (each for each in missing if each in _DISPENSABLE):
-        findings.append(Finding(name, Verdict.NOTE, f"{module} missing: {_DISPENSABLE[module]}", _LOAD))
-    if needed:
-        return findings
-    version = _checked(f"version in {side.task}", f"{PROGRAM_VERSION}", lambda: LaunchChecks(client).check_task(side))
-    try:
-        texts = {module: client.module_text(side.task, module) for module in ours if module not in missing}
-    except (ControllerRefused, ProtocolError) as error:
-        found = f"all needed are loaded; their texts cannot be compared: {error}"
-        return [*findings, Finding(name, Verdict.NOTE, found), version]
-    changed = [
-        module for module, text in texts.items() if module != OWN_MODULE and essence(text) != essence(ours[module])
-    ]
-    if changed:
-        verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
-        why = ", as ABB's add-in has its own" if has_add_in else ""
-        found = f"{', '.join(changed)} not as in this package{why}"
-        findings.append(Finding(name, verdict, found, f"unless that is meant, {_LOAD}"))
-    elif not missing:
-        findings.append(Finding(name, Verdict.OK, "all loaded, as in this package"))
-    return [*findings, version]
-
-
-def _device(client: RwsClient, side: Side, address: EgmAddress) -> Finding:
-    name = f"UDPUC device {side.unit}"
-    checks = LaunchChecks(client, {side: address})
-    try:
-        checks.check_devices()
-    except YumiError as error:
-        return problem(name, error)
-    if checks.remarks:
-        return problem(name, RobotNotReady(checks.remarks[0]))
-    return Finding(name, Verdict.OK, f"sends to {address.host}:{address.port}, where it is awaited")

@@ -1,10 +1,8 @@
 """What a controller needs of this package, as the difference to what it has: installed, removed, rolled back.
 
-Everything is one operation: read what is there, compare it with what is wanted, change the rest, read again. What was
-there before the first installation is kept in a record on this machine, so that it can be wanted again. Nothing that is
-not named in what is wanted is ever touched.
-
-The RAPID modules of this package, and what makes two texts of a module the same.
+Everything, configuration, files and the RAPID modules in both tasks, is one operation: read what is there, compare it
+with what is wanted, change the rest, read again. What was there before the first installation is kept in a record on
+this machine, so that it can be wanted again. Nothing that is not named in what is wanted is ever touched.
 """
 
 from __future__ import annotations
@@ -35,50 +33,23 @@ GRIPPER_MODULE = "TRobSG"
 OWN_MODULE = "TRobSystem"
 """The module that is the user's to edit: it is loaded where there is none, and never replaced."""
 
-_CODE = re.compile(r'(?:"[^"]*"|[^"!])*')
-"""A line up to its comment."""
-
-_PERSISTENT = re.compile(r"\b(pers\s+\w+\s+\w+(?:\{[^}]*\})?)\s*:=[^;]*;", re.IGNORECASE)
-_MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
-
-
-def delivered_modules() -> dict[str, str]:
-    """The RAPID modules of this package by name."""
-    folder = files("yumi.controller_files")
-    paths = sorted(each.name for each in folder.iterdir() if each.name.endswith((".mod", ".sys")))
-    return {Path(path).stem: (folder / path).read_text(encoding="latin-1") for path in paths}
-
-
-def essence(text: str) -> str:
-    """A RAPID text to compare: without comments, spaces, letter case and the present values of PERS data."""
-    code = "\n".join(match[0] for line in text.splitlines() if (match := _CODE.match(line)))
-    return "".join(_PERSISTENT.sub(r"\1;", code).split()).lower()
-
-
-def has_main(text: str) -> bool:
-    """Whether a module declares the procedure a program begins with."""
-    return _MAIN.search(text) is not None
-
-
-def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
-    """Name and text of each module in an arm's task that is not one of this package and has a ``main``."""
-    ours = {name.lower() for name in delivered_modules()}
-    for module in client.modules(side.task):
-        if module.name.lower() in ours:
-            continue
-        try:
-            text = client.module_text(side.task, module.name)
-        except (ControllerRefused, ProtocolError):  # hidden and encoded modules of ABB, which have no main
-            continue
-        if has_main(text):
-            yield module.name, text
-
+NEWEST_ROBOTWARE = 6
+"""RobotWare 7 has Robot Web Services 2, another protocol."""
 
 FOLDER = "HOME:/yumi/"
 """Where the modules are on the controller."""
 
 ADD_INS = ("StateMachine Core", "StateMachine", "StateMachine Add-In")
 """Names of ABB's StateMachine Add-In among the options: it has the same interface and modules of the same names."""
+
+MASTERSHIPS = ("cfg", "rapid")
+"""Domains in which a client may hold the right to change something: a restart would take what it works on."""
+
+_CODE = re.compile(r'(?:"[^"]*"|[^"!])*')
+"""A line up to its comment."""
+
+_PERSISTENT = re.compile(r"\b(pers\s+\w+\s+\w+(?:\{[^}]*\})?)\s*:=[^;]*;", re.IGNORECASE)
+_MAIN = re.compile(r"(?im)^\s*proc\s+main\s*\(")
 
 _KEYS = {"CAB_TASK_MODULES": "File", "SYSSIG_OUT": "Signal"}
 """What distinguishes instances of a type without names."""
@@ -93,18 +64,12 @@ _HEADERS = {
     "SIO": "SIO:CFG_1.0:6:1::",
     "SYS": "SYS:CFG_1.0:6:0::",
 }
-_NEWEST_ROBOTWARE = 6
 _SAME = 1e-4  # relative difference of two numbers that are the same: the controller rounds
 _SET = {"true", "yes", "1"}  # a flag in a file, and what controllers make of it
 _BACKUP_INFO = "BACKINFO/"
 _TEMPORARY = "TEMP:/yumi_install"
 _NOT_FOUND = (400, 404)  # which of the two a directory that is not there gives, differs by version
 _NO_TYPE = (Code.CFG_TYPE_INVALID, Code.CFG_INSTANCE_INVALID)
-
-
-MASTERSHIPS = ("cfg", "rapid")
-"""Domains in which a client may hold the right to change something: a restart would take what it works on."""
-
 _GRANTS = {
     Grant.FTP_READ: "read files",
     Grant.FTP_WRITE: "write files",
@@ -246,6 +211,38 @@ def _is_same_module(one: str | None, other: str | None) -> bool:
     if one is None or other is None:
         return one is other
     return essence(one) == essence(other)
+
+
+def delivered_modules() -> dict[str, str]:
+    """The RAPID modules of this package by name."""
+    folder = files("yumi.controller_files")
+    paths = sorted(each.name for each in folder.iterdir() if each.name.endswith((".mod", ".sys")))
+    return {Path(path).stem: (folder / path).read_text(encoding="latin-1") for path in paths}
+
+
+def essence(text: str) -> str:
+    """A RAPID text to compare: without comments, spaces, letter case and the present values of PERS data."""
+    code = "\n".join(match[0] for line in text.splitlines() if (match := _CODE.match(line)))
+    return "".join(_PERSISTENT.sub(r"\1;", code).split()).lower()
+
+
+def has_main(text: str) -> bool:
+    """Whether a module declares the procedure a program begins with."""
+    return _MAIN.search(text) is not None
+
+
+def foreign_mains(client: RwsClient, side: Side) -> Iterator[tuple[str, str]]:
+    """Name and text of each module in an arm's task that is not one of this package and has a ``main``."""
+    ours = {name.lower() for name in delivered_modules()}
+    for module in client.modules(side.task):
+        if module.name.lower() in ours:
+            continue
+        try:
+            text = client.module_text(side.task, module.name)
+        except (ControllerRefused, ProtocolError):  # hidden and encoded modules of ABB, which have no main
+            continue
+        if has_main(text):
+            yield module.name, text
 
 
 def delivered(addresses: Mapping[Side, EgmAddress], *, has_grippers: bool = True, has_add_in: bool = False) -> Contents:
@@ -573,7 +570,7 @@ class Installation:
         version = ".".join(map(str, system.robotware))
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
             yield f"RobotWare {version} has no EGM for seven axes; have it updated to 6.09 or newer, but not 7"
-        elif system.robotware[0] > _NEWEST_ROBOTWARE:
+        elif system.robotware[0] > NEWEST_ROBOTWARE:
             yield f"RobotWare {version} has another protocol (Robot Web Services 2); this package is for RobotWare 6"
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
