@@ -53,7 +53,7 @@ from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import Executors, TimerThread
 from yumi.ros.robot_manager import RobotManagerActions, RobotManagerServices, SignalsTopic, SpeedScaleInterface
 from yumi.ros.topics import (
-    NAME,
+    ROBOT_STATE_PUBLISHER,
     CommandTopic,
     FramePublisher,
     HealthTopics,
@@ -107,7 +107,7 @@ class RosDriver:
             self._node: Any = rclpy.create_node("yumi_robot_manager", namespace=root)
             dual = rclpy.create_node(DUAL_ARM, namespace=root)
             gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
-            description_node = rclpy.create_node(NAME, namespace=root)
+            description_node = rclpy.create_node(ROBOT_STATE_PUBLISHER, namespace=root)
         except RCLError as error:
             raise MissingPrerequisite(
                 f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "

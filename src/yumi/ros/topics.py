@@ -1,4 +1,6 @@
-"""Topics of commands, joint states and the robot description. A command becomes a checked goal, or a logged refusal.
+"""The driver's topics: commands of the arms, joint states, state of the robot and diagnostics, frames and description.
+
+A command becomes a checked goal, or a logged refusal. Each loaded forward controller has a command topic of its name.
 
 ================================ ========================== ===================================================
 topic                            type                       for
@@ -9,15 +11,12 @@ joint_velocity_commands          sensor_msgs/JointState     joint_velocity_contr
 ================================ ========================== ===================================================
 
 Joint states are published per arm every cycle, and merged at a lower rate; while EGM is silent they are what the
-monitor reads from the controller. A controller manager waits for a ``robot_description`` that has its arm. Each loaded
-forward controller has a command topic under its name.
-
-The state of the robot on topics: ``egm_state`` of each arm, ``/diagnostics``, ``~/state`` of the robot manager.
-
-The frames of the robot: ``/tf``, ``/tf_static``, ``tcp_pose`` of each arm, ``robot_description``; where they are.
+monitor reads from the controller. ``egm_state`` of each arm, ``/diagnostics`` and ``~/state`` of the robot manager say
+how the robot is, ``/tf``, ``/tf_static`` and ``tcp_pose`` of each arm where it is.
 
 The node ``robot_state_publisher`` takes the place of ROS's own program of that name, with its parameters: tools read
-``robot_description`` from it, as a latched topic or as a parameter.
+``robot_description`` from it, as a latched topic or as a parameter. A controller manager waits for one that has its
+arm.
 """
 
 from __future__ import annotations
@@ -74,13 +73,34 @@ from yumi.ros.messages import (
 )
 from yumi.ros.nodes import TimerThread
 
-# Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
-# a goal is sent once. Several partial goals may come at once, hence the depth.
-_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
-
+ROBOT_STATE_PUBLISHER = "robot_state_publisher"
+"""Of the node that has the frames and the description."""
 
 OLDEST_STAMP = 0.1
 """A goal whose stamp is older comes from a clock that is not ours [s]."""
+
+STALE = 1.0
+"""The position of an arm whose last state is older is not known [s]; without EGM one comes every 0.4 s."""
+
+STATE_POLL = 0.05
+"""How often the robot's state is compared with the last one [s]; that asks nothing of the robot itself."""
+
+STATE_PERIOD = 1.0
+"""The robot's state is published at least so often [s]."""
+
+_EGM_STATE_PERIOD = 0.1  # [s]
+_DIAGNOSTICS_PERIOD = 1.0  # [s]
+_CYCLE_WAIT = 0.1  # [s] within which a publisher's thread ends
+
+# Reliable, as ros2_control's command topics: a best-effort reader may miss the first message of a new publisher, and
+# a goal is sent once. Several partial goals may come at once, hence the depth.
+_COMMAND_QOS = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+_STATES_DEPTH = 10
+_TF_QOS = QoSProfile(depth=100)  # as tf2's own broadcaster
+_STATIC_QOS = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as tf2's own listener
+
+_LONGEST_CHAIN = 100  # frames from the root on; more are a loop
+_HERE = Pose((0.0, 0.0, 0.0), IDENTITY)
 
 
 class CommandTopic(ABC):
@@ -117,7 +137,7 @@ class CommandTopic(ABC):
         self._now = now
         self._given_in = (0, 0)  # session and activation
         self.why_stopped: Callable[[], object] = lambda: ""  # a sentence with a blank before it, or nothing
-        self._subscription = node.create_subscription(self.type, self.name, self._receive, _QOS)
+        self._subscription = node.create_subscription(self.type, self.name, self._receive, _COMMAND_QOS)
 
     def destroy(self) -> None:
         """Take no more commands."""
@@ -287,8 +307,29 @@ class ForwardTopic(CommandTopic):
             )
 
 
-STALE = 1.0
-"""The position of an arm whose last state is older is not known [s]; without EGM one comes every 0.4 s."""
+def forward_interfaces(
+    nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
+) -> Mapping[str, MakeInterface]:
+    """What forward controllers offer, by their type."""
+
+    def active(side: Side) -> frozenset[str]:
+        infos = control.call(Commands.list_controllers, side)
+        return frozenset(info.name for info in infos if info.claimed)
+
+    def make(_: Any, side: Side, name: str) -> ForwardTopic:
+        buffers = control.buffers[side]
+        return ForwardTopic(
+            nodes[side],
+            side,
+            (buffers.forward_positions, buffers.forward_speeds),
+            partial(control.snapshot, side),
+            now,
+            name,
+            partial(active, side),
+        )
+
+    return {controller.kind: make for controller in FORWARDERS}
+
 
 MeasuredState = Callable[[Side], JointStates | None]
 """The newest measured state of an arm; None where there has been none."""
@@ -300,10 +341,6 @@ def newest_state(buffers: ArmBuffers, polled: JointStates | None) -> JointStates
     if newest is None or (polled is not None and polled.time > newest[1].time):
         return polled
     return newest[1]
-
-
-_DEPTH = 10
-_POLL = 0.1  # [s] within which a publisher's thread ends
 
 
 class JointStatePublisher:
@@ -333,7 +370,7 @@ class JointStatePublisher:
         self._polled = polled
         self._frame = frame
         self._published = -inf
-        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._publisher = node.create_publisher(JointState, "joint_states", _STATES_DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._names = joint_names(side)
         self._buffers = buffers
@@ -353,7 +390,7 @@ class JointStatePublisher:
     def _run(self) -> None:
         last = 0
         while not self._is_over.is_set():
-            has_cycle = self._buffers.cycle_done.acquire(timeout=_POLL)
+            has_cycle = self._buffers.cycle_done.acquire(timeout=_CYCLE_WAIT)
             read = None if has_cycle else self._polled(self._side)
             new = [] if read is None or read.time <= self._published else [(last, read)]
             for number, state in self._buffers.states.since(last) if has_cycle else new:
@@ -399,7 +436,7 @@ class MergedJointStates:
     ) -> None:
         self._polled = polled
         self._frame = frame
-        self._publisher = node.create_publisher(JointState, "joint_states", _DEPTH)
+        self._publisher = node.create_publisher(JointState, "joint_states", _STATES_DEPTH)
         self._stamps = Stamps.of(node, clock)
         self._clock = clock
         self._buffers = buffers
@@ -429,34 +466,6 @@ class MergedJointStates:
             # An arm that stands must not make the states of one that moves look old.
             oldest = min(reported or read, default=now)
             self._publisher.publish(joint_state(names, position, velocity, self._stamps.at(oldest), self._frame))
-
-
-def forward_interfaces(
-    nodes: Mapping[Side, Any], control: ControlProcess, now: Callable[[], float]
-) -> Mapping[str, MakeInterface]:
-    """What forward controllers offer, by their type."""
-
-    def active(side: Side) -> frozenset[str]:
-        infos = control.call(Commands.list_controllers, side)
-        return frozenset(info.name for info in infos if info.claimed)
-
-    def make(_: Any, side: Side, name: str) -> ForwardTopic:
-        buffers = control.buffers[side]
-        return ForwardTopic(
-            nodes[side],
-            side,
-            (buffers.forward_positions, buffers.forward_speeds),
-            partial(control.snapshot, side),
-            now,
-            name,
-            partial(active, side),
-        )
-
-    return {controller.kind: make for controller in FORWARDERS}
-
-
-_EGM_STATE_PERIOD = 0.1  # [s]
-_DIAGNOSTICS_PERIOD = 1.0  # [s]
 
 
 class HealthTopics:
@@ -504,13 +513,6 @@ class HealthTopics:
         timers.every(_DIAGNOSTICS_PERIOD, "/diagnostics", publish_diagnostics)
 
 
-POLL_PERIOD = 0.05
-"""How often the state is compared with the last one [s]; that asks nothing of the robot itself."""
-
-PERIOD = 1.0
-"""The state is published at least so often [s]."""
-
-
 class RobotStateTopic:
     """Publishes ``~/state`` of the robot manager, latched, on each change and once a second."""
 
@@ -524,29 +526,22 @@ class RobotStateTopic:
         self._clock = clock
         self._last: RobotState | None = None
         self._published = 0.0
-        timers.every(POLL_PERIOD, "yumi_robot_manager/state", self.update)
+        timers.every(STATE_POLL, "yumi_robot_manager/state", self.update)
 
     def update(self) -> None:
         """Publish a state that has changed, or was published long ago."""
         state, now = self._state(), self._clock.now()
-        if state == self._last and now - self._published < PERIOD:
+        if state == self._last and now - self._published < STATE_PERIOD:
             return
         self._last, self._published = state, now
         self._publisher.publish(robot_state(state, self._ros_clock.now().nanoseconds, self._frame))
-
-
-NAME = "robot_state_publisher"
-_TF = QoSProfile(depth=100)  # as tf2's own broadcaster
-_STATIC = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)  # as tf2's own listener
-_LONGEST_CHAIN = 100  # frames from the root on; more are a loop
-_HERE = Pose((0.0, 0.0, 0.0), IDENTITY)
 
 
 class FramePublisher:
     """Publishes the frames of ``urdf``, the tool in use as ``yumi_tcp_r`` and ``yumi_tcp_l``, and the description.
 
     Frames that a joint moves are published when that joint was measured anew, with the time of that. Frames of an arm
-    that has not been measured for :data:`~yumi.ros.topics.STALE` end.
+    that has not been measured for :data:`STALE` end.
 
     Args:
         node: the node ``robot_state_publisher``.
@@ -605,7 +600,7 @@ class FramePublisher:
             self._moving[side] = [(each, self._transform(each)) for each in frames if each.joint in arm]
             self._sliding[side] = [(each, self._transform(each)) for each in frames if each.joint in finger_joints]
         self._fixed = [each for each in frames if not each.joint]
-        self._tf: Any = node.create_publisher(TFMessage, "/tf", _TF)
+        self._tf: Any = node.create_publisher(TFMessage, "/tf", _TF_QOS)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._publish_fixed()
 
@@ -699,7 +694,7 @@ class RobotFrames:
 
     def listen(self, node: Any) -> None:
         """Know the frames that others publish on ``/tf_static``: work objects, tools on a flange, the robot's place."""
-        node.create_subscription(TFMessage, "/tf_static", self.take, _STATIC)
+        node.create_subscription(TFMessage, "/tf_static", self.take, _STATIC_QOS)
 
     def take(self, message: Any) -> None:
         """Fixed frames of others. The robot's own are known; what is not a transform is left out."""
