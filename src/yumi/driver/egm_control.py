@@ -1,15 +1,13 @@
-"""EGM on the robot and the controllers on top of it, started and stopped together.
+"""EGM with its controllers and its watchdog: started and stopped together, and brought back after a stop.
 
-The driver's end of the watchdog: a heartbeat to the robot, which stops its program without one.
+:class:`EgmControl` starts and stops EGM on the robot and the controllers on top of it. The :class:`Watchdog` sends a
+heartbeat to the robot, which stops its program without one (``controller_files/TRobWatchdog.mod``). A driver whose
+control process has died sends no heartbeat either: nothing controls the arm then.
 
-The robot's end is ``controller_files/TRobWatchdog.mod``. A driver whose control process has died sends no heartbeat
-either: nothing controls the arm then.
-
-Recovery: says what stopped the robot, clears what may be cleared, and brings it back; no process is restarted.
-
-And recovery without a person, where no person was involved in the stop: a setting, off by default. Nothing is done then
-after a stop that a person must confirm, nor where the cause is not certain: a program stop without another cause may
-have been the stop button of the FlexPendant.
+:class:`Recovery` says what stopped the robot, clears what may be cleared, and brings it back; no process is restarted.
+:class:`AutomaticRecovery` does that without a person, where no person was involved in the stop: a setting, off by
+default. It does nothing after a stop that a person must confirm, nor where the cause is not certain: a program stop
+without another cause may have been the stop button of the FlexPendant.
 """
 
 from __future__ import annotations
@@ -56,8 +54,26 @@ from yumi.settings import bounded
 POSITION_CONTROLLER = "joint_position_controller"
 """What commands an arm after EGM has started, unless another controller is named."""
 
+FIRST_DATAGRAM = 5.0
+"""How long the arms may take from the start signal until they follow [s]."""
+
 BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
+
+LONGEST_RESTART = 120.0
+"""Longest wait for a controller that is starting [s]."""
+
+LONGEST_HANG = 5.0
+"""Longest wait for one that takes connections but ends no reply [s]: one that is starting takes none."""
+
+WAITING = "wait for the controller, which does not answer"
+
+ATTEMPTS = 10
+"""So often it is tried to recover automatically, for one loss of EGM."""
+
+_ATTEMPT_PERIOD = 1.0  # [s] between two attempts to reach a controller that is starting
+_RECOVERY_POLL = 1.0  # [s] between two looks whether EGM was lost
+_STARTING = 503  # status of HTTP that a controller answers while it starts
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,93 +89,16 @@ class WatchdogSettings:
     timeout: float = bounded(5.0, 1.0, 60.0, "s")
 
 
-class Watchdog:
-    """Arms the robot's watchdog, and sends it heartbeats.
-
-    Args:
-        client: a connected client.
-        check: sees that the control loop runs; raises RobotNotReady.
-        settings: whether, and how.
+@dataclass(frozen=True, slots=True)
+class RecoverySettings:
+    """Recovery from stops in which no person was involved.
 
     Attributes:
-        is_armed: whether the robot stops without heartbeats.
+        automatic: whether EGM is started again by itself after a lost link, EGM's time-out, the robot's watchdog or a
+            restart of the controller.
     """
 
-    def __init__(self, client: RwsClient, check: Callable[[], None], settings: WatchdogSettings) -> None:
-        self.is_armed = False
-        self._client = client
-        self._check = check
-        self._settings = settings
-        self._is_over = Flag()
-        self._thread: SupervisedThread | None = None
-
-    def start(self) -> None:
-        """Send heartbeats whenever it is armed; nothing to do when it is switched off."""
-        if self._settings.enabled:
-            self._is_over.clear()
-            thread = SupervisedThread("watchdog", self._run, self._is_over)
-            thread.start()
-            self._thread = thread
-
-    def stop(self) -> None:
-        self._is_over.set()
-        if self._thread is not None:
-            self._thread.join()
-            self._thread = None
-
-    def arm(self) -> str:
-        """Arm it, if a thread sends heartbeats; returns a remark where the robot has no watchdog, else nothing."""
-        if self._thread is None or self.is_armed:
-            return ""
-        try:
-            self.arm_robot()
-        except ControllerRefused as error:
-            return f"no watchdog, the robot will not notice when this program dies: {error}"
-        return ""
-
-    def arm_robot(self) -> None:
-        """Arm it, whatever sends the heartbeats; raises ControllerRefused when the robot has no watchdog."""
-        for level in (0, 1):  # a beat that met a stopped program was not taken back, and no other would be an edge
-            self._client.set_signal(EXTERNAL_STATUS, level)
-        for side in Side:
-            self._write(side, "external_timeout", self._settings.timeout)
-            self._write(side, "check_external_status", True)
-            self._write(side, "active", True)
-        self.is_armed = True
-
-    def take_over(self) -> None:
-        """Disarm what an earlier driver has armed: it would stop a program that has no EGM."""
-        self.is_armed = False
-        with suppress(ControllerRefused):  # the robot has none
-            for side in Side:
-                self._write(side, "active", False)
-
-    def disarm(self) -> None:
-        """Disarm it; a robot whose program ended has disarmed it by itself."""
-        if self.is_armed:
-            self.is_armed = False
-            for side in Side:
-                self._write(side, "active", False)
-
-    def beat(self) -> None:
-        """Send one heartbeat, if the control loop runs, too; where one is lost, the next one follows."""
-        try:
-            self._check()
-            self._client.set_signal(EXTERNAL_STATUS, 1)
-        except YumiError:
-            return
-
-    def _run(self) -> None:
-        while not self._is_over.wait(self._settings.timeout / BEATS_PER_TIMEOUT):
-            if self.is_armed:
-                self.beat()
-
-    def _write(self, side: Side, name: str, value: rapid_values.RapidValue) -> None:
-        self._client.set_symbol(side.task, WATCHDOG, name, rapid_values.encode(value))
-
-
-FIRST_DATAGRAM = 5.0
-"""How long the arms may take from the start signal until they follow [s]."""
+    automatic: bool = False
 
 
 class ArmControl(CommandPort, Protocol):
@@ -312,16 +251,89 @@ class EgmControl:
         return {side: it.problem for side, it in snapshots.items() if it.problem is not Problem.NONE and it.is_running}
 
 
-RESTART = 120.0
-"""Longest wait for a controller that is starting [s]."""
+class Watchdog:
+    """Arms the robot's watchdog, and sends it heartbeats.
 
-HUNG = 5.0
-"""Longest wait for one that takes connections but ends no reply [s]: one that is starting takes none."""
+    Args:
+        client: a connected client.
+        check: sees that the control loop runs; raises RobotNotReady.
+        settings: whether, and how.
 
-WAITING = "wait for the controller, which does not answer"
+    Attributes:
+        is_armed: whether the robot stops without heartbeats.
+    """
 
-_ATTEMPT = 1.0  # [s] between two
-_STARTING = 503
+    def __init__(self, client: RwsClient, check: Callable[[], None], settings: WatchdogSettings) -> None:
+        self.is_armed = False
+        self._client = client
+        self._check = check
+        self._settings = settings
+        self._is_over = Flag()
+        self._thread: SupervisedThread | None = None
+
+    def start(self) -> None:
+        """Send heartbeats whenever it is armed; nothing to do when it is switched off."""
+        if self._settings.enabled:
+            self._is_over.clear()
+            thread = SupervisedThread("watchdog", self._run, self._is_over)
+            thread.start()
+            self._thread = thread
+
+    def stop(self) -> None:
+        self._is_over.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def arm(self) -> str:
+        """Arm it, if a thread sends heartbeats; returns a remark where the robot has no watchdog, else nothing."""
+        if self._thread is None or self.is_armed:
+            return ""
+        try:
+            self.arm_robot()
+        except ControllerRefused as error:
+            return f"no watchdog, the robot will not notice when this program dies: {error}"
+        return ""
+
+    def arm_robot(self) -> None:
+        """Arm it, whatever sends the heartbeats; raises ControllerRefused when the robot has no watchdog."""
+        for level in (0, 1):  # a beat that met a stopped program was not taken back, and no other would be an edge
+            self._client.set_signal(EXTERNAL_STATUS, level)
+        for side in Side:
+            self._write(side, "external_timeout", self._settings.timeout)
+            self._write(side, "check_external_status", True)
+            self._write(side, "active", True)
+        self.is_armed = True
+
+    def take_over(self) -> None:
+        """Disarm what an earlier driver has armed: it would stop a program that has no EGM."""
+        self.is_armed = False
+        with suppress(ControllerRefused):  # the robot has none
+            for side in Side:
+                self._write(side, "active", False)
+
+    def disarm(self) -> None:
+        """Disarm it; a robot whose program ended has disarmed it by itself."""
+        if self.is_armed:
+            self.is_armed = False
+            for side in Side:
+                self._write(side, "active", False)
+
+    def beat(self) -> None:
+        """Send one heartbeat, if the control loop runs, too; where one is lost, the next one follows."""
+        try:
+            self._check()
+            self._client.set_signal(EXTERNAL_STATUS, 1)
+        except YumiError:
+            return
+
+    def _run(self) -> None:
+        while not self._is_over.wait(self._settings.timeout / BEATS_PER_TIMEOUT):
+            if self.is_armed:
+                self.beat()
+
+    def _write(self, side: Side, name: str, value: rapid_values.RapidValue) -> None:
+        self._client.set_symbol(side.task, WATCHDOG, name, rapid_values.encode(value))
 
 
 class Recovery:
@@ -365,9 +377,9 @@ class Recovery:
             nonlocal next_attempt, is_reported
             if self._clock.now() < next_attempt:
                 return False
-            if self._answers(begin + HUNG):
+            if self._answers(begin + LONGEST_HANG):
                 return True
-            next_attempt = self._clock.now() + _ATTEMPT
+            next_attempt = self._clock.now() + _ATTEMPT_PERIOD
             if not is_reported:
                 self._bringup.note(WAITING)
                 report(WAITING)
@@ -375,10 +387,10 @@ class Recovery:
             return False
 
         refusal = (
-            f"The controller at {self._client.address} has not answered for {RESTART:g} s; check its power and the "
-            "network cable."
+            f"The controller at {self._client.address} has not answered for {LONGEST_RESTART:g} s; check its power and "
+            "the network cable."
         )
-        wait_until(self._clock, answers, RESTART, refusal, check=check)
+        wait_until(self._clock, answers, LONGEST_RESTART, refusal, check=check)
         return is_reported
 
     def _answers(self, patience: float) -> bool:
@@ -456,25 +468,6 @@ class Recovery:
         return "The robot is ready"
 
 
-PERIOD = 1.0
-"""Time between two polls [s]."""
-
-ATTEMPTS = 10
-"""So often it is tried, for one loss of EGM."""
-
-
-@dataclass(frozen=True, slots=True)
-class RecoverySettings:
-    """Recovery from stops in which no person was involved.
-
-    Attributes:
-        automatic: whether EGM is started again by itself after a lost link, EGM's time-out, the robot's watchdog or a
-            restart of the controller.
-    """
-
-    automatic: bool = False
-
-
 class Recoverable(Protocol):
     """What is needed of the robot manager."""
 
@@ -529,5 +522,5 @@ class AutomaticRecovery:
                     self._report(logging.WARNING, f"Recovered automatically (recovery.automatic): {done}")
 
     def _run(self) -> None:
-        while not self._is_over.wait(PERIOD):
+        while not self._is_over.wait(_RECOVERY_POLL):
             self.step()

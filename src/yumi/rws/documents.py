@@ -1,4 +1,7 @@
-"""What one response of Robot Web Services holds, free of its format, and the formats (reference/rws.md §1, §3).
+"""What requests and responses of Robot Web Services hold, free of their format, and the formats.
+
+From inside out: forms, pages with their states, the XHTML they come in (reference/rws.md §1, §3), and what the pages
+say to a client: typed values, or a refusal with ABB's code.
 
 A *state* is ABB's word for one thing shown: an ``<li>`` of XHTML, an object of ``_state`` in JSON. A controller answers
 with XHTML unless a client asks for JSON with ``json=1``. The client reads XHTML alone: the events of subscriptions come
@@ -6,8 +9,6 @@ in no other format, and the controller's JSON deviates from it in several names.
 
 Names and values in queries and form bodies are written strictly and read as tolerantly as a controller does: ABB's own
 C++ client sends values unescaped, Python clients percent-encode them; both must arrive as the same text.
-
-What the pages of Robot Web Services say to a client: typed values, or a refusal with ABB's code.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from xml.etree.ElementTree import Element
 
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
-from yumi.rws import types as codes
 from yumi.rws.types import (
     CollisionState,
     ControllerState,
@@ -36,6 +36,8 @@ from yumi.rws.types import (
     OperatingMode,
     SignalType,
     TaskExecution,
+    name_of,
+    sentence,
 )
 
 E = TypeVar("E", bound=Enum)
@@ -453,7 +455,7 @@ class FileInfo:
     size: int | None
 
 
-def system(page: Page) -> SystemInfo:
+def read_system(page: Page) -> SystemInfo:
     """``/rw/system``."""
     state = page.one("sys-system-li")
     version = state.text("rwversionname")
@@ -464,14 +466,14 @@ def system(page: Page) -> SystemInfo:
     return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
 
 
-def identity(page: Page) -> ControllerIdentity:
+def read_identity(page: Page) -> ControllerIdentity:
     """``/ctrl/identity``."""
     state = page.one("ctrl-identity-info", "ctrl-identity-info-li")
     is_virtual = state.text("ctrl-type").startswith("Virtual")
     return ControllerIdentity(state.text("ctrl-name"), state.fields.get("ctrl-id", ""), is_virtual)
 
 
-def progress(page: Page) -> Progress:
+def read_progress(page: Page) -> Progress:
     """``/progress/{id}``."""
     if not page.states:
         raise ProtocolError("The controller's answer holds no progress.")
@@ -479,7 +481,7 @@ def progress(page: Page) -> Progress:
     return Progress(state.whole("code"), state.text("state"))
 
 
-def clock(page: Page) -> datetime:
+def read_clock(page: Page) -> datetime:
     """``/ctrl/clock``: the controller's local time, as it has no zone."""
     text = page.one("ctrl-clock-info", "ctrl-clock-info-li").text("datetime")
     try:
@@ -488,23 +490,23 @@ def clock(page: Page) -> datetime:
         raise ProtocolError(f"The controller's clock shows {text!r}, which is not a time.") from error
 
 
-def controller_state(page: Page) -> ControllerState:
+def read_controller_state(page: Page) -> ControllerState:
     """``/rw/panel/ctrlstate``."""
     return page.one("pnl-ctrlstate").member(ControllerState, "ctrlstate")
 
 
-def operating_mode(page: Page) -> OperatingMode:
+def read_operating_mode(page: Page) -> OperatingMode:
     """``/rw/panel/opmode``."""
     return page.one("pnl-opmode").member(OperatingMode, "opmode")
 
 
-def collision_state(page: Page) -> CollisionState:
+def read_collision_state(page: Page) -> CollisionState:
     """``/rw/panel/coldetstate``; the field's name has a blank at its end on some versions."""
     fields = {name.strip(): text for name, text in page.one("pnl-coldetstate").fields.items()}
     return member(CollisionState, fields.get("coldetstate", ""))
 
 
-def mastership(page: Page) -> str:
+def read_mastership(page: Page) -> str:
     """``/rw/mastership/{domain}``: who holds it, unless that is this session."""
     state = page.one("msh-resource")
     if state.text("mastership") == "nomaster" or state.fields.get("mastershipheldbyme", "").upper() == "TRUE":
@@ -513,17 +515,17 @@ def mastership(page: Page) -> str:
     return ", ".join(known) or f"another client ({state.text('mastership')})"
 
 
-def speed_ratio(page: Page) -> int:
+def read_speed_ratio(page: Page) -> int:
     """``/rw/panel/speedratio`` [%]."""
     return page.one("pnl-speedratio").whole("speedratio")
 
 
-def execution(page: Page) -> ExecutionState:
+def read_execution(page: Page) -> ExecutionState:
     """``/rw/rapid/execution``."""
     return page.one("rap-execution").member(ExecutionState, "ctrlexecstate")
 
 
-def tasks(page: Page) -> tuple[TaskInfo, ...]:
+def read_tasks(page: Page) -> tuple[TaskInfo, ...]:
     """``/rw/rapid/tasks``."""
     return tuple(
         TaskInfo(
@@ -537,25 +539,19 @@ def tasks(page: Page) -> tuple[TaskInfo, ...]:
     )
 
 
-def modules(page: Page) -> tuple[ModuleInfo, ...]:
-    """``/rw/rapid/modules``."""
-    states = page.of_type("rap-module-info-li")
-    return tuple(ModuleInfo(state.text("name"), state.text("type")) for state in states)
-
-
-def module_text(page: Page) -> str:
+def read_module_text(page: Page) -> str:
     """``/rw/rapid/modules/{module}?resource=module-text``: URL-encoded, in Latin-1 as RAPID's files."""
     text = page.one("rap-module-text").text("module-text")
     decode = unquote if "%20" in text else unquote_plus  # which of the two encodings it is, ABB does not say
     return decode(text, encoding="latin-1")
 
 
-def symbol(page: Page) -> str:
+def read_symbol(page: Page) -> str:
     """``/rw/rapid/symbol/data``: the RAPID literal."""
     return page.one("rap-data").text("value")
 
 
-def symbol_type(page: Page) -> str:
+def read_symbol_type(page: Page) -> str:
     """``/rw/rapid/symbol/properties``: the name of the RAPID type."""
     for state in page.states:
         if state.type.startswith("rap-symprop"):
@@ -563,13 +559,17 @@ def symbol_type(page: Page) -> str:
     raise ProtocolError("The controller's answer holds no properties of a symbol.")
 
 
-def signal(page: Page) -> Signal:
+def read_signal(page: Page) -> Signal:
     """``/rw/iosystem/signals/{name}``."""
-    state = page.one("ios-signal", "ios-signal-li")
+    return signal_of(page.one("ios-signal", "ios-signal-li"))
+
+
+def signal_of(state: State) -> Signal:
+    """A signal, of whatever list."""
     return Signal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
 
 
-def signals(page: Page) -> Mapping[str, float]:
+def read_signals(page: Page) -> Mapping[str, float]:
     """``/rw/iosystem/signals``: the values by name; an entry without a valid value is left out."""
     values: dict[str, float] = {}
     for state in page.of_type("ios-signal-li"):
@@ -578,36 +578,38 @@ def signals(page: Page) -> Mapping[str, float]:
     return values
 
 
-def cfg(page: Page) -> tuple[CfgInstance, ...]:
+def read_cfg_instances(page: Page) -> tuple[CfgInstance, ...]:
     """``/rw/cfg/{domain}/{type}/instances``."""
-    return tuple(
-        CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
-        for state in page.of_type("cfg-dt-instance-li")
-    )
+    return tuple(map(cfg_instance_of, page.of_type("cfg-dt-instance-li")))
 
 
-def pose(state: State) -> Pose:
+def cfg_instance_of(state: State) -> CfgInstance:
+    """An instance with the attributes in its list."""
+    return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+
+
+def pose_of(state: State) -> Pose:
     """Out of ``x`` to ``q4``."""
     x, y, z = (state.number(name) * _MM for name in "xyz")
     w, i, j, k = (state.number(f"q{number}") for number in range(1, 5))
     return Pose((x, y, z), (w, i, j, k))
 
 
-def rob_target(state: State) -> RobTarget:
+def rob_target_of(state: State) -> RobTarget:
     """A robtarget, as each of the services spells it."""
     names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
     one, four, six, x = (state.whole(name) for name in names)
     external = [name for name in state.fields if name.startswith(("eax", "ej"))]
-    return RobTarget(pose(state), (one, four, six, x), axes(state, external))
+    return RobTarget(pose_of(state), (one, four, six, x), external_axes_of(state, external))
 
 
-def axes(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
+def external_axes_of(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
     """External axes [rad]."""
     found = [state.number(name) for name in names]
     return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)
 
 
-def joint_target(page: Page) -> JointTarget:
+def read_joint_target(page: Page) -> JointTarget:
     """``/rw/motionsystem/mechunits/{unit}/jointtarget``."""
     return joint_target_of(page.one("ms-jointtarget"), "rax_", EXTERNAL_AXES)
 
@@ -619,7 +621,7 @@ def joint_target_of(state: State, robot: str, external: Sequence[str]) -> JointT
     return JointTarget((a1, a2, a3, a4, a5, a6), tuple(None if angle > _NOT_CONNECTED else angle for angle in found))
 
 
-def events(page: Page) -> tuple[Event, ...]:
+def read_events(page: Page) -> tuple[Event, ...]:
     """``/rw/elog/{domain}``, in the controller's order."""
     found: list[Event] = []
     for state in page.of_type("elog-message-li", "elog-message"):
@@ -640,20 +642,12 @@ def events(page: Page) -> tuple[Event, ...]:
     return tuple(found)
 
 
-def files(page: Page) -> tuple[FileInfo, ...]:
-    """``/fileservice/{directory}``."""
-    return tuple(
-        FileInfo(state.title, state.whole("fs-size") if state.type == "fs-file" else None)
-        for state in page.of_type("fs-dir", "fs-file")
-    )
-
-
 def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
     """The error for a response that refuses; ``what`` is the request in a few words."""
     try:
         known = read_status(content_type, body)
     except ProtocolError:  # a body of another kind, which gateways and old versions send
         return ControllerRefused(f"{what} was refused with HTTP status {status}.", status=status)
-    reason = codes.sentence(known.code) or known.message or "the controller gives no reason"
-    name = f"{codes.name_of(known.code)} {known.code}".strip()
+    reason = sentence(known.code) or known.message or "the controller gives no reason"
+    name = f"{name_of(known.code)} {known.code}".strip()
     return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)

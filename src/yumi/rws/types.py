@@ -1,4 +1,4 @@
-"""Values of Robot Web Services: states and codes of a controller, and RAPID values as literals.
+"""Values of Robot Web Services: states, grants and codes of a controller, RAPID values, system parameters.
 
 States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
 literals without blanks (§6.5):
@@ -13,10 +13,9 @@ record     tuple of values      ``[TRUE,1,[0,0,0]]``
 array      tuple of values      ``[1,2,3]``
 ========== ==================== ==========================
 
-ABB's cfg files: the system parameters of one domain as text, read and written.
-
-A file begins with its domain and version, such as ``SIO:CFG_1.0:6:1::``; then come types (``COM_TRP:``), each with its
-instances, one a line, which a backslash continues. An attribute without a value is a flag that is set.
+The system parameters of one domain are text in a cfg file. It begins with domain and version, such as
+``SIO:CFG_1.0:6:1::``; then come types (``COM_TRP:``), each with its instances, one a line, which a backslash continues.
+An attribute without a value is a flag that is set.
 """
 
 from __future__ import annotations
@@ -369,16 +368,18 @@ def _decode(text: str, depth: int) -> RapidValue:
 
 
 FLAG = "TRUE"
-"""Value of an attribute that stands without one."""
+"""Value of an attribute of a cfg file that stands without one."""
 
 # A flag has no value: what follows it is the next attribute, unless it is a negative number.
 _ATTRIBUTE = re.compile(r'-(\w+)(?:\s+("[^"]*"|-[\d.]\S*|[^\s"-]\S*))?')
-_LINE = 100
+_LONGEST_LINE = 100
+_UNSET = {"", "false", "no"}
+_SET = {"true", "yes"}
 
 
 @dataclass(frozen=True, slots=True)
 class CfgFile:
-    """The content of a file.
+    """The content of a cfg file.
 
     Attributes:
         header: its first line.
@@ -392,10 +393,6 @@ class CfgFile:
     def domain(self) -> str:
         """Such as ``EIO``."""
         return self.header.partition(":CFG_")[0]
-
-
-_UNSET = {"", "false", "no"}
-_SET = {"true", "yes"}
 
 
 def stated(attributes: Mapping[str, str]) -> dict[str, str]:
@@ -447,7 +444,7 @@ def write_cfg(header: str, instances: Iterable[tuple[str, Mapping[str, str]]]) -
             for name, value in attributes.items():
                 plain = value if _NUMBER.fullmatch(value) else f'"{value}"'
                 word = f"-{name}" if value == FLAG else f"-{name} {plain}"
-                if len(line) + len(word) > _LINE:
+                if len(line) + len(word) > _LONGEST_LINE:
                     lines.append(f"{line} \\")
                     line = "     "
                 line += f" {word}"

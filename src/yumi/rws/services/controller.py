@@ -1,8 +1,8 @@
-"""The controller itself: panel, event log, identity, clock, network, backups, options, licence, energy, jobs.
+"""The controller itself: its panel, event log, system and users.
 
-The panel has motors, operating mode, speed, collision detection, and the restart of RobotWare.
-
-Users, grants, mastership, and the remote manual mode privilege (RMMP).
+The panel has motors, operating mode, speed, collision detection, and the restart of RobotWare; the system identity,
+clock, network, backups, options, licence, energy and jobs. To users belong grants, mastership, and the remote manual
+mode privilege (RMMP).
 """
 
 from __future__ import annotations
@@ -22,183 +22,12 @@ from yumi.rws.documents import ControllerIdentity, Event, State, SystemInfo
 from yumi.rws.session import OnProgress, Request, Requests, file_path, get, given, post
 from yumi.rws.types import Code, CollisionState, ControllerState, OperatingMode
 
+_EVENTS_PER_PAGE = 50
+_JOB_POLL = 0.5  # [s]
+_JOB_DEADLINE = 600.0  # [s]
+_PROGRESS = re.compile(r"/progress/[\w-]+")
 _RMMP = "/users/rmmp"
 _RMMP_POLL = 0.25  # [s]; the controller forgets a request that is not polled for 10 s
-
-
-class Privilege(Enum):
-    """What a client may do in manual mode."""
-
-    MODIFY = "modify"
-    """Write data and programs."""
-    EXECUTE = "exec"
-    """Start programs, too."""
-
-
-class RmmpStatus(Enum):
-    """What became of a request for the remote manual mode privilege."""
-
-    PENDING = "PENDING"
-    GRANTED = "GRANTED"
-    DENIED = "DENIED"
-
-
-@dataclass(frozen=True, slots=True)
-class User:
-    """A client that is logged in."""
-
-    uid: int
-    name: str
-    application: str
-    location: str
-    is_local: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Rmmp:
-    """Who has the remote manual mode privilege, or asks for it.
-
-    Attributes:
-        user: who; None for no user.
-        privilege: ``none``, ``pending modify``, ``modify`` or ``exec``.
-        is_own: whether it is this client.
-    """
-
-    user: User | None
-    privilege: str
-    is_own: bool
-
-
-class Users(Requests):
-    """``/users`` and ``/rw/mastership``."""
-
-    def users(self) -> tuple[User, ...]:
-        """Clients that are logged in; some controllers show this one only."""
-        return tuple(_user(state, "uid", "ulocale") for state in self._states("reading the users", "/users"))
-
-    def register(
-        self, name: str = "Default User", application: str = "yumi-ros2", location: str = "", *, is_local: bool = False
-    ) -> None:
-        """Say who this client is, for the FlexPendant and other clients."""
-        locale = "local" if is_local else "remote"
-        form = given(username=name, application=application, location=location, ulocale=locale)
-        self._do(Request("POST", "/users", form=form), "registering")
-
-    def set_local(self, is_local: bool) -> None:
-        """Become a local client, which needs the enabling device within 5 s, or a remote one."""
-        self._do(post("/users", "set-locale", ("type", "local" if is_local else "remote")), "changing the locale")
-
-    def impersonate(self, uid: int) -> None:
-        """Act as another client that is logged in; for local clients."""
-        self._do(post("/users", "impersonate", ("uid", str(uid))), "acting as another client")
-
-    def grants(self) -> tuple[str, ...]:
-        """What the user is permitted, such as ``UAS_RAPID_EXECUTE``."""
-        states = self._states("reading the grants", "/users/grants")
-        return tuple(  # the title is the name, or "user-grant" with the name in a field
-            next((text for text in state.fields.values() if text.startswith("UAS_")), state.title) for state in states
-        )
-
-    def log_in_remotely(self) -> None:
-        """Take the rights of a remote user."""
-        self._do(post("/users/remoteuser", "remotelogin"), "logging in as remote user")
-
-    def log_out_remotely(self) -> None:
-        """Give up the rights of a remote user."""
-        self._do(post("/users/remoteuser", "remotelogout"), "logging out as remote user")
-
-    # Remote manual mode privilege
-
-    def rmmp(self) -> Rmmp:
-        """Who has the remote manual mode privilege."""
-        state = self._state("reading the privilege", _RMMP, "user-rmmp")
-        privilege = state.text("privilege")
-        user = None if privilege == "none" else _user(state, "userid", "ulocale")
-        return Rmmp(user, privilege, state.flag("rmmpheldbyme"))
-
-    def request_rmmp(self, privilege: Privilege = Privilege.MODIFY) -> None:
-        """Ask for the privilege to change something in manual mode; a person grants it on the FlexPendant.
-
-        ``poll_rmmp`` at least every ten seconds, or the request is forgotten.
-        """
-        form = (("privilege", privilege.value),)
-        self._do(Request("POST", _RMMP, form=form), "asking for the remote manual mode privilege")
-
-    def poll_rmmp(self) -> RmmpStatus:
-        """What became of the request; a granted privilege ends when it is not polled, too.
-
-        Raises:
-            ControllerRefused: there is no request.
-        """
-        return self._state("asking for the privilege", f"{_RMMP}/poll", "user-rmmp-poll").member(RmmpStatus, "status")
-
-    def cancel_rmmp(self) -> None:
-        """Withdraw the request, or give the privilege back."""
-        self._do(post(_RMMP, "cancel"), "giving the privilege back")
-
-    def grant_rmmp(self, uid: int, privilege: Privilege | None) -> None:
-        """Grant another client's request, or deny it with None; for local clients."""
-        form = given(uid=uid, privilege="deny" if privilege is None else privilege.value)
-        self._do(post(_RMMP, "set", *form), "answering a request for the privilege")
-
-    @contextmanager
-    def holding_rmmp(self, privilege: Privilege = Privilege.MODIFY, timeout: float = 30.0) -> Iterator[None]:
-        """The remote manual mode privilege for the time of the block, which has to poll it when it takes long.
-
-        Args:
-            privilege: what for.
-            timeout: longest time that a person has to grant it [s].
-
-        Raises:
-            ControllerRefused: it was denied.
-            NoConnection: no one answered in time.
-        """
-        self.request_rmmp(privilege)
-        try:
-            end = self._clock.now() + timeout
-            while (status := self.poll_rmmp()) is RmmpStatus.PENDING:
-                if self._clock.now() >= end:
-                    raise NoConnection(
-                        f"{self.address}: the remote manual mode privilege was not granted within {timeout:.0f} s; "
-                        "grant it on the FlexPendant."
-                    )
-                self._clock.wait(_RMMP_POLL)
-            if status is RmmpStatus.DENIED:
-                what = f"{self.address}: the remote manual mode privilege was denied on the FlexPendant."
-                raise ControllerRefused(what, status=0, code=Code.DENIED)
-            yield
-        finally:
-            self.cancel_rmmp()
-
-    # Mastership
-
-    def mastership(self, domain: str) -> str:
-        """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
-        return self._read(get(f"/rw/mastership/{domain}"), documents.mastership, f"reading the mastership of {domain}")
-
-    def mastership_domains(self) -> tuple[str, ...]:
-        """What a client can have the mastership of: ``cfg``, ``motion``, ``rapid``."""
-        return tuple(state.title for state in self._states("reading the masterships", "/rw/mastership"))
-
-    def request_all_masterships(self) -> None:
-        """Take the mastership of all domains; the FlexPendant is locked out until they are released."""
-        self._do(post("/rw/mastership", "request"), "requesting all masterships")
-
-    def release_all_masterships(self) -> None:
-        """Release the mastership of all domains."""
-        self._do(post("/rw/mastership", "release"), "releasing all masterships")
-
-
-def _user(state: State, uid: str, locale: str) -> User:
-    names = ("alias", "application", "location")
-    name, application, location = (state.fields.get(name, "") for name in names)
-    return User(state.whole(uid), name, application, location, state.fields.get(locale, "") == "local")
-
-
-_EVENTS_PER_PAGE = 50
-_JOB_POLL = 0.5
-_JOB_DEADLINE = 600.0
-_PROGRESS = re.compile(r"/progress/[\w-]+")
 
 
 class RestartMode(Enum):
@@ -219,7 +48,9 @@ class Panel(Requests):
 
     def controller_state(self) -> ControllerState:
         """Motors on or off, or the stop that keeps them off."""
-        return self._read(get("/rw/panel/ctrlstate"), documents.controller_state, "reading the state of the motors")
+        return self._read(
+            get("/rw/panel/ctrlstate"), documents.read_controller_state, "reading the state of the motors"
+        )
 
     def set_motors(self, on: bool) -> None:
         """Switch the motors; they may need a moment after the call until ``controller_state`` says so."""
@@ -231,15 +62,15 @@ class Panel(Requests):
 
     def operating_mode(self) -> OperatingMode:
         """Position of the mode switch."""
-        return self._read(get("/rw/panel/opmode"), documents.operating_mode, "reading the operating mode")
+        return self._read(get("/rw/panel/opmode"), documents.read_operating_mode, "reading the operating mode")
 
     def collision_state(self) -> CollisionState:
         """State of the collision detection."""
-        return self._read(get("/rw/panel/coldetstate"), documents.collision_state, "reading the collision state")
+        return self._read(get("/rw/panel/coldetstate"), documents.read_collision_state, "reading the collision state")
 
     def speed_ratio(self) -> int:
         """Override of all speeds [%]."""
-        return self._read(get("/rw/panel/speedratio"), documents.speed_ratio, "reading the speed ratio")
+        return self._read(get("/rw/panel/speedratio"), documents.read_speed_ratio, "reading the speed ratio")
 
     def set_speed_ratio(self, percent: int) -> None:
         """Set the override of all speeds, 0 to 100 %.
@@ -309,7 +140,9 @@ class EventLog(Requests):
         while len(found) < count:
             number = len(found) // size + 1
             query = (("lang", "en"), ("order", "lifo"), ("start", str(number)), ("limit", str(size)))
-            page = self._read(get(f"/rw/elog/{domain}", *query), documents.events, f"reading the event log {domain}")
+            page = self._read(
+                get(f"/rw/elog/{domain}", *query), documents.read_events, f"reading the event log {domain}"
+            )
             found += page
             if len(page) < size:
                 break
@@ -330,7 +163,7 @@ class EventLog(Requests):
     def event(self, number: int, domain: int = 0) -> Event:
         """One message, by its number."""
         request = get(f"/rw/elog/{domain}/{number}", ("lang", "en"))
-        (found,) = self._read(request, documents.events, f"reading event {number}")
+        (found,) = self._read(request, documents.read_events, f"reading event {number}")
         return found
 
     def clear_all_events(self) -> None:
@@ -374,15 +207,15 @@ class Controller(Requests):
 
     def identity(self) -> ControllerIdentity:
         """Name, serial number and kind of the controller."""
-        return self._read(get("/ctrl/identity"), documents.identity, "reading the identity")
+        return self._read(get("/ctrl/identity"), documents.read_identity, "reading the identity")
 
     def system(self) -> SystemInfo:
         """Name, RobotWare version and options."""
-        return self._read(get("/rw/system"), documents.system, "reading the system")
+        return self._read(get("/rw/system"), documents.read_system, "reading the system")
 
     def clock(self) -> datetime:
         """Its local time; the controller does not say in which zone."""
-        return self._read(get("/ctrl/clock"), documents.clock, "reading the clock")
+        return self._read(get("/ctrl/clock"), documents.read_clock, "reading the clock")
 
     def backup(self, name: str, on_progress: OnProgress = lambda text: None) -> str:
         """Have the controller back itself up; where the backup is, such as ``BACKUP:/before_yumi``.
@@ -442,7 +275,7 @@ class Controller(Requests):
             raise ProtocolError(f"{self.address}: {what} was begun, but the controller does not say how far it is.")
         start = self._clock.now()
         while found is not None:
-            state = self._read(get(found[0]), documents.progress, what)
+            state = self._read(get(found[0]), documents.read_progress, what)
             on_progress(state.state)
             if not state.is_pending:
                 if state.code not in (0, documents.DONE):
@@ -624,3 +457,174 @@ class Controller(Requests):
             for state in states
             if state.type.startswith("dev-prop")
         }
+
+
+class Privilege(Enum):
+    """What a client may do in manual mode."""
+
+    MODIFY = "modify"
+    """Write data and programs."""
+    EXECUTE = "exec"
+    """Start programs, too."""
+
+
+class RmmpStatus(Enum):
+    """What became of a request for the remote manual mode privilege."""
+
+    PENDING = "PENDING"
+    GRANTED = "GRANTED"
+    DENIED = "DENIED"
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """A client that is logged in."""
+
+    uid: int
+    name: str
+    application: str
+    location: str
+    is_local: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Rmmp:
+    """Who has the remote manual mode privilege, or asks for it.
+
+    Attributes:
+        user: who; None for no user.
+        privilege: ``none``, ``pending modify``, ``modify`` or ``exec``.
+        is_own: whether it is this client.
+    """
+
+    user: User | None
+    privilege: str
+    is_own: bool
+
+
+class Users(Requests):
+    """``/users`` and ``/rw/mastership``."""
+
+    def users(self) -> tuple[User, ...]:
+        """Clients that are logged in; some controllers show this one only."""
+        return tuple(_user(state, "uid", "ulocale") for state in self._states("reading the users", "/users"))
+
+    def register(
+        self, name: str = "Default User", application: str = "yumi-ros2", location: str = "", *, is_local: bool = False
+    ) -> None:
+        """Say who this client is, for the FlexPendant and other clients."""
+        locale = "local" if is_local else "remote"
+        form = given(username=name, application=application, location=location, ulocale=locale)
+        self._do(Request("POST", "/users", form=form), "registering")
+
+    def set_local(self, is_local: bool) -> None:
+        """Become a local client, which needs the enabling device within 5 s, or a remote one."""
+        self._do(post("/users", "set-locale", ("type", "local" if is_local else "remote")), "changing the locale")
+
+    def impersonate(self, uid: int) -> None:
+        """Act as another client that is logged in; for local clients."""
+        self._do(post("/users", "impersonate", ("uid", str(uid))), "acting as another client")
+
+    def grants(self) -> tuple[str, ...]:
+        """What the user is permitted, such as ``UAS_RAPID_EXECUTE``."""
+        states = self._states("reading the grants", "/users/grants")
+        return tuple(  # the title is the name, or "user-grant" with the name in a field
+            next((text for text in state.fields.values() if text.startswith("UAS_")), state.title) for state in states
+        )
+
+    def log_in_remotely(self) -> None:
+        """Take the rights of a remote user."""
+        self._do(post("/users/remoteuser", "remotelogin"), "logging in as remote user")
+
+    def log_out_remotely(self) -> None:
+        """Give up the rights of a remote user."""
+        self._do(post("/users/remoteuser", "remotelogout"), "logging out as remote user")
+
+    # Remote manual mode privilege
+
+    def rmmp(self) -> Rmmp:
+        """Who has the remote manual mode privilege."""
+        state = self._state("reading the privilege", _RMMP, "user-rmmp")
+        privilege = state.text("privilege")
+        user = None if privilege == "none" else _user(state, "userid", "ulocale")
+        return Rmmp(user, privilege, state.flag("rmmpheldbyme"))
+
+    def request_rmmp(self, privilege: Privilege = Privilege.MODIFY) -> None:
+        """Ask for the privilege to change something in manual mode; a person grants it on the FlexPendant.
+
+        ``poll_rmmp`` at least every ten seconds, or the request is forgotten.
+        """
+        form = (("privilege", privilege.value),)
+        self._do(Request("POST", _RMMP, form=form), "asking for the remote manual mode privilege")
+
+    def poll_rmmp(self) -> RmmpStatus:
+        """What became of the request; a granted privilege ends when it is not polled, too.
+
+        Raises:
+            ControllerRefused: there is no request.
+        """
+        return self._state("asking for the privilege", f"{_RMMP}/poll", "user-rmmp-poll").member(RmmpStatus, "status")
+
+    def cancel_rmmp(self) -> None:
+        """Withdraw the request, or give the privilege back."""
+        self._do(post(_RMMP, "cancel"), "giving the privilege back")
+
+    def grant_rmmp(self, uid: int, privilege: Privilege | None) -> None:
+        """Grant another client's request, or deny it with None; for local clients."""
+        form = given(uid=uid, privilege="deny" if privilege is None else privilege.value)
+        self._do(post(_RMMP, "set", *form), "answering a request for the privilege")
+
+    @contextmanager
+    def holding_rmmp(self, privilege: Privilege = Privilege.MODIFY, timeout: float = 30.0) -> Iterator[None]:
+        """The remote manual mode privilege for the time of the block, which has to poll it when it takes long.
+
+        Args:
+            privilege: what for.
+            timeout: longest time that a person has to grant it [s].
+
+        Raises:
+            ControllerRefused: it was denied.
+            NoConnection: no one answered in time.
+        """
+        self.request_rmmp(privilege)
+        try:
+            end = self._clock.now() + timeout
+            while (status := self.poll_rmmp()) is RmmpStatus.PENDING:
+                if self._clock.now() >= end:
+                    raise NoConnection(
+                        f"{self.address}: the remote manual mode privilege was not granted within {timeout:.0f} s; "
+                        "grant it on the FlexPendant."
+                    )
+                self._clock.wait(_RMMP_POLL)
+            if status is RmmpStatus.DENIED:
+                what = f"{self.address}: the remote manual mode privilege was denied on the FlexPendant."
+                raise ControllerRefused(what, status=0, code=Code.DENIED)
+            yield
+        finally:
+            self.cancel_rmmp()
+
+    # Mastership
+
+    def mastership(self, domain: str) -> str:
+        """Which other client holds the right to change ``cfg``, ``rapid`` or ``motion``; empty where none does."""
+        return self._read(
+            get(f"/rw/mastership/{domain}"), documents.read_mastership, f"reading the mastership of {domain}"
+        )
+
+    def mastership_domains(self) -> tuple[str, ...]:
+        """What a client can have the mastership of: ``cfg``, ``motion``, ``rapid``."""
+        return tuple(state.title for state in self._states("reading the masterships", "/rw/mastership"))
+
+    def request_all_masterships(self) -> None:
+        """Take the mastership of all domains; the FlexPendant is locked out until they are released."""
+        self._do(post("/rw/mastership", "request"), "requesting all masterships")
+
+    def release_all_masterships(self) -> None:
+        """Release the mastership of all domains."""
+        self._do(post("/rw/mastership", "release"), "releasing all masterships")
+
+
+def _user(state: State, uid: str, locale: str) -> User:
+    names = ("alias", "application", "location")
+    name, application, location = (state.fields.get(name, "") for name in names)
+    return User(state.whole(uid), name, application, location, state.fields.get(locale, "") == "local")

@@ -1,8 +1,7 @@
-"""The I/O system: networks, devices, signals.
+"""What a controller has to write to and read from: the I/O system, files, the configuration.
 
-The file service: files and directories of the controller, paths as in RAPID (``HOME:/pick.mod``).
-
-The configuration: domains, types, instances and their attributes, cfg files.
+The I/O system has networks, devices and signals. Paths of files and directories are as in RAPID (``HOME:/pick.mod``).
+The configuration has domains, types, instances with their attributes, and cfg files.
 """
 
 from __future__ import annotations
@@ -21,6 +20,8 @@ _SIGNALS = "/rw/iosystem/signals"
 _NETWORKS = "/rw/iosystem/networks"
 _DEVICES = "/rw/iosystem/devices"
 _MS = 1000.0
+_REFUSED = 400
+_NOT_FOUND = (400, 404)  # which of the two differs by version
 
 
 class SignalChange(Enum):
@@ -87,7 +88,7 @@ class Io(Requests):
 
     def signal(self, name: str) -> Signal:
         """One I/O signal."""
-        return self._read(get(f"{_SIGNALS}/{name}"), documents.signal, f"reading signal {name}")
+        return self._read(get(f"{_SIGNALS}/{name}"), documents.read_signal, f"reading signal {name}")
 
     def signals(self) -> Mapping[str, float]:
         """The values of all I/O signals by their names, in one request where the controller does not make pages."""
@@ -95,7 +96,7 @@ class Io(Requests):
         query: Pairs | None = ()
         while query is not None:
             page = self._page(self._session.exchange(get(_SIGNALS, *query)), "reading all signals")
-            found |= documents.signals(page)
+            found |= documents.read_signals(page)
             query = page.next_query if page.states else None
         return found
 
@@ -123,12 +124,14 @@ class Io(Requests):
     def signal_details(self, name: str) -> SignalDetails:
         """One signal in full."""
         request = get(f"{_SIGNALS}/{name}")
-        return self._read(request, lambda page: _details(page.one("ios-signal", "ios-signal-li")), f"reading {name}")
+        return self._read(
+            request, lambda page: _signal_details(page.one("ios-signal", "ios-signal-li")), f"reading {name}"
+        )
 
     def signal_access(self, name: str) -> AccessRights:
         """From where a signal may be written."""
         query = (("resource", "config"), ("configtype", "1"))
-        return _access(self._state(f"reading {name}", f"{_SIGNALS}/{name}", "ios-signal-config-runtime", *query))
+        return _access_rights(self._state(f"reading {name}", f"{_SIGNALS}/{name}", "ios-signal-config-runtime", *query))
 
     def find_signals(
         self,
@@ -152,13 +155,15 @@ class Io(Requests):
             blocked=is_blocked,
         )
         request = Request("POST", _SIGNALS, (("action", "signal-search"),), form)
-        return self._read(request, lambda page: tuple(map(_signal, page.of_type("ios-signal-li"))), "searching signals")
+        return self._read(
+            request, lambda page: tuple(map(documents.signal_of, page.of_type("ios-signal-li"))), "searching signals"
+        )
 
     def find_signal_details(self, name: str = "", other: str = "") -> tuple[SignalDetails, ...]:
         """Signals in full whose name contains ``name``, and ``other``, too."""
         form = given(name=name or None, name2=other or None)
         request = Request("POST", _SIGNALS, (("action", "signal-searchex"),), form)
-        return self._read(request, lambda page: tuple(map(_details, page.of_type("ios-signal-li"))), "searching")
+        return self._read(request, lambda page: tuple(map(_signal_details, page.of_type("ios-signal-li"))), "searching")
 
     def change_signal(
         self,
@@ -240,7 +245,7 @@ class Io(Requests):
     def device_access(self, name: str) -> AccessRights:
         """From where the signals of a device may be written."""
         query = (("resource", "config"), ("configtype", "1"))
-        return _access(self._state(f"reading {name}", f"{_DEVICES}/{name}", "ios-device-config-runtime", *query))
+        return _access_rights(self._state(f"reading {name}", f"{_DEVICES}/{name}", "ios-device-config-runtime", *query))
 
     def has_upgrade(self, network: str, name: str) -> bool:
         """Whether there is newer firmware for a device."""
@@ -254,13 +259,9 @@ class Io(Requests):
         self._do(post(f"{_DEVICES}/{name}", "set", form), f"{'enabling' if is_enabled else 'disabling'} {name}")
 
 
-def _signal(state: State) -> Signal:
-    return Signal(state.text("name"), state.member(SignalType, "type"), state.number("lvalue"))
-
-
-def _details(state: State) -> SignalDetails:
+def _signal_details(state: State) -> SignalDetails:
     return SignalDetails(
-        signal=_signal(state),
+        signal=documents.signal_of(state),
         category=state.fields.get("category", ""),
         device=state.fields.get("unitnm", "/".join(state.title.split("/")[:-1])),
         is_simulated=state.text("lstate") == "simulated",
@@ -274,12 +275,9 @@ def _network(state: State) -> Network:
     return Network(state.text("name"), is_enabled, state.text("pstate") == "running", state.fields.get("address", ""))
 
 
-def _access(state: State) -> AccessRights:
+def _access_rights(state: State) -> AccessRights:
     names = ("rapid", "localmanual", "localauto", "remotemanual", "remoteauto")
     return AccessRights(*(state.flag(name) for name in names))
-
-
-_NOT_FOUND = (400, 404)  # which of the two differs by version
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,9 +386,6 @@ class Files(Requests):
         return True
 
 
-_REFUSED = 400
-
-
 @dataclass(frozen=True, slots=True)
 class CfgAttribute:
     """An attribute of a type.
@@ -421,7 +416,7 @@ class Configuration(Requests):
         while query is not None:
             request = get(f"/rw/cfg/{domain}/{type}/instances", *query)
             page = self._page(self._session.exchange(request), f"reading the configuration {domain}/{type}")
-            found += documents.cfg(page)
+            found += documents.read_cfg_instances(page)
             query = page.next_query if page.states else None
         return found
 
@@ -490,7 +485,7 @@ class Configuration(Requests):
         """One instance."""
         path = f"/rw/cfg/{domain}/{type}/instances/{name}"
         state = self._state(f"reading {domain}/{type}/{name}", path, "cfg-dt-instance")
-        return CfgInstance(state.title, {each.title: each.fields.get("value", "") for each in state.children})
+        return documents.cfg_instance_of(state)
 
     def check_cfg_file(self, path: str, *, replace: bool = False) -> bool:
         """Whether a cfg file of the controller can be loaded."""

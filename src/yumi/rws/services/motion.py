@@ -10,7 +10,7 @@ from math import degrees
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws import documents
-from yumi.rws.documents import EXTERNAL_AXES, Pairs, RobTarget, State, joint_target_of, pose, rob_target
+from yumi.rws.documents import EXTERNAL_AXES, Pairs, RobTarget, State, joint_target_of, pose_of, rob_target_of
 from yumi.rws.session import Requests, get, given, post
 
 _MOTION = "/rw/motionsystem"
@@ -120,7 +120,7 @@ class Motion(Requests):
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
         request = get(f"{_UNITS}/{unit}/jointtarget")
-        return self._read(request, documents.joint_target, f"reading the joints of {unit}").chain()
+        return self._read(request, documents.read_joint_target, f"reading the joints of {unit}").chain()
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""
@@ -210,7 +210,7 @@ class Motion(Requests):
         """Where the tool of an arm stands; tool, work object and coordinates are the active ones if not named."""
         path = f"{_UNITS}/{unit}/robtarget"
         query = _frames(tool, work_object, coordinates)
-        return rob_target(self._state(f"reading the position of {unit}", path, "ms-robtargets", *query))
+        return rob_target_of(self._state(f"reading the position of {unit}", path, "ms-robtargets", *query))
 
     def cartesian(
         self, unit: str, *, tool: str = "", work_object: str = "", coordinates: Coordinates | None = None
@@ -218,12 +218,12 @@ class Motion(Requests):
         """As ``rob_target``, without external axes."""
         path = f"{_UNITS}/{unit}/cartesian"
         query = _frames(tool, work_object, coordinates)
-        return rob_target(self._state(f"reading the position of {unit}", path, "ms-mechunit-cartesian", *query))
+        return rob_target_of(self._state(f"reading the position of {unit}", path, "ms-mechunit-cartesian", *query))
 
     def base_frame(self, unit: str) -> Pose:
         """Base of an arm in the world."""
         path = f"{_UNITS}/{unit}/baseframe"
-        return pose(self._state(f"reading the base frame of {unit}", path, "ms-mechunit-baseframe"))
+        return pose_of(self._state(f"reading the base frame of {unit}", path, "ms-mechunit-baseframe"))
 
     def set_base_frame(self, unit: str, base_to_world: Pose) -> None:
         """Say where an arm is mounted; it acts after a restart."""
@@ -242,7 +242,7 @@ class Motion(Requests):
     def axis_pose(self, unit: str, axis: int) -> Pose:
         """Where an axis (from 1) is, in the base of the arm."""
         path = f"{_UNITS}/{unit}/axes/{axis}"
-        return pose(self._state(f"reading {unit}", path, "ms-axis-pose", ("resource", "axis-pose")))
+        return pose_of(self._state(f"reading {unit}", path, "ms-axis-pose", ("resource", "axis-pose")))
 
     # Kinematics of the controller
 

@@ -1,8 +1,7 @@
-"""RAPID: execution, tasks, programs, modules and their text, program pointers, dialogs.
+"""RAPID: its execution, its data, and message queues to and from its tasks.
 
-RAPID data: values, types, properties, search.
-
-DIPC: message queues between clients and RAPID tasks (RMQ).
+:class:`Rapid` has execution, tasks, programs, modules and their text, program pointers and dialogs; :class:`Symbols`
+values, types, properties and search of RAPID data; :class:`Queues` the messages between clients and tasks (DIPC, RMQ).
 """
 
 from __future__ import annotations
@@ -13,247 +12,20 @@ from enum import Enum
 from yumi.errors import ControllerRefused
 from yumi.robot.joints import Joints
 from yumi.rws import documents
-from yumi.rws.documents import ModuleInfo, RobTarget, State, TaskInfo, joint_target_of, member, rob_target
+from yumi.rws.documents import ModuleInfo, RobTarget, State, TaskInfo, joint_target_of, member, rob_target_of
 from yumi.rws.session import Request, Requests, get, given, post
 from yumi.rws.types import Code, ExecutionState, RapidValue, TaskExecution, decode, encode
 
-_SYMBOLS = "/rw/rapid/symbol"
-_INVALID = 400
-
-
-class SymbolKind(Enum):
-    """What a RAPID symbol is."""
-
-    ATOMIC = "atm"
-    RECORD = "rec"
-    ALIAS = "ali"
-    COMPONENT = "rcp"
-    CONSTANT = "con"
-    VARIABLE = "var"
-    PERSISTENT = "per"
-    PARAMETER = "par"
-    LABEL = "lab"
-    FOR = "for"
-    FUNCTION = "fun"
-    PROCEDURE = "prc"
-    TRAP = "trp"
-    MODULE = "mod"
-    TASK = "tsk"
-    ANY = "any"
-
-
-@dataclass(frozen=True, slots=True)
-class SymbolInfo:
-    """A RAPID symbol.
-
-    Attributes:
-        address: such as ``RAPID/T_ROB_R/TRobMain/current_state``.
-        name: as it is declared.
-        kind: what it is.
-        type: of its value, "" where it has none.
-        dimensions: of an array, () otherwise.
-        is_local: whether other modules do not see it.
-        is_read_only: whether it cannot be written.
-    """
-
-    address: str
-    name: str
-    kind: SymbolKind
-    type: str
-    dimensions: tuple[int, ...]
-    is_local: bool
-    is_read_only: bool
-
-
-class Symbols(Requests):
-    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``."""
-
-    def symbol(self, task: str, module: str, name: str) -> str:
-        """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
-        what = f"reading {module}/{name} of {task}"
-        return self._read(get(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}"), documents.symbol, what)
-
-    def value(self, task: str, module: str, name: str) -> RapidValue:
-        """Value of a RAPID symbol: a number, bool, string, or a tuple for a record or an array."""
-        return decode(self.symbol(task, module, name))
-
-    def set_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
-        """Write a RAPID symbol; a record or an array is a tuple.
-
-        Raises:
-            CommandRefused: the value has a number that is not finite.
-        """
-        self.set_symbol(task, module, name, encode(value))
-
-    def symbol_type(self, task: str, module: str, name: str) -> str:
-        """Name of a RAPID symbol's type."""
-        what = f"reading the type of {module}/{name} of {task}"
-        return self._read(get(f"{_SYMBOLS}/properties/RAPID/{task}/{module}/{name}"), documents.symbol_type, what)
-
-    def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
-        """Write a RAPID symbol; ``yumi.rws.types`` encodes a literal."""
-        self._do(
-            post(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}", "set", ("value", literal)),
-            f"writing {module}/{name} of {task}",
-        )
-
-    def symbol_properties(self, task: str, module: str, name: str) -> SymbolInfo:
-        """What a symbol is, and of which type."""
-        what = f"reading the properties of {module}/{name} of {task}"
-        request = get(f"{_SYMBOLS}/properties/RAPID/{task}/{module}/{name}")
-        return self._read(request, lambda page: _info(page.states[0]), what)
-
-    def set_initial_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
-        """Write the value that a symbol has in the text of its module."""
-        request = post(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}", "setInitValue", ("value", encode(value)))
-        self._do(request, f"writing the initial value of {module}/{name} of {task}")
-
-    def is_value_of(self, task: str, literal: str, type: str) -> bool:
-        """Whether a literal is a value of a RAPID type that is known in a task."""
-        try:
-            form = given(task=task, value=literal, datatype=type)
-            self._do(post(f"{_SYMBOLS}/data", "validate", *form), f"checking a value of {type}")
-        except ControllerRefused as error:
-            if error.status != _INVALID:
-                raise
-            return False
-        return True
-
-    def find_symbols(
-        self,
-        block: str,
-        *,
-        kind: SymbolKind = SymbolKind.ANY,
-        type: str = "",
-        pattern: str = "",
-        recursive: bool = True,
-        only_used: bool = False,
-        skips_shared: bool = False,
-        view: str = "block",
-    ) -> tuple[SymbolInfo, ...]:
-        """Search for symbols.
-
-        Args:
-            block: where, such as ``RAPID/T_ROB_R`` or ``RAPID/T_ROB_R/TRobMain``.
-            kind: only those of this kind.
-            type: only data of this type.
-            pattern: only those whose name it describes, a regular expression.
-            recursive: in blocks within the block, too.
-            only_used: only what is used.
-            skips_shared: without what is loaded in all tasks.
-            view: ``block``, ``scope`` for all that is seen from there, or ``stack``.
-        """
-        form = given(
-            view=view,
-            vartyp="any",
-            blockurl=block,
-            recursive=recursive,
-            onlyused=only_used,
-            skipshared=skips_shared,
-            symtyp=kind.value,
-            regexp=pattern or None,
-            dattyp=type or None,
-        )
-        request = Request("POST", "/rw/rapid/symbols", (("action", "search-symbols"),), form)
-        return self._read(request, lambda page: tuple(map(_info, page.states)), f"searching {block}")
-
-
-def _info(state: State) -> SymbolInfo:
-    dimensions = tuple(int(part) for part in state.fields.get("dim", "").replace(",", " ").split())
-    return SymbolInfo(
-        address=state.fields.get("symburl") or state.title,
-        name=state.text("name"),
-        kind=state.member(SymbolKind, "symtyp"),
-        type=state.fields.get("dattyp", ""),
-        dimensions=dimensions,
-        is_local=state.flag("local"),
-        is_read_only=state.flag("rdonly"),
-    )
-
-
-_DIPC = "/rw/dipc"
-_MS = 1000.0
 LONGEST_MESSAGE = 444
 """Of a queue's message [byte]."""
-
-
-@dataclass(frozen=True, slots=True)
-class QueueMessage:
-    """One message.
-
-    Attributes:
-        data: type and value as RAPID writes them, such as ``num;5`` or ``string;"go"``.
-        user_def: number that sender and receiver agree on.
-        sender: name of its queue.
-    """
-
-    data: str
-    user_def: int
-    sender: str
-
-
-@dataclass(frozen=True, slots=True)
-class QueueInfo:
-    """A queue: messages it holds at most, and their longest [byte]."""
-
-    name: str
-    size: int
-    longest: int
-
-
-class Queues(Requests):
-    """``/rw/dipc``; a RAPID task's queue is ``RMQ_`` and its name."""
-
-    def queues(self) -> tuple[str, ...]:
-        """Names of the queues, those of RAPID tasks too."""
-        states = self._states("reading the queues", _DIPC)
-        return tuple(state.title for state in states if state.type == "dipc-queue-li")
-
-    def queue(self, name: str) -> QueueInfo:
-        """One queue of this client."""
-        state = self._state(f"reading the queue {name}", f"{_DIPC}/{name}", "dipc-queue")
-        return QueueInfo(state.text("queue-name"), state.whole("queue-size"), state.whole("queue-max-msg-size"))
-
-    def create_queue(self, name: str, size: int = 100, longest: int = LONGEST_MESSAGE) -> None:
-        """Make a queue to which RAPID tasks can send; it goes with the session.
-
-        Args:
-            name: of it.
-            size: messages it holds, 1 to 32767.
-            longest: message in it [byte], 1 to 444.
-        """
-        form = given(dipc_queue_name=name, dipc_queue_size=size, dipc_max_msg_size=longest)
-        self._do(post(_DIPC, "dipc-create", *form), f"making the queue {name}")
-
-    def remove_queue(self, name: str) -> None:
-        """Remove a queue of this client."""
-        self._do(Request("DELETE", f"{_DIPC}/{name}"), f"removing the queue {name}")
-
-    def send_message(self, to: str, data: str, *, sender: str, user_def: int = 0) -> None:
-        """Send to a queue such as ``RMQ_T_ROB_R``.
-
-        Args:
-            to: name of the queue.
-            data: type and value as RAPID writes them, such as ``num;5``.
-            sender: name of a queue of this client, to which the task may answer.
-            user_def: number that both agree on.
-        """
-        form = given(dipc_src_queue_name=sender, dipc_cmd=111, dipc_userdef=user_def, dipc_msgtype=1, dipc_data=data)
-        self._do(post(f"{_DIPC}/{to}", "dipc-send", *form), f"sending to {to}")
-
-    def read_message(self, name: str, timeout: float = 0.0) -> QueueMessage | None:
-        """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
-        query = (("action", "dipc-read"), ("timeout", str(round(timeout * _MS))))
-        what = f"reading from {name}"
-        page = self._page(self._session.exchange(get(f"{_DIPC}/{name}", *query)), what)
-        for state in page.of_type("dipc-read-li"):
-            return QueueMessage(state.text("dipc-data"), state.whole("dipc-userdef"), state.fields["queue-name"])
-        return None
-
 
 _EXECUTION = "/rw/rapid/execution"
 _TASKS = "/rw/rapid/tasks"
 _MODULES = "/rw/rapid/modules"
+_SYMBOLS = "/rw/rapid/symbol"
+_DIPC = "/rw/dipc"
+_MS = 1000.0
+_BAD_VALUE = 400
 
 
 class Regain(Enum):
@@ -397,7 +169,7 @@ class Rapid(Requests):
 
     def execution(self) -> ExecutionState:
         """Whether RAPID runs."""
-        return self._read(get("/rw/rapid/execution"), documents.execution, "reading the RAPID execution")
+        return self._read(get(_EXECUTION), documents.read_execution, "reading the RAPID execution")
 
     def start_rapid(
         self,
@@ -425,20 +197,20 @@ class Rapid(Requests):
             ("stopatbp", "enabled" if stop_at_breakpoints else "disabled"),
             ("alltaskbytsp", "true" if all_tasks else "false"),
         )
-        self._do(post("/rw/rapid/execution", "start", *form), "starting RAPID")
+        self._do(post(_EXECUTION, "start", *form), "starting RAPID")
 
     def stop_rapid(self, mode: StopMode = StopMode.STOP, *, all_tasks: bool = False) -> None:
         """Stop RAPID in all selected tasks; ``all_tasks`` stops static ones, too."""
         form = (("stopmode", mode.value), ("usetsp", "alltsk" if all_tasks else "normal"))
-        self._do(post("/rw/rapid/execution", "stop", *form), "stopping RAPID")
+        self._do(post(_EXECUTION, "stop", *form), "stopping RAPID")
 
     def move_pp_to_main(self) -> None:
         """Move the program pointer of every selected task to ``main``; RAPID must be stopped."""
-        self._do(post("/rw/rapid/execution", "resetpp"), "moving the program pointers to main")
+        self._do(post(_EXECUTION, "resetpp"), "moving the program pointers to main")
 
     def tasks(self) -> tuple[TaskInfo, ...]:
         """The RAPID tasks, in the controller's order."""
-        return self._read(get("/rw/rapid/tasks"), documents.tasks, "reading the RAPID tasks")
+        return self._read(get(_TASKS), documents.read_tasks, "reading the RAPID tasks")
 
     def modules(self, task: str) -> tuple[ModuleInfo, ...]:
         """The RAPID modules loaded in ``task``."""
@@ -449,8 +221,8 @@ class Rapid(Requests):
 
     def module_text(self, task: str, module: str) -> str:
         """The text of a module that is loaded, as the controller writes it: PERS data have their present values."""
-        request = get(f"/rw/rapid/modules/{module}", ("resource", "module-text"), ("task", task))
-        return self._read(request, documents.module_text, f"reading the module {module} of {task}")
+        request = get(f"{_MODULES}/{module}", ("resource", "module-text"), ("task", task))
+        return self._read(request, documents.read_module_text, f"reading the module {module} of {task}")
 
     def load_module(self, task: str, path: str, replace: bool = True) -> None:
         """Load a file of the controller, such as ``HOME:/pick.mod``, as a module of ``task``.
@@ -465,12 +237,12 @@ class Rapid(Requests):
         """
         with self.holding("rapid"):
             form = (("modulepath", path), ("replace", "true" if replace else "false"))
-            self._do(post(f"/rw/rapid/tasks/{task}", "loadmod", *form), f"loading {path} into {task}")
+            self._do(post(f"{_TASKS}/{task}", "loadmod", *form), f"loading {path} into {task}")
 
     def unload_module(self, task: str, name: str) -> None:
         """Remove a module from ``task``; RAPID must be stopped."""
         with self.holding("rapid"):
-            self._do(post(f"/rw/rapid/tasks/{task}", "unloadmod", ("module", name)), f"unloading {name} from {task}")
+            self._do(post(f"{_TASKS}/{task}", "unloadmod", ("module", name)), f"unloading {name} from {task}")
 
     def run_cycle(self) -> RunCycle:
         """Whether a program begins again at its end."""
@@ -571,7 +343,7 @@ class Rapid(Requests):
         """Where the robot of a task stands; tool and work object are the active ones where none are named."""
         query = (("resource", "robtarget"), *given(tool=tool or None, wobj=work_object or None))
         path = f"{_TASKS}/{task}/motion"
-        return rob_target(self._state(f"reading the position of {task}", path, "rapid-robtarget", *query))
+        return rob_target_of(self._state(f"reading the position of {task}", path, "rapid-robtarget", *query))
 
     def task_joint_target(self, task: str) -> Joints:
         """Where the arm of a task stands, chain order [rad]."""
@@ -818,3 +590,227 @@ def _pointer(state: State) -> Pointer:
 
 def _routine(state: State) -> Routine:
     return Routine(state.text("name"), state.text("symtyp"), state.flag("local"), state.whole("npar"))
+
+
+class SymbolKind(Enum):
+    """What a RAPID symbol is."""
+
+    ATOMIC = "atm"
+    RECORD = "rec"
+    ALIAS = "ali"
+    COMPONENT = "rcp"
+    CONSTANT = "con"
+    VARIABLE = "var"
+    PERSISTENT = "per"
+    PARAMETER = "par"
+    LABEL = "lab"
+    FOR = "for"
+    FUNCTION = "fun"
+    PROCEDURE = "prc"
+    TRAP = "trp"
+    MODULE = "mod"
+    TASK = "tsk"
+    ANY = "any"
+
+
+@dataclass(frozen=True, slots=True)
+class SymbolInfo:
+    """A RAPID symbol.
+
+    Attributes:
+        address: such as ``RAPID/T_ROB_R/TRobMain/current_state``.
+        name: as it is declared.
+        kind: what it is.
+        type: of its value, "" where it has none.
+        dimensions: of an array, () otherwise.
+        is_local: whether other modules do not see it.
+        is_read_only: whether it cannot be written.
+    """
+
+    address: str
+    name: str
+    kind: SymbolKind
+    type: str
+    dimensions: tuple[int, ...]
+    is_local: bool
+    is_read_only: bool
+
+
+class Symbols(Requests):
+    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``."""
+
+    def symbol(self, task: str, module: str, name: str) -> str:
+        """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
+        what = f"reading {module}/{name} of {task}"
+        return self._read(get(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}"), documents.read_symbol, what)
+
+    def value(self, task: str, module: str, name: str) -> RapidValue:
+        """Value of a RAPID symbol: a number, bool, string, or a tuple for a record or an array."""
+        return decode(self.symbol(task, module, name))
+
+    def set_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        """Write a RAPID symbol; a record or an array is a tuple.
+
+        Raises:
+            CommandRefused: the value has a number that is not finite.
+        """
+        self.set_symbol(task, module, name, encode(value))
+
+    def symbol_type(self, task: str, module: str, name: str) -> str:
+        """Name of a RAPID symbol's type."""
+        what = f"reading the type of {module}/{name} of {task}"
+        return self._read(get(f"{_SYMBOLS}/properties/RAPID/{task}/{module}/{name}"), documents.read_symbol_type, what)
+
+    def set_symbol(self, task: str, module: str, name: str, literal: str) -> None:
+        """Write a RAPID symbol; ``yumi.rws.types`` encodes a literal."""
+        self._do(
+            post(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}", "set", ("value", literal)),
+            f"writing {module}/{name} of {task}",
+        )
+
+    def symbol_properties(self, task: str, module: str, name: str) -> SymbolInfo:
+        """What a symbol is, and of which type."""
+        what = f"reading the properties of {module}/{name} of {task}"
+        request = get(f"{_SYMBOLS}/properties/RAPID/{task}/{module}/{name}")
+        return self._read(request, lambda page: _symbol_info(page.states[0]), what)
+
+    def set_initial_value(self, task: str, module: str, name: str, value: RapidValue) -> None:
+        """Write the value that a symbol has in the text of its module."""
+        request = post(f"{_SYMBOLS}/data/RAPID/{task}/{module}/{name}", "setInitValue", ("value", encode(value)))
+        self._do(request, f"writing the initial value of {module}/{name} of {task}")
+
+    def is_value_of(self, task: str, literal: str, type: str) -> bool:
+        """Whether a literal is a value of a RAPID type that is known in a task."""
+        try:
+            form = given(task=task, value=literal, datatype=type)
+            self._do(post(f"{_SYMBOLS}/data", "validate", *form), f"checking a value of {type}")
+        except ControllerRefused as error:
+            if error.status != _BAD_VALUE:
+                raise
+            return False
+        return True
+
+    def find_symbols(
+        self,
+        block: str,
+        *,
+        kind: SymbolKind = SymbolKind.ANY,
+        type: str = "",
+        pattern: str = "",
+        recursive: bool = True,
+        only_used: bool = False,
+        skips_shared: bool = False,
+        view: str = "block",
+    ) -> tuple[SymbolInfo, ...]:
+        """Search for symbols.
+
+        Args:
+            block: where, such as ``RAPID/T_ROB_R`` or ``RAPID/T_ROB_R/TRobMain``.
+            kind: only those of this kind.
+            type: only data of this type.
+            pattern: only those whose name it describes, a regular expression.
+            recursive: in blocks within the block, too.
+            only_used: only what is used.
+            skips_shared: without what is loaded in all tasks.
+            view: ``block``, ``scope`` for all that is seen from there, or ``stack``.
+        """
+        form = given(
+            view=view,
+            vartyp="any",
+            blockurl=block,
+            recursive=recursive,
+            onlyused=only_used,
+            skipshared=skips_shared,
+            symtyp=kind.value,
+            regexp=pattern or None,
+            dattyp=type or None,
+        )
+        request = Request("POST", "/rw/rapid/symbols", (("action", "search-symbols"),), form)
+        return self._read(request, lambda page: tuple(map(_symbol_info, page.states)), f"searching {block}")
+
+
+def _symbol_info(state: State) -> SymbolInfo:
+    dimensions = tuple(int(part) for part in state.fields.get("dim", "").replace(",", " ").split())
+    return SymbolInfo(
+        address=state.fields.get("symburl") or state.title,
+        name=state.text("name"),
+        kind=state.member(SymbolKind, "symtyp"),
+        type=state.fields.get("dattyp", ""),
+        dimensions=dimensions,
+        is_local=state.flag("local"),
+        is_read_only=state.flag("rdonly"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class QueueMessage:
+    """One message.
+
+    Attributes:
+        data: type and value as RAPID writes them, such as ``num;5`` or ``string;"go"``.
+        user_def: number that sender and receiver agree on.
+        sender: name of its queue.
+    """
+
+    data: str
+    user_def: int
+    sender: str
+
+
+@dataclass(frozen=True, slots=True)
+class QueueInfo:
+    """A queue: messages it holds at most, and their longest [byte]."""
+
+    name: str
+    size: int
+    longest: int
+
+
+class Queues(Requests):
+    """``/rw/dipc``; a RAPID task's queue is ``RMQ_`` and its name."""
+
+    def queues(self) -> tuple[str, ...]:
+        """Names of the queues, those of RAPID tasks too."""
+        states = self._states("reading the queues", _DIPC)
+        return tuple(state.title for state in states if state.type == "dipc-queue-li")
+
+    def queue(self, name: str) -> QueueInfo:
+        """One queue of this client."""
+        state = self._state(f"reading the queue {name}", f"{_DIPC}/{name}", "dipc-queue")
+        return QueueInfo(state.text("queue-name"), state.whole("queue-size"), state.whole("queue-max-msg-size"))
+
+    def create_queue(self, name: str, size: int = 100, longest: int = LONGEST_MESSAGE) -> None:
+        """Make a queue to which RAPID tasks can send; it goes with the session.
+
+        Args:
+            name: of it.
+            size: messages it holds, 1 to 32767.
+            longest: message in it [byte], 1 to 444.
+        """
+        form = given(dipc_queue_name=name, dipc_queue_size=size, dipc_max_msg_size=longest)
+        self._do(post(_DIPC, "dipc-create", *form), f"making the queue {name}")
+
+    def remove_queue(self, name: str) -> None:
+        """Remove a queue of this client."""
+        self._do(Request("DELETE", f"{_DIPC}/{name}"), f"removing the queue {name}")
+
+    def send_message(self, to: str, data: str, *, sender: str, user_def: int = 0) -> None:
+        """Send to a queue such as ``RMQ_T_ROB_R``.
+
+        Args:
+            to: name of the queue.
+            data: type and value as RAPID writes them, such as ``num;5``.
+            sender: name of a queue of this client, to which the task may answer.
+            user_def: number that both agree on.
+        """
+        form = given(dipc_src_queue_name=sender, dipc_cmd=111, dipc_userdef=user_def, dipc_msgtype=1, dipc_data=data)
+        self._do(post(f"{_DIPC}/{to}", "dipc-send", *form), f"sending to {to}")
+
+    def read_message(self, name: str, timeout: float = 0.0) -> QueueMessage | None:
+        """The oldest message of a queue of this client; None where none comes within ``timeout`` [s]."""
+        query = (("action", "dipc-read"), ("timeout", str(round(timeout * _MS))))
+        what = f"reading from {name}"
+        page = self._page(self._session.exchange(get(f"{_DIPC}/{name}", *query)), what)
+        for state in page.of_type("dipc-read-li"):
+            return QueueMessage(state.text("dipc-data"), state.whole("dipc-userdef"), state.fields["queue-name"])
+        return None

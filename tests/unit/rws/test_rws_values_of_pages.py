@@ -27,51 +27,51 @@ def refused(status: Status) -> str:
 def test_system_has_name_version_and_options() -> None:
     options = State("sys-options-li", "options", {}, (), (State("sys-option-li", "0", {"option": "English"}),))
     system = State("sys-system-li", "system", {"name": "YuMi", "rwversionname": "6.13.00.00"})
-    assert documents.system(Page("", "", (system, options))) == SystemInfo("YuMi", (6, 13, 0, 0), ("English",))
+    assert documents.read_system(Page("", "", (system, options))) == SystemInfo("YuMi", (6, 13, 0, 0), ("English",))
 
 
 def test_version_without_numbers_is_refused() -> None:
     with pytest.raises(ProtocolError, match="'six' is not numbers and dots"):
-        documents.system(page("sys-system-li", name="YuMi", rwversionname="six"))
+        documents.read_system(page("sys-system-li", name="YuMi", rwversionname="six"))
 
 
 def test_operating_mode_is_read() -> None:
-    assert documents.operating_mode(page("pnl-opmode", opmode="MANR")) is OperatingMode.MANUAL_REDUCED
+    assert documents.read_operating_mode(page("pnl-opmode", opmode="MANR")) is OperatingMode.MANUAL_REDUCED
 
 
 def test_unknown_word_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ProtocolError, match="'FAST' where only INIT, AUTO_CH"):
-        documents.operating_mode(page("pnl-opmode", opmode="FAST"))
+        documents.read_operating_mode(page("pnl-opmode", opmode="FAST"))
 
 
 def test_task_is_read() -> None:
     task = TaskInfo("T_ROB_R", TaskExecution.STARTED, is_active=True, is_motion_task=True)
-    assert documents.tasks(page("rap-task-li", **TASK)) == (task,)
+    assert documents.read_tasks(page("rap-task-li", **TASK)) == (task,)
 
 
 def test_task_state_is_read_when_spelled_in_full() -> None:
-    [task] = documents.tasks(page("rap-task-li", **TASK | {"excstate": "stopped"}))
+    [task] = documents.read_tasks(page("rap-task-li", **TASK | {"excstate": "stopped"}))
     assert task.execution is TaskExecution.STOPPED
 
 
 def test_signal_is_read() -> None:
     fields = {"name": "hand_ActualPosition_R", "type": "GI", "lvalue": "250"}
     expected = Signal("hand_ActualPosition_R", SignalType.GROUP_INPUT, 250.0)
-    assert documents.signal(page("ios-signal", **fields)) == expected
+    assert documents.read_signal(page("ios-signal", **fields)) == expected
 
 
 def test_value_that_is_no_number_is_refused() -> None:
     with pytest.raises(ProtocolError, match="'lvalue' is 'high', not a number"):
-        documents.signal(page("ios-signal", name="x", type="DI", lvalue="high"))
+        documents.read_signal(page("ios-signal", name="x", type="DI", lvalue="high"))
 
 
 def test_signal_that_makes_no_sense_is_left_out_of_all() -> None:
     states = (State("ios-signal-li", "a", {"name": "a", "lvalue": "2"}), State("ios-signal-li", "b", {"name": "b"}))
-    assert documents.signals(Page("", "", states)) == {"a": 2.0}
+    assert documents.read_signals(Page("", "", states)) == {"a": 2.0}
 
 
 def test_joint_target_comes_out_in_chain_order() -> None:
-    target = documents.joint_target(page("ms-jointtarget", **JOINTS, **EXTERNAL))
+    target = documents.read_joint_target(page("ms-jointtarget", **JOINTS, **EXTERNAL))
     assert [round(degrees(angle)) for angle in target.chain()] == [10, 20, -135, 30, 40, 50, 60]
     assert target.extax_deg == (-135.0, None, None, None, None, None)
 
@@ -79,30 +79,30 @@ def test_joint_target_comes_out_in_chain_order() -> None:
 def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
     six_axes = EXTERNAL | {"eax_a": "9E+09"}
     with pytest.raises(ProtocolError, match="no seventh axis"):
-        documents.joint_target(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
+        documents.read_joint_target(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
 
 
 @pytest.mark.parametrize("kind", ["elog-message-li", "elog-message"])
 def test_event_is_read(kind: str) -> None:
     fields = {"msgtype": "2", "code": "10012", "tstamp": "2026-07-09 T 08:15:30", "title": "Stop", "desc": "It."}
     expected = Event(18, EventType.WARNING, 10012, "2026-07-09 T 08:15:30", "Stop", "It.")
-    assert documents.events(page(kind, **fields)) == (expected,)
+    assert documents.read_events(page(kind, **fields)) == (expected,)
 
 
 @pytest.mark.parametrize(("weight", "sentence"), [("7", "'7|7 where only 1, 2, 3"), ("inf", "not a whole number")])
 def test_event_of_an_unknown_weight_is_refused(weight: str, sentence: str) -> None:
     fields = {"msgtype": weight, "code": "10012", "tstamp": "", "title": "Stop", "desc": "It."}
     with pytest.raises(ProtocolError, match=sentence):
-        documents.events(page("elog-message", **fields))
+        documents.read_events(page("elog-message", **fields))
 
 
 def test_properties_give_the_type_of_any_kind_of_symbol() -> None:
-    assert documents.symbol_type(page("rap-symproppers", dattyp="EGMSettings")) == "EGMSettings"
+    assert documents.read_symbol_type(page("rap-symproppers", dattyp="EGMSettings")) == "EGMSettings"
 
 
 def test_properties_of_nothing_are_refused() -> None:
     with pytest.raises(ProtocolError, match="no properties"):
-        documents.symbol_type(Page("", ""))
+        documents.read_symbol_type(Page("", ""))
 
 
 def test_refusal_says_what_a_known_code_means() -> None:
