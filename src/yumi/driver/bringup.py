@@ -67,8 +67,8 @@ _SIGNAL_NAME = re.compile(r"[A-Za-z][\w/]{0,95}")
 _FILE_NAME = re.compile(r"[A-Za-z]\w{0,31}\.(mod|sys)", re.IGNORECASE)
 _MODULE_DECLARATION = re.compile(r"^\s*MODULE\s+([A-Za-z]\w{0,31})", re.IGNORECASE | re.MULTILINE)
 _OUR_MODULES = "trob"  # how those of the state machine begin
-_BAD_VALUE, _FORBIDDEN, _UNKNOWN = 400, 403, 404
-_EXAMPLES = {"bool": "TRUE", "string": '"text"', "num": "1.5", "dnum": "1.5"}
+_BAD_VALUE, _FORBIDDEN, _UNKNOWN = 400, 403, 404  # status of HTTP
+_LITERALS = {"bool": "TRUE", "string": '"text"', "num": "1.5", "dnum": "1.5"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -530,7 +530,7 @@ class ControllerPanel:
         """
         self.check_automatic()
         kind = self._type_of(task, module, name)
-        example = _EXAMPLES.get(kind, "[1,[2,3]]")
+        example = _LITERALS.get(kind, "[1,[2,3]]")
         try:
             rapid_values.decode(value)
         except ProtocolError as error:

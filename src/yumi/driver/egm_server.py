@@ -45,154 +45,9 @@ LONGEST_PERIOD = 0.100
 PUNCTUAL = 0.5 * CYCLE, 1.25 * CYCLE
 """Times between two datagrams at which nothing else can wait behind the second [s]."""
 
+_NORM_TOLERANCE = 1e-3  # by how much the norm of a quaternion may differ from 1
+_OLDEST_MEASUREMENT = 1e6  # [s]
 _ON, _RUNNING, _STOPPED = MotorState.ON, MciState.RUNNING, RapidState.STOPPED  # the enumerations are slow to look into
-
-
-class DatagramLink(Protocol):
-    """A socket that talks to one robot, or anything that behaves like one."""
-
-    @property
-    def foreign(self) -> int:
-        """How many datagrams came from elsewhere and were left aside."""
-
-    @property
-    def is_pinned(self) -> bool:
-        """Whether only one sender is heard."""
-
-    def pin(self) -> None:
-        """From now on hear only the sender of what was handed out last."""
-
-    def release(self) -> None:
-        """From now on hear every sender again."""
-
-    def receive_next(self) -> bytes | None:
-        """The oldest datagram that waits, if any; never waits."""
-
-    def receive(self) -> Sequence[bytes]:
-        """All datagrams of one sender that wait, oldest first; never waits."""
-
-    def send(self, datagram: bytes) -> None:
-        """Answer the sender of what was handed out last."""
-
-
-def accept_from(
-    link: DatagramLink, session: SensorSession[Message], datagrams: Sequence[bytes], now: float
-) -> Message | None:
-    """Take what has arrived; the sender of what begins a session is the only one heard until the session ends."""
-    while datagrams:
-        message = session.accept(datagrams, now)
-        if link.is_pinned:
-            return message
-        if message is not None:
-            link.pin()
-            return message
-        datagrams = link.receive()
-    return None
-
-
-def is_running(message: JointReport | RobotMessage) -> bool:
-    """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
-    return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
-
-
-def period(before: Counted | None, message: Counted) -> float:
-    """Robot time from one message to the next [s], 0 where there is none before."""
-    if before is None:
-        return 0.0
-    passed = message.measured_time - before.measured_time
-    return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
-
-
-def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters:
-    counters, arrivals = session.counters, session.arrivals
-    return WireCounters(
-        session.number,
-        counters.missed,
-        counters.lost,
-        counters.late,
-        counters.stale,
-        counters.repeated,
-        counters.malformed,
-        foreign,
-        arrivals.jitter,
-        arrivals.worst_jitter,
-        arrivals.drift_ppm,
-        arrivals.cycle_time,
-    )
-
-
-class EgmArm:
-    """One seven-axis arm guided by EGM.
-
-    Args:
-        link: where its datagrams come from.
-        session: its conversation.
-        stages: what notes where a cycle's time goes.
-        keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
-    """
-
-    def __init__(
-        self,
-        link: DatagramLink,
-        session: SensorSession[JointReport],
-        stages: StageClock | None = None,
-        keep: Callable[[bytes], None] = lambda datagram: None,
-    ) -> None:
-        self._keep = keep
-        self._datagram = b""
-        self._link = link
-        self._session = session
-        self._stages = stages or StageClock()
-        self._before: JointReport | None = None
-
-    def read(self, now: float) -> ArmState | None:
-        datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
-        if not datagrams:
-            return None
-        session = self._session
-        message = accept_from(self._link, session, datagrams, now)
-        if message is None:
-            return None
-        self._datagram = datagrams[-1]
-        before = None if session.is_first or session.is_resumed else self._before
-        self._before = message
-        dt = period(before, message)
-        return ArmState(
-            now,
-            dt,
-            session.number,
-            message.measured,
-            ZERO if before is None or dt <= 0.0 else change_rate(message.measured, before.measured, dt),
-            message.planned,
-            is_running(message),
-        )
-
-    def _datagrams(self, now: float) -> Sequence[bytes]:
-        """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
-        earliest, latest = PUNCTUAL
-        if not earliest < self._session.silence(now) < latest or not self._link.is_pinned:
-            return self._link.receive()
-        datagram = self._link.receive_next()
-        return () if datagram is None else (datagram,)
-
-    def write(self, command: ArmCommand) -> None:
-        velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
-        self._stages.note(SEND)
-        self._session.settle()
-        self._keep(self._datagram)
-
-    def silence(self, now: float) -> float:
-        return self._session.silence(now)
-
-    def lost_after(self, now: float) -> float | None:
-        if not self._session.close_if_silent(now):
-            return None
-        self._link.release()
-        return self._session.silence(now)
-
-    def wire_counters(self) -> WireCounters:
-        return wire_counters(self._session, self._link.foreign)
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,104 +92,6 @@ class RobotState:
     def is_running(self) -> bool:
         """Whether the robot follows what it is sent; a position stream alone does not."""
         return is_running(self.message)
-
-
-_UNIT = 1e-3  # by how much the norm of a quaternion may differ from 1
-_OLDEST = 1e6  # [s]
-
-
-def standstill(message: RobotMessage) -> SensorMessage:
-    """Stay where ``message`` was measured, whether the robot heeds its joints or its tool."""
-    pose = message.measured_pose
-    return SensorMessage(
-        seqno=0,
-        position=message.measured,
-        external=message.measured_external,
-        tool_position=None if pose is None else pose.position,
-        tool_orientation=None if pose is None else pose.orientation,
-    )
-
-
-def reference(
-    state: RobotState,
-    *,
-    joints: Sequence[float] | None = None,
-    pose: Pose | None = None,
-    speed: Sequence[float] | None = None,
-    twist: Sequence[float] | None = None,
-    external: Sequence[float] | None = None,
-    external_speed: Sequence[float] | None = None,
-    data: RapidData | None = None,
-) -> SensorMessage:
-    """The message with these references, see :meth:`EgmServer.send`.
-
-    Raises:
-        CommandRefused: a value is not finite, or there are not as many as the robot has.
-    """
-    axes, beside = len(state.joints), len(state.external)
-    orientation: Quaternion | None = None
-    if pose is not None:
-        w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
-        norm = hypot(w, x, y, z)
-        if abs(norm - 1.0) > _UNIT:
-            raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
-        orientation = (w / norm, x / norm, y / norm, z / norm)
-    if data is not None:
-        if len(data.numbers) > MOST_NUMBERS:
-            raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
-        data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
-    return SensorMessage(
-        seqno=0,
-        position=None if joints is None else _finite("joints", joints, axes),
-        velocity=None if speed is None else _finite("speed", speed, axes),
-        tool_position=None if pose is None else _vector("position of pose", pose.position),
-        tool_orientation=orientation,
-        twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
-        external=() if external is None else _finite("external", external, beside),
-        external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
-        rapid_data=data,
-    )
-
-
-def correction(offset: Sequence[float], age: float) -> PathCorrection:
-    """The path correction by ``offset`` [m], measured ``age`` [s] ago.
-
-    Raises:
-        CommandRefused: a value is not finite, or the age is negative.
-    """
-    if not 0.0 <= age <= _OLDEST:
-        raise CommandRefused(f"Correction refused: age is {age} s; a measurement is 0 to {_OLDEST:g} s old.")
-    return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
-
-
-def is_placed(message: SensorMessage) -> bool:
-    """Whether it says where the robot is to be."""
-    return message.position is not None or message.tool_position is not None or bool(message.external)
-
-
-def moves(message: SensorMessage) -> bool:
-    """Whether it has any reference, be it zero."""
-    return (
-        is_placed(message)
-        or message.velocity is not None
-        or message.twist is not None
-        or bool(message.external_velocity)
-    )
-
-
-def _finite(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    given = tuple(float(value) for value in values)
-    if len(given) != count:
-        raise CommandRefused(f"Reference refused: {name} has {len(given)} values; this robot takes {count}.")
-    for value in given:
-        if not isfinite(value):
-            raise CommandRefused(f"Reference refused: {name} has {value}; the robot takes finite numbers only.")
-    return given
-
-
-def _vector(name: str, values: Sequence[float]) -> Vector:
-    x, y, z = _finite(name, values, 3)
-    return (x, y, z)
 
 
 class EgmServer:
@@ -533,3 +290,246 @@ class EgmServer:
                 self._held = standstill(message)
         elif not session.number and session.counters.malformed >= UNREADABLE:
             raise ProtocolError(f"What speaks on UDP port {self.port} cannot be guided: {session.last_error}")
+
+
+def standstill(message: RobotMessage) -> SensorMessage:
+    """Stay where ``message`` was measured, whether the robot heeds its joints or its tool."""
+    pose = message.measured_pose
+    return SensorMessage(
+        seqno=0,
+        position=message.measured,
+        external=message.measured_external,
+        tool_position=None if pose is None else pose.position,
+        tool_orientation=None if pose is None else pose.orientation,
+    )
+
+
+def reference(
+    state: RobotState,
+    *,
+    joints: Sequence[float] | None = None,
+    pose: Pose | None = None,
+    speed: Sequence[float] | None = None,
+    twist: Sequence[float] | None = None,
+    external: Sequence[float] | None = None,
+    external_speed: Sequence[float] | None = None,
+    data: RapidData | None = None,
+) -> SensorMessage:
+    """The message with these references, see :meth:`EgmServer.send`.
+
+    Raises:
+        CommandRefused: a value is not finite, or there are not as many as the robot has.
+    """
+    axes, beside = len(state.joints), len(state.external)
+    orientation: Quaternion | None = None
+    if pose is not None:
+        w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
+        norm = hypot(w, x, y, z)
+        if abs(norm - 1.0) > _NORM_TOLERANCE:
+            raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
+        orientation = (w / norm, x / norm, y / norm, z / norm)
+    if data is not None:
+        if len(data.numbers) > MOST_NUMBERS:
+            raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
+        data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
+    return SensorMessage(
+        seqno=0,
+        position=None if joints is None else _finite("joints", joints, axes),
+        velocity=None if speed is None else _finite("speed", speed, axes),
+        tool_position=None if pose is None else _vector("position of pose", pose.position),
+        tool_orientation=orientation,
+        twist=None if twist is None else cast("Twist", _finite("twist", twist, 6)),
+        external=() if external is None else _finite("external", external, beside),
+        external_velocity=() if external_speed is None else _finite("external_speed", external_speed, beside),
+        rapid_data=data,
+    )
+
+
+def correction(offset: Sequence[float], age: float) -> PathCorrection:
+    """The path correction by ``offset`` [m], measured ``age`` [s] ago.
+
+    Raises:
+        CommandRefused: a value is not finite, or the age is negative.
+    """
+    if not 0.0 <= age <= _OLDEST_MEASUREMENT:
+        raise CommandRefused(
+            f"Correction refused: age is {age} s; a measurement is 0 to {_OLDEST_MEASUREMENT:g} s old."
+        )
+    return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
+
+
+def is_placed(message: SensorMessage) -> bool:
+    """Whether it says where the robot is to be."""
+    return message.position is not None or message.tool_position is not None or bool(message.external)
+
+
+def moves(message: SensorMessage) -> bool:
+    """Whether it has any reference, be it zero."""
+    return (
+        is_placed(message)
+        or message.velocity is not None
+        or message.twist is not None
+        or bool(message.external_velocity)
+    )
+
+
+def _finite(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
+    given = tuple(float(value) for value in values)
+    if len(given) != count:
+        raise CommandRefused(f"Reference refused: {name} has {len(given)} values; this robot takes {count}.")
+    for value in given:
+        if not isfinite(value):
+            raise CommandRefused(f"Reference refused: {name} has {value}; the robot takes finite numbers only.")
+    return given
+
+
+def _vector(name: str, values: Sequence[float]) -> Vector:
+    x, y, z = _finite(name, values, 3)
+    return (x, y, z)
+
+
+class EgmArm:
+    """One seven-axis arm guided by EGM.
+
+    Args:
+        link: where its datagrams come from.
+        session: its conversation.
+        stages: what notes where a cycle's time goes.
+        keep: given the datagram of each cycle after it was answered, for who wants to know what else is in it.
+    """
+
+    def __init__(
+        self,
+        link: DatagramLink,
+        session: SensorSession[JointReport],
+        stages: StageClock | None = None,
+        keep: Callable[[bytes], None] = lambda datagram: None,
+    ) -> None:
+        self._keep = keep
+        self._datagram = b""
+        self._link = link
+        self._session = session
+        self._stages = stages or StageClock()
+        self._before: JointReport | None = None
+
+    def read(self, now: float) -> ArmState | None:
+        datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
+        if not datagrams:
+            return None
+        session = self._session
+        message = accept_from(self._link, session, datagrams, now)
+        if message is None:
+            return None
+        self._datagram = datagrams[-1]
+        before = None if session.is_first or session.is_resumed else self._before
+        self._before = message
+        dt = period(before, message)
+        return ArmState(
+            now,
+            dt,
+            session.number,
+            message.measured,
+            ZERO if before is None or dt <= 0.0 else change_rate(message.measured, before.measured, dt),
+            message.planned,
+            is_running(message),
+        )
+
+    def _datagrams(self, now: float) -> Sequence[bytes]:
+        """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
+        earliest, latest = PUNCTUAL
+        if not earliest < self._session.silence(now) < latest or not self._link.is_pinned:
+            return self._link.receive()
+        datagram = self._link.receive_next()
+        return () if datagram is None else (datagram,)
+
+    def write(self, command: ArmCommand) -> None:
+        velocity = None if command.velocity is ZERO else command.velocity
+        self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
+        self._stages.note(SEND)
+        self._session.settle()
+        self._keep(self._datagram)
+
+    def silence(self, now: float) -> float:
+        return self._session.silence(now)
+
+    def lost_after(self, now: float) -> float | None:
+        if not self._session.close_if_silent(now):
+            return None
+        self._link.release()
+        return self._session.silence(now)
+
+    def wire_counters(self) -> WireCounters:
+        return wire_counters(self._session, self._link.foreign)
+
+
+class DatagramLink(Protocol):
+    """A socket that talks to one robot, or anything that behaves like one."""
+
+    @property
+    def foreign(self) -> int:
+        """How many datagrams came from elsewhere and were left aside."""
+
+    @property
+    def is_pinned(self) -> bool:
+        """Whether only one sender is heard."""
+
+    def pin(self) -> None:
+        """From now on hear only the sender of what was handed out last."""
+
+    def release(self) -> None:
+        """From now on hear every sender again."""
+
+    def receive_next(self) -> bytes | None:
+        """The oldest datagram that waits, if any; never waits."""
+
+    def receive(self) -> Sequence[bytes]:
+        """All datagrams of one sender that wait, oldest first; never waits."""
+
+    def send(self, datagram: bytes) -> None:
+        """Answer the sender of what was handed out last."""
+
+
+def accept_from(
+    link: DatagramLink, session: SensorSession[Message], datagrams: Sequence[bytes], now: float
+) -> Message | None:
+    """Take what has arrived; the sender of what begins a session is the only one heard until the session ends."""
+    while datagrams:
+        message = session.accept(datagrams, now)
+        if link.is_pinned:
+            return message
+        if message is not None:
+            link.pin()
+            return message
+        datagrams = link.receive()
+    return None
+
+
+def is_running(message: JointReport | RobotMessage) -> bool:
+    """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
+    return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
+
+
+def period(before: Counted | None, message: Counted) -> float:
+    """Robot time from one message to the next [s], 0 where there is none before."""
+    if before is None:
+        return 0.0
+    passed = message.measured_time - before.measured_time
+    return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
+
+
+def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters:
+    counters, arrivals = session.counters, session.arrivals
+    return WireCounters(
+        session.number,
+        counters.missed,
+        counters.lost,
+        counters.late,
+        counters.stale,
+        counters.repeated,
+        counters.malformed,
+        foreign,
+        arrivals.jitter,
+        arrivals.worst_jitter,
+        arrivals.drift_ppm,
+        arrivals.cycle_time,
+    )

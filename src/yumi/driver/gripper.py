@@ -465,7 +465,7 @@ class Gripper:
 
     def _ask(self, name: str) -> float:
         """A signal as it is now; raises RobotNotReady when the controller has no such signal."""
-        full = _signal_name(self.side, name)
+        full = _full_name(self.side, name)
         try:
             return self._client.signal(full).value
         except ControllerRefused as error:
@@ -486,7 +486,7 @@ class Gripper:
         return self.last_position
 
     def _write(self, name: str, value: float) -> None:
-        self._client.set_signal(_signal_name(self.side, name), value)
+        self._client.set_signal(_full_name(self.side, name), value)
 
 
 class GripperSetup:
@@ -711,7 +711,7 @@ SignalName = tuple[Side, str]
 """A gripper, and one of its signals without the arm's suffix."""
 
 
-def _signal_name(side: Side, name: str) -> str:
+def _full_name(side: Side, name: str) -> str:
     """A gripper's signal as the controller names it."""
     return f"{name}_{side.name[0]}"
 
@@ -774,7 +774,7 @@ class GripperSignals:
                 self._reported.clear()
                 known = tuple(self._values)
             values = self._client.signals()
-            read = {(side, name): values.get(_signal_name(side, name)) for side, name in known}
+            read = {(side, name): values.get(_full_name(side, name)) for side, name in known}
             with self._lock:
                 if number == self._number:
                     self._values |= {
@@ -823,7 +823,7 @@ class GripperSignals:
                 self._values = {}
                 number = self._number
             names = {
-                signal_state(_signal_name(side, name)): (side, name)
+                signal_state(_full_name(side, name)): (side, name)
                 for side in sides
                 for name in signal_names(self._modules[side])
             }

@@ -135,7 +135,7 @@ def machine_name(state: RobotState, side: Side) -> str:
     return "no state machine" if machine is None else machine.name
 
 
-BOTH = tuple(Side)
+BOTH_ARMS = tuple(Side)
 Arms = tuple[Side, ...]
 
 
@@ -268,12 +268,12 @@ NEEDED: Mapping[Request, tuple[Condition, ...]] = {
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
 
 
-def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = BOTH) -> Condition | None:
+def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = BOTH_ARMS) -> Condition | None:
     """The first condition that is not met."""
     return next((condition for condition in conditions if not condition.is_met(state, arms)), None)
 
 
-def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH) -> str:
+def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH_ARMS) -> str:
     """Why a condition is not met."""
     after = " after an emergency stop" if state.controller_state is ControllerState.EMERGENCY_STOP_RESET else ""
     return condition.reason.format(
@@ -286,13 +286,13 @@ def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH) -> str
     )
 
 
-def sentence_of(condition: Condition, state: RobotState, arms: Arms = BOTH, intro: str = "") -> str:
+def sentence_of(condition: Condition, state: RobotState, arms: Arms = BOTH_ARMS, intro: str = "") -> str:
     """Why a condition is not met, and what to do; ``intro`` says what is refused for it."""
     text = f"{intro}{reason_of(condition, state, arms)}; {condition.remedy}."
     return text[0].upper() + text[1:]
 
 
-def check_request(request: Request, state: RobotState, arms: Arms = BOTH, intro: str = "") -> None:
+def check_request(request: Request, state: RobotState, arms: Arms = BOTH_ARMS, intro: str = "") -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:
@@ -339,7 +339,7 @@ class EventText:
     remedy: str
 
 
-def _gripper(cause: str, remedy: str = "look at the gripper, then calibrate it again") -> EventText:
+def _gripper_event(cause: str, remedy: str = "look at the gripper, then calibrate it again") -> EventText:
     return EventText(f"a Smart Gripper {cause}", remedy)
 
 
@@ -387,24 +387,26 @@ EVENT_TEXTS: Mapping[int, EventText] = {
     50453: EventText("a move or a jog was ordered while EGM moves the arm", "end EGM first"),
     80001: EventText("the robot's program reported an error", "read its text, then recover"),
     80002: EventText("the robot's program gave a warning", "read its text"),
-    112751: _gripper("was in the wrong state for a command"),
-    112752: _gripper("has a fault", "switch its supply off and on, then calibrate it again"),
-    112753: _gripper("did not reach its position"),
-    112754: _gripper("could not grip inwards"),
-    112755: _gripper("is not calibrated", "calibrate it"),
-    112756: _gripper("lost its vacuum", "check suction cup and air supply"),
-    112757: _gripper("got a value out of range", "give positions of 0 to 25 mm and forces of 0 to 20 N"),
-    112758: _gripper("could not move to a position"),
-    112759: _gripper("could not grip at a position"),
-    112760: _gripper("could not grip outwards"),
+    112751: _gripper_event("was in the wrong state for a command"),
+    112752: _gripper_event("has a fault", "switch its supply off and on, then calibrate it again"),
+    112753: _gripper_event("did not reach its position"),
+    112754: _gripper_event("could not grip inwards"),
+    112755: _gripper_event("is not calibrated", "calibrate it"),
+    112756: _gripper_event("lost its vacuum", "check suction cup and air supply"),
+    112757: _gripper_event("got a value out of range", "give positions of 0 to 25 mm and forces of 0 to 20 N"),
+    112758: _gripper_event("could not move to a position"),
+    112759: _gripper_event("could not grip at a position"),
+    112760: _gripper_event("could not grip outwards"),
 }
 
-STARTED = (10150, 10151)
-"""The program was started: what is older is history."""
+# So many events are read, the next number where these were not enough; a controller remembers the last one.
+_PAGES = (10, 50, 1000)
 
+# Numbers of events.
 _MOTORS_OFF, _GUARD_STOP, _EMERGENCY_STOP, _SYSTEM_FAILURE = 10010, 10012, 10013, 10014
 _MANUAL, _AUTO_CHOSEN, _AUTO_CONFIRMED = 10015, 10016, 10017  # with the mode switch
 _RESTARTED, _PROGRAM_STOPPED, _PROGRAM_ERROR, _EGM_TIMEOUT = 10045, 10125, 80001, 41822
+_PROGRAM_STARTED = (10150, 10151)  # what is older is history
 _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
 _UNHANDLED = 40228  # it follows the event of the error that the program does not handle, EGM's time-out too
@@ -419,15 +421,12 @@ _STOPS = (_EMERGENCY_STOP, _GUARD_STOP, _MANUAL, _AUTO_CHOSEN, _RESTARTED, *_ACC
 _BY_PERSON = {_SYSTEM_FAILURE, _MANUAL, _AUTO_CHOSEN, _AUTO_CONFIRMED}
 
 # States that are a stop, also where the event log was cleared; and the number of the event they come with.
-_STATES: Mapping[ControllerState, int] = {
+_STOP_STATES: Mapping[ControllerState, int] = {
     ControllerState.EMERGENCY_STOP: _EMERGENCY_STOP,
     ControllerState.EMERGENCY_STOP_RESET: _EMERGENCY_STOP,
     ControllerState.GUARD_STOP: _GUARD_STOP,
 }
-_TITLES = {_EMERGENCY_STOP: "Emergency stop state", _GUARD_STOP: "Guard stop state"}
-
-PAGES = (10, 50, 1000)
-"""So many events are read, the next number where these were not enough; a controller remembers the last one."""
+_STOP_TITLES = {_EMERGENCY_STOP: "Emergency stop state", _GUARD_STOP: "Guard stop state"}
 
 HISTORY = 2.0
 """An event that came so long before the robot was last seen to work has not stopped it [s]."""
@@ -496,7 +495,7 @@ def cause_among(events: Iterable[Event]) -> Event | None:
 
 def _since_start(events: Iterable[Event]) -> list[Event]:
     """Those after the program was last started, newest first: who started it took note of what was before."""
-    return list(takewhile(lambda event: event.code not in STARTED, events))
+    return list(takewhile(lambda event: event.code not in _PROGRAM_STARTED, events))
 
 
 class EventSource(Protocol):
@@ -529,7 +528,7 @@ class Stop:
         for event in events:
             first.setdefault(event.code, event)
         texts = [explain(event) for event in first.values()] or [
-            explain(Event(0, EventType.INFORMATION, code, "", _TITLES[code], _TITLES[code]))
+            explain(Event(0, EventType.INFORMATION, code, "", _STOP_TITLES[code], _STOP_TITLES[code]))
         ]
         identity = f"{events[-1].code if events else code}-{number}-{secrets.token_hex(3)}"
         return cls(identity, "; then ".join(texts), tuple(first) or (code,))
@@ -553,7 +552,7 @@ class Cause:
 
 
 @dataclass(frozen=True, slots=True)
-class _Known:
+class _KnownStop:
     """Replaced as a whole, so that it can be read from any thread at any time."""
 
     stop: Stop | None = None
@@ -570,12 +569,12 @@ class StopLog:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._lock = RLock()  # reading and judging belong together: an older page must not be judged after a newer one
-        self._known = _Known()
+        self._known = _KnownStop()
         self._newest = -1  # number of the newest event that was read; -1 before the first reading
         self._stop_events: tuple[Event, ...] = ()
         self._awaits_event_until = -inf  # the event of a stop that is known by the state alone comes by then [s]
-        self._recent: deque[tuple[Event, float]] = deque(maxlen=PAGES[-1])  # newest first, and when it was seen
-        self._news: deque[Event] = deque(maxlen=PAGES[-1])
+        self._recent: deque[tuple[Event, float]] = deque(maxlen=_PAGES[-1])  # newest first, and when it was seen
+        self._news: deque[Event] = deque(maxlen=_PAGES[-1])
         self.is_complete = True
         """Whether every event since the last confirmed or working state was seen."""
 
@@ -624,13 +623,13 @@ class StopLog:
         """
         with self._lock:
             state = client.controller_state()
-            for count in PAGES:
+            for count in _PAGES:
                 events = client.events(count=count)
                 if len(events) < count or self._is_enough(events):
                     break
             self._take(events)
-            if state in _STATES and self._known.stop is None:
-                self._known = replace(self._known, stop=Stop.of((), _STATES[state]))
+            if state in _STOP_STATES and self._known.stop is None:
+                self._known = replace(self._known, stop=Stop.of((), _STOP_STATES[state]))
                 self._awaits_event_until = self._clock.now() + HISTORY
             return state, events[0] if events else None
 
@@ -653,10 +652,10 @@ class StopLog:
             if stop is None:
                 return
             if not confirmed:
-                raise StopNotConfirmed(_demand(stop, state), stop.id)
+                raise StopNotConfirmed(_refusal(stop, state), stop.id)
             if confirmed != stop.id:
                 raise StopNotConfirmed(
-                    f"{confirmed!r} is not the stop that is open now. {_demand(stop, state)}", stop.id
+                    f"{confirmed!r} is not the stop that is open now. {_refusal(stop, state)}", stop.id
                 )
             if active := _active_stop(state):
                 raise StopNotConfirmed(
@@ -685,7 +684,7 @@ class StopLog:
                 self._stop_events = ()
                 self._recent.clear()
                 self.is_complete = True
-                self._known = _Known()
+                self._known = _KnownStop()
 
     def settle(self) -> None:
         """The robot works: what came a while ago has not stopped it."""
@@ -718,7 +717,7 @@ class StopLog:
     def _is_enough(self, events: tuple[Event, ...]) -> bool:
         """Whether older events are known, or history."""
         if self._newest < 0 or events[0].number < self._newest:
-            return any(event.code in STARTED for event in events)
+            return any(event.code in _PROGRAM_STARTED for event in events)
         return events[-1].number <= self._newest + 1
 
     def _take(self, events: tuple[Event, ...]) -> None:
@@ -755,7 +754,7 @@ class StopLog:
         elif stops:
             self._stop_events += stops
             stop = Stop.of(self._stop_events)
-        self._known = _Known(stop, cause_among(event for event, _ in self._recent))
+        self._known = _KnownStop(stop, cause_among(event for event, _ in self._recent))
 
 
 def explained(event: ArmEvent, cause: Cause) -> str:
@@ -779,7 +778,7 @@ def _active_stop(state: ControllerState) -> str:
     return f"{reason_of(stop, robot)}; {stop.remedy}" if stop else ""
 
 
-def _demand(stop: Stop, state: ControllerState) -> str:
+def _refusal(stop: Stop, state: ControllerState) -> str:
     active = _active_stop(state)
     now = f"Now {active}. " if active else ""
     return (
@@ -788,7 +787,7 @@ def _demand(stop: Stop, state: ControllerState) -> str:
     )
 
 
-_SYMBOLS = {"{mode}": "MANR", "{after_stop}": "", "{machines}": "right arm: RUN_RAPID_ROUTINE", "{stop}": "50204-…"}
+_EXAMPLES = {"{mode}": "MANR", "{after_stop}": "", "{machines}": "right arm: RUN_RAPID_ROUTINE", "{stop}": "50204-…"}
 
 
 def reference_page() -> str:
@@ -809,7 +808,7 @@ def reference_page() -> str:
     ]
     for condition, number in numbers.items():
         reason = condition.reason
-        for symbol, example in _SYMBOLS.items():
+        for symbol, example in _EXAMPLES.items():
             reason = reason.replace(symbol, example)
         lines.append(f"| {number} | {condition.name} | {reason} | {condition.remedy} |")
     lines += [

@@ -76,149 +76,109 @@ from yumi.rws.client import RwsClient
 Controllers = Mapping[Side, tuple[ControllerSettings, ...]]
 """What runs on each arm."""
 
-Halves = dict[str, dict[Side, DualArmTrajectoryController]]
-"""The active halves of controllers that move both arms, by the controllers' name and arm."""
 
-
-@dataclass(frozen=True, slots=True)
-class Place:
-    """What a controller is given when it is made in the control process.
+class DriverParts(NamedTuple):
+    """What drives one robot, made and not started.
 
     Attributes:
-        name: the controller's name.
-        side: its arm.
-        buffers: what its arm shares with the driver process.
-        halves: controllers of this name that are active, by arm, for one that moves both arms.
-        limits: what the joints may do in the robot's EGM motion.
-        period: time between two datagrams of the arm [s].
-        speed: the factor on its speeds.
-        tool_limits: what its tool keeps.
+        client: the way to the controller; closed by who made it.
+        bringup: what is done over RWS.
+        plan: where the control process listens.
+        control: the control process.
+        manager: the robot's state.
+        signals: the grippers' signals, by subscription.
+        grippers: both.
     """
 
-    name: str
-    side: Side
-    buffers: ArmBuffers
-    halves: dict[Side, DualArmTrajectoryController]
-    limits: JointLimits
-    period: float
-    speed: SpeedScale
-    tool_limits: ToolLimits = ToolLimits()  # noqa: RUF009 - it is frozen
+    client: RwsClient
+    bringup: Bringup
+    plan: EgmPlan
+    control: ControlProcess
+    manager: RobotManager
+    signals: GripperSignals
+    grippers: Mapping[Side, Gripper]
 
 
-def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
-    return kind(place.buffers.forward_positions, place.buffers.forward_speeds, place.limits, place.speed)
+def make_parts(
+    settings: Settings,
+    controllers: Controllers,
+    on_event: Callable[[Event], None],
+    report: Callable[[str], None],
+    leading: str | None = None,
+    arms: tuple[Side, ...] = tuple(Side),
+    warn: Callable[[str], None] | None = None,
+    stops: StopLog | None = None,
+) -> DriverParts:
+    """The parts for the robot of ``settings``.
 
-
-CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
-    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.buffers.states),
-    JointPositionController.kind: lambda place: JointPositionController(place.buffers.goals, place.limits, place.speed),
-    JointVelocityController.kind: lambda place: JointVelocityController(
-        place.buffers.speeds, place.limits, place.speed
-    ),
-    **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
-    JointTrajectoryController.kind: lambda place: JointTrajectoryController(
-        place.side, place.buffers.trajectory, place.limits, speed=place.speed
-    ),
-    DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
-        place.side,
-        place.buffers.dual_trajectory,
-        place.halves,
-        place.limits,
-        place.speed,
-    ),
-    CartesianController.kind: lambda place: CartesianController(
-        place.side,
-        place.buffers.tool_goals,
-        place.buffers.tool_path,
-        place.limits,
-        place.speed,
-        place.tool_limits,
-    ),
-    JointGoalController.kind: lambda place: JointGoalController(
-        place.buffers.point_goals, place.limits, place.period, place.speed
-    ),
-}
-"""How a controller of each type is made."""
-
-
-def _manager_of(
-    side: Side,
-    buffers: ArmBuffers,
-    halves: Halves,
-    limits: JointLimits = YUMI_LIMITS,
-    period: float = CYCLE,
-    speed: SpeedScale | None = None,
-    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
-) -> ControllerManager:
-    speed = speed or SpeedScale()
-
-    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
-        return lambda name: make(
-            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
-        )
-
-    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
-    counted = read_snapshot(buffers.snapshots).activity
-    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
-
-
-def start_controllers(
-    manager: ControllerManager, controllers: Sequence[ControllerSettings]
-) -> tuple[ControllerSettings, ...]:
-    """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
+    Args:
+        settings: where it is, and how it moves.
+        controllers: what runs on each arm.
+        on_event: called with what happens in the control process.
+        report: called with each step of what is done to the robot.
+        leading: the controller that commands an arm after EGM has started; None: as the settings say.
+        arms: those that EGM moves; the others stand still.
+        warn: called with what is not as it should be; None: ``report`` is.
+        stops: what stopped the robot, where an earlier connection knows it already.
 
     Raises:
-        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
+        NoConnection: there is no way to the robot's address.
+        SettingsError: a controller has an unknown type, or parameters it cannot have.
     """
-    started = tuple(_start_controller(manager, settings) for settings in controllers)
-    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
-    taken = {entry.place for settings in started for entry in settings.entries.values()}
-    for settings in controllers:
-        for key, entry in settings.entries.items():
-            if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
-                raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
-    return started
+    set_prefix(settings.ros.prefix)
+    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
+    first = leading or settings.ros.initial_joint_controller
+    for side, entries in plan.controllers.items():
+        ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
+        if side in arms and (first not in ready or ready[first].kind == JointStateBroadcaster.kind):
+            choices = ", ".join(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
+            raise SettingsError(
+                f"ros.initial_joint_controller is {first!r}, which does not command the {side.word} arm; choose from: "
+                f"{choices}."
+            )
+    client = RwsClient(
+        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
+    )
+    control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
+    scales = {side: each.speed_scale for side, each in control.buffers.items()}
+    speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
+    bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
+    manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
+    if settings.collision.enabled:  # an arm without EGM is kept clear of, too
+        manager.monitor.keeps_apart = True
+        manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
+    signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
+    grippers = build_grippers(client, clock, settings, signals)
+    manager.grippers = tuple(grippers.values())
+    return DriverParts(client, bringup, plan, control, manager, signals, grippers)
 
 
-def _start_controller(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
-    name, state = settings.name, settings.state
-    if settings.kind not in manager.kinds:
-        known = ", ".join(manager.kinds)
-        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
-    if state is InitialState.UNLOADED:
-        return settings
-    place = settings.place  # of what may be refused
-    try:
-        manager.load_kind(name, settings.kind)
-        has = [info.parameter for info in manager.parameters(name)]
-        own = {
-            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
-        }
-        for key, entry in own.items():
-            place = entry.place
-            manager.set_parameters(name, {key: entry.value})
-        place = settings.place
-        if state is not InitialState.UNCONFIGURED:
-            manager.configure(name)
-            commands = any(info.required for info in manager.controllers() if info.name == name)
-            if state is InitialState.ACTIVE or (state is None and not commands):
-                manager.switch((name,), (), None)
-    except (CommandRefused, SwitchFailed) as refusal:
-        raise SettingsError(f"{place}: {refusal}") from refusal
-    return replace(settings, entries=own)
+def first_speed_scale(settings: Settings) -> float:
+    """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
+    if settings.robot.speed_scale is not None:
+        return settings.robot.speed_scale
+    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_CONTACT
 
 
-def check_controllers(controllers: Controllers) -> Controllers:
-    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
-
-    Raises:
-        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
-    """
-    halves: Halves = {}
+def build_grippers(
+    client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
+) -> dict[Side, Gripper]:
+    """Both grippers of a connected robot; without ``signals`` they read everything by request."""
+    routines, own = GripperRoutines(client, clock), settings.gripper
     return {
-        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
-        for side, entries in controllers.items()
+        side: Gripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
+        for side in Side
     }
+
+
+def only_at_robot(settings: Settings) -> Only:
+    """What makes sure that one program of this machine drives the robot of ``settings``."""
+    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
+    refusal = (
+        f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
+        "robot: `yumi state` and the other commands, yumi.attach() in a script."
+    )
+    return Only(f"yumi-drives-{address}", refusal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -326,105 +286,146 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     return arms
 
 
-def first_speed_scale(settings: Settings) -> float:
-    """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
-    if settings.robot.speed_scale is not None:
-        return settings.robot.speed_scale
-    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_CONTACT
+Halves = dict[str, dict[Side, DualArmTrajectoryController]]
+"""The active halves of controllers that move both arms, by the controllers' name and arm."""
 
 
-class DriverParts(NamedTuple):
-    """What drives one robot, made and not started.
+@dataclass(frozen=True, slots=True)
+class Place:
+    """What a controller is given when it is made in the control process.
 
     Attributes:
-        client: the way to the controller; closed by who made it.
-        bringup: what is done over RWS.
-        plan: where the control process listens.
-        control: the control process.
-        manager: the robot's state.
-        signals: the grippers' signals, by subscription.
-        grippers: both.
+        name: the controller's name.
+        side: its arm.
+        buffers: what its arm shares with the driver process.
+        halves: controllers of this name that are active, by arm, for one that moves both arms.
+        limits: what the joints may do in the robot's EGM motion.
+        period: time between two datagrams of the arm [s].
+        speed: the factor on its speeds.
+        tool_limits: what its tool keeps.
     """
 
-    client: RwsClient
-    bringup: Bringup
-    plan: EgmPlan
-    control: ControlProcess
-    manager: RobotManager
-    signals: GripperSignals
-    grippers: Mapping[Side, Gripper]
+    name: str
+    side: Side
+    buffers: ArmBuffers
+    halves: dict[Side, DualArmTrajectoryController]
+    limits: JointLimits
+    period: float
+    speed: SpeedScale
+    tool_limits: ToolLimits = ToolLimits()  # noqa: RUF009 - it is frozen
 
 
-def make_parts(
-    settings: Settings,
-    controllers: Controllers,
-    on_event: Callable[[Event], None],
-    report: Callable[[str], None],
-    leading: str | None = None,
-    arms: tuple[Side, ...] = tuple(Side),
-    warn: Callable[[str], None] | None = None,
-    stops: StopLog | None = None,
-) -> DriverParts:
-    """The parts for the robot of ``settings``.
+def _forwarding(kind: type[ForwardCommandController], place: Place) -> Controller:
+    return kind(place.buffers.forward_positions, place.buffers.forward_speeds, place.limits, place.speed)
 
-    Args:
-        settings: where it is, and how it moves.
-        controllers: what runs on each arm.
-        on_event: called with what happens in the control process.
-        report: called with each step of what is done to the robot.
-        leading: the controller that commands an arm after EGM has started; None: as the settings say.
-        arms: those that EGM moves; the others stand still.
-        warn: called with what is not as it should be; None: ``report`` is.
-        stops: what stopped the robot, where an earlier connection knows it already.
+
+CONTROLLER_KINDS: Mapping[str, Callable[[Place], Controller]] = {
+    JointStateBroadcaster.kind: lambda place: JointStateBroadcaster(place.buffers.states),
+    JointPositionController.kind: lambda place: JointPositionController(place.buffers.goals, place.limits, place.speed),
+    JointVelocityController.kind: lambda place: JointVelocityController(
+        place.buffers.speeds, place.limits, place.speed
+    ),
+    **{kind.kind: partial(_forwarding, kind) for kind in FORWARDERS},
+    JointTrajectoryController.kind: lambda place: JointTrajectoryController(
+        place.side, place.buffers.trajectory, place.limits, speed=place.speed
+    ),
+    DualArmTrajectoryController.kind: lambda place: DualArmTrajectoryController(
+        place.side,
+        place.buffers.dual_trajectory,
+        place.halves,
+        place.limits,
+        place.speed,
+    ),
+    CartesianController.kind: lambda place: CartesianController(
+        place.side,
+        place.buffers.tool_goals,
+        place.buffers.tool_path,
+        place.limits,
+        place.speed,
+        place.tool_limits,
+    ),
+    JointGoalController.kind: lambda place: JointGoalController(
+        place.buffers.point_goals, place.limits, place.period, place.speed
+    ),
+}
+"""How a controller of each type is made."""
+
+
+def check_controllers(controllers: Controllers) -> Controllers:
+    """``controllers`` as the control process can start them: tried, and without what a wildcard says for others.
 
     Raises:
-        NoConnection: there is no way to the robot's address.
-        SettingsError: a controller has an unknown type, or parameters it cannot have.
+        SettingsError: a controller has an unknown type, a parameter it cannot have, or a state it cannot start in.
     """
-    set_prefix(settings.ros.prefix)
-    clock, robot, plan = SystemClock(), settings.robot, plan_egm(settings, controllers)
-    first = leading or settings.ros.initial_joint_controller
-    for side, entries in plan.controllers.items():
-        ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
-        if side in arms and (first not in ready or ready[first].kind == JointStateBroadcaster.kind):
-            choices = ", ".join(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
-            raise SettingsError(
-                f"ros.initial_joint_controller is {first!r}, which does not command the {side.word} arm; choose from: "
-                f"{choices}."
-            )
-    client = RwsClient(
-        f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
-    )
-    control = ControlProcess(partial(build_arms, plan), on_event, settings.egm.wake)
-    scales = {side: each.speed_scale for side, each in control.buffers.items()}
-    speed = SpeedSetting(first_speed_scale(settings), scales, lambda side: control.snapshot(side).is_running)
-    bringup = Bringup(client, settings.egm_motion, clock, report, arms, warn, speed)
-    manager = RobotManager(bringup, control, clock, first, arms, settings.watchdog, stops, settings.recovery)
-    if settings.collision.enabled:  # an arm without EGM is kept clear of, too
-        manager.monitor.keeps_apart = True
-        manager.monitor.on_joints = lambda side, states: control.buffers[side].read_joints.write(states)
-    signals = GripperSignals(client, {side: settings.gripper.modules(side) for side in Side})
-    grippers = build_grippers(client, clock, settings, signals)
-    manager.grippers = tuple(grippers.values())
-    return DriverParts(client, bringup, plan, control, manager, signals, grippers)
-
-
-def only_at_robot(settings: Settings) -> Only:
-    """What makes sure that one program of this machine drives the robot of ``settings``."""
-    address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
-    refusal = (
-        f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
-        "robot: `yumi state` and the other commands, yumi.attach() in a script."
-    )
-    return Only(f"yumi-drives-{address}", refusal)
-
-
-def build_grippers(
-    client: RwsClient, clock: Clock, settings: Settings, signals: GripperSignals | None = None
-) -> dict[Side, Gripper]:
-    """Both grippers of a connected robot; without ``signals`` they read everything by request."""
-    routines, own = GripperRoutines(client, clock), settings.gripper
+    halves: Halves = {}
     return {
-        side: Gripper(side, client, routines, clock, own.timeout, own.speed, own.modules(side), signals)
-        for side in Side
+        side: start_controllers(_manager_of(side, ArmBuffers(), halves), entries)
+        for side, entries in controllers.items()
     }
+
+
+def _manager_of(
+    side: Side,
+    buffers: ArmBuffers,
+    halves: Halves,
+    limits: JointLimits = YUMI_LIMITS,
+    period: float = CYCLE,
+    speed: SpeedScale | None = None,
+    tool_limits: ToolLimits = ToolLimits(),  # noqa: B008 - it is frozen
+) -> ControllerManager:
+    speed = speed or SpeedScale()
+
+    def factory(make: Callable[[Place], Controller]) -> Callable[[str], Controller]:
+        return lambda name: make(
+            Place(name, side, buffers, halves.setdefault(name, {}), limits, period, speed, tool_limits)
+        )
+
+    kinds = {kind: factory(make) for kind, make in CONTROLLER_KINDS.items()}
+    counted = read_snapshot(buffers.snapshots).activity
+    return ControllerManager(joint_names(side), kinds, side.unit, time.monotonic, counted)
+
+
+def start_controllers(
+    manager: ControllerManager, controllers: Sequence[ControllerSettings]
+) -> tuple[ControllerSettings, ...]:
+    """Lead ``controllers`` to their initial states; their settings, each with its own parameters only.
+
+    Raises:
+        SettingsError: a type is unknown, a parameter not allowed or not known, or a state cannot be reached.
+    """
+    started = tuple(_start_controller(manager, settings) for settings in controllers)
+    # What stands under a wildcard must be for a controller: a mistyped word would pass unseen.
+    taken = {entry.place for settings in started for entry in settings.entries.values()}
+    for settings in controllers:
+        for key, entry in settings.entries.items():
+            if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
+                raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
+    return started
+
+
+def _start_controller(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
+    name, state = settings.name, settings.state
+    if settings.kind not in manager.kinds:
+        known = ", ".join(manager.kinds)
+        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
+    if state is InitialState.UNLOADED:
+        return settings
+    place = settings.place  # of what may be refused
+    try:
+        manager.load_kind(name, settings.kind)
+        has = [info.parameter for info in manager.parameters(name)]
+        own = {
+            key: entry for key, entry in settings.entries.items() if find_parameter(has, key) or not entry.is_general
+        }
+        for key, entry in own.items():
+            place = entry.place
+            manager.set_parameters(name, {key: entry.value})
+        place = settings.place
+        if state is not InitialState.UNCONFIGURED:
+            manager.configure(name)
+            commands = any(info.required for info in manager.controllers() if info.name == name)
+            if state is InitialState.ACTIVE or (state is None and not commands):
+                manager.switch((name,), (), None)
+    except (CommandRefused, SwitchFailed) as refusal:
+        raise SettingsError(f"{place}: {refusal}") from refusal
+    return replace(settings, entries=own)

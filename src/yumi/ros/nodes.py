@@ -33,7 +33,7 @@ from yumi.process.supervision import Failures, SupervisedThread, no_thread
 from yumi.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 
 _THREADS = 8  # so many slow callbacks of a family run side by side
-_POLL = 0.5  # [s] how soon a failed callback is logged
+_SPIN_TIMEOUT = 0.5  # [s] how soon a failed callback is logged
 _FAILURE_PAUSE = 0.01  # [s]
 _LEAST_PAUSE = 0.001  # [s] a timer thread that is behind lets others run
 _CANCELLING = 1.0  # [s] at most, until rclpy has set the flag of a goal that is cancelled
@@ -119,7 +119,7 @@ class Executors:
     def _spin(self, executor: Executor) -> None:
         while not self._is_over.is_set():
             try:
-                executor.spin_once(timeout_sec=_POLL)
+                executor.spin_once(timeout_sec=_SPIN_TIMEOUT)
             except InvalidHandle:
                 continue  # a controller's node was destroyed while the executor looked for work
             except Exception as error:  # of one callback; the others must still be served

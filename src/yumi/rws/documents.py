@@ -338,7 +338,7 @@ class ControllerIdentity:
     is_virtual: bool
 
 
-PENDING, DONE = 294914, 294912
+JOB_PENDING, JOB_DONE = 294914, 294912
 """Codes of a job's progress (reference/rws.md §4.4)."""
 
 
@@ -351,7 +351,7 @@ class Progress:
 
     @property
     def is_pending(self) -> bool:
-        return self.code == PENDING
+        return self.code == JOB_PENDING
 
 
 @dataclass(frozen=True, slots=True)

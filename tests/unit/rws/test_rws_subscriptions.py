@@ -7,19 +7,20 @@ import re
 import pytest
 
 from yumi.errors import ProtocolError
-from yumi.rws import client as event_pages
 from yumi.rws.client import (
     Change,
     Priority,
     Resource,
     event_log,
+    group_of,
     read_changes,
+    read_event,
     signal_state,
     variable_value,
     write_resources,
 )
 from yumi.rws.documents import Link, State, decode_form
-from yumi.virtual.rws import http as event_documents
+from yumi.virtual.rws import http as virtual_documents
 from yumi.virtual.rws.subscriptions import read_resources
 
 RESOURCES = (Resource("/rw/panel/opmode"), signal_state("EGM_STOP"), variable_value("T_ROB_R", "M", "v", Priority.LOW))
@@ -34,7 +35,7 @@ def told(*events: tuple[State, ...], paths: tuple[str, ...] = ()) -> tuple[Chang
     return tuple(
         change
         for each in events
-        for change in read_changes(event_pages.read_event(event_documents.write_event("yumi:80", 5, each)), paths)
+        for change in read_changes(read_event(virtual_documents.write_event("yumi:80", 5, each)), paths)
     )
 
 
@@ -84,7 +85,7 @@ def test_value_of_a_variable_comes_in_a_second_state() -> None:
 
 
 def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() -> None:
-    text = event_documents.write_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
+    text = virtual_documents.write_event("192.168.125.1:80", 5, event(SIGNAL, lvalue="ä\n"))
     assert "\n" not in text
     assert text.isascii()
     assert '<a href="subscription/5" rel="group"></a>' in text
@@ -92,18 +93,18 @@ def test_event_is_one_line_of_ascii_that_ends_a_link_as_common_clients_expect() 
 
 
 def test_event_too_long_for_common_clients_is_told_without_its_value() -> None:
-    text = event_documents.write_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
-    assert len(text) <= event_documents.MAX_EVENT
+    text = virtual_documents.write_event("yumi:80", 5, event(SIGNAL, lvalue="x" * 1024))
+    assert len(text) <= virtual_documents.MAX_EVENT
     assert told(event(SIGNAL, lvalue="x" * 1024)) == (Change(SIGNAL),)
 
 
 def test_group_names_its_web_socket_as_common_clients_expect() -> None:
-    body = event_documents.write_group("192.168.125.1:80", 5, [event(SIGNAL)]).decode("ascii")
+    body = virtual_documents.write_group("192.168.125.1:80", 5, [event(SIGNAL)]).decode("ascii")
     assert re.search(r'<a href="ws:\/\/.*(\/poll\/\d+)" rel="self">', body)
-    assert event_pages.group_of(body) == 5
-    assert event_pages.group_of("http://yumi/") is None
+    assert group_of(body) == 5
+    assert group_of("http://yumi/") is None
 
 
 def test_message_that_is_no_document_is_refused() -> None:
     with pytest.raises(ProtocolError, match="The answer is not well-formed XHTML"):
-        event_pages.read_event("hello")
+        read_event("hello")

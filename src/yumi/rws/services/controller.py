@@ -278,7 +278,7 @@ class Controller(Requests):
             state = self._read(get(found[0]), documents.read_progress, what)
             on_progress(state.state)
             if not state.is_pending:
-                if state.code not in (0, documents.DONE):
+                if state.code not in (0, documents.JOB_DONE):
                     raise ControllerRefused(f"{self.address}: {what} failed: {state.state}.", status=0, code=state.code)
                 break
             if self._clock.now() - start > _JOB_DEADLINE:

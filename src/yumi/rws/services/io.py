@@ -1,4 +1,4 @@
-"""What a controller has to write to and read from: the I/O system, files, the configuration.
+"""The I/O system, the files and the configuration of a controller.
 
 The I/O system has networks, devices and signals. Paths of files and directories are as in RAPID (``HOME:/pick.mod``).
 The configuration has domains, types, instances with their attributes, and cfg files.
