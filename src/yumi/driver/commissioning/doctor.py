@@ -1,9 +1,9 @@
-"""The doctor: checks all that driving a robot takes, on the controller and on this machine, and changes nothing.
+"""The doctor: checks all that driving a robot takes, on the controller and on this machine, and leaves all as it was.
 
 It goes on where the driver gives up at the first thing that is missing. Each finding names a requirement, whether it is
 met, why it matters, what to do, and where. Three parts are examined: the controller over Robot Web Services; this
 machine with its way to the robot, ports, firewall, permissions and ROS environment; and EGM's position streams, for
-which the robot's program may have to be started: do the datagrams of both arms arrive, each at its port, and how
+which the robot's program may have to run meanwhile: do the datagrams of both arms arrive, each at its port, and how
 regularly? The arms do not move.
 """
 
@@ -164,6 +164,13 @@ def problem(requirement: str, error: Exception) -> Finding:
 CLOCK_TOLERANCE = 60.0
 """By so much the clocks may differ before it is worth a note [s]: events are found by their times."""
 
+NEEDED_GRANTS = {
+    Grant.RAPID_EXECUTE: "start programs",
+    Grant.RAPID_CURRVALUE: "write RAPID data",
+    Grant.IO_WRITE: "write signals",
+}
+"""What the user of the driver needs, and for what; `yumi install` needs more."""
+
 _DISPENSABLE = {
     GRIPPER_MODULE: "the grippers cannot be used",
     WATCHDOG: "the robot does not stop when the driver dies",
@@ -171,12 +178,6 @@ _DISPENSABLE = {
 _INSTALL = "yumi install"
 _LOAD = f"load the RAPID modules of this package: {_INSTALL}"
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
-NEEDED_GRANTS = {
-    Grant.RAPID_EXECUTE: "start programs",
-    Grant.RAPID_CURRVALUE: "write RAPID data",
-    Grant.IO_WRITE: "write signals",
-}
-"""What the user of the driver needs, and for what; `yumi install` needs more."""
 
 
 def examine_controller(
