@@ -80,6 +80,11 @@ def how_to_calibrate(side: Side) -> str:
     return f"service {side.value}/gripper/calibrate, or robot.{side.word}.gripper.calibrate() in a script"
 
 
+def _full_name(side: Side, name: str) -> str:
+    """A gripper's signal as the controller names it."""
+    return f"{name}_{side.name[0]}"
+
+
 class Gripper:
     """One gripper: its fingers and its vacuum modules.
 
@@ -709,11 +714,6 @@ class GripperRoutines:
 
 SignalName = tuple[Side, str]
 """A gripper, and one of its signals without the arm's suffix."""
-
-
-def _full_name(side: Side, name: str) -> str:
-    """A gripper's signal as the controller names it."""
-    return f"{name}_{side.name[0]}"
 
 
 class Closable(Protocol):

@@ -156,14 +156,6 @@ class Condition:
     remedy: str
 
 
-def _is_idle(state: RobotState, arms: Arms) -> bool:
-    return all(state.machines[side] is MachineState.IDLE for side in arms)
-
-
-def _is_idle_or_in_egm(state: RobotState, arms: Arms) -> bool:
-    return all(state.machines[side] is MachineState.IDLE or state.egm[side] == EGM_RUNNING for side in arms)
-
-
 def _controller_is_not(stop: ControllerState) -> Callable[[RobotState, Arms], bool]:
     return lambda state, _: state.controller_state is not stop
 
@@ -218,13 +210,15 @@ PROGRAM_STANDS = Condition(
 )
 IDLE = Condition(
     "the state machine is idle",
-    _is_idle,
+    lambda state, arms: all(state.machines[side] is MachineState.IDLE for side in arms),
     "a state machine is not idle ({machines})",
     "end EGM, or wait for the end of the RAPID routine",
 )
 IDLE_OR_IN_EGM = Condition(
     "the state machines are idle, or EGM runs",
-    _is_idle_or_in_egm,
+    lambda state, arms: all(
+        state.machines[side] is MachineState.IDLE or state.egm[side] == EGM_RUNNING for side in arms
+    ),
     "the state machines are not idle ({machines})",
     "wait for the end of the RAPID routine, or recover",
 )
