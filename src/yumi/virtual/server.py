@@ -48,8 +48,6 @@ from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
 from yumi.virtual.world import FAULTS_PATH, FaultInjection, World, WorldSettings
 
 log = logging.getLogger(__name__)
-
-
 T = TypeVar("T")
 
 
@@ -91,14 +89,8 @@ def world_settings(
 
 
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
-
-
 _LARGEST_FORM = 256 * 1024  # bytes
-
-
 _LARGEST_TEXT = 3 * LONGEST_MODULE + 1024  # bytes of a form with the text of a module, of which a character may take 3
-
-
 _RARELY = 1000  # young collections for each full one; 10 by default
 
 
@@ -306,7 +298,6 @@ class VirtualController:
 TIME_TO_ANSWER = 0.3 * CYCLE
 """Shortest time from a datagram to the next cycle, for its answer to arrive [s]."""
 
-
 LONGEST_LAG = 5 * CYCLE
 """A machine that has fallen behind by more skips cycles [s]."""
 
@@ -385,10 +376,8 @@ def _try_to_prepare(work: Callable[[], object]) -> None:
 
 LOOPBACK = "127.0.0.1"
 
-
 MOST_SOCKETS = 32
 """Sockets that are open at a time (RAPID reference manual, SocketCreate)."""
-
 
 _PEEKED = 65536  # bytes
 

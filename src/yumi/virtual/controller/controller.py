@@ -28,7 +28,7 @@ from yumi.virtual.controller.units import (
     Identity,
     Jobs,
     MechanicalUnit,
-    MotionState,
+    MotionSystem,
     OwnSettings,
     SyncPoints,
 )
@@ -132,7 +132,7 @@ class Irc5:
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionState()
+        self.motion = MotionSystem()
         self._discards_programs = False
         self._programs: dict[str, tuple[Program, int]] = {}
         self._program_names: dict[str, str] = {}

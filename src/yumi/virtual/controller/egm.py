@@ -168,13 +168,10 @@ class EgmFailure:
 FEEDBACK_AGE = 0.0045
 """How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
 
-
 CLOCK_START = 28_800.0
 """What the controller's clock shows at the first cycle: that of one switched on in the morning [s]."""
 
-
 _LIMIT_ROUNDING = 1e-4  # a reference in rounded degrees may lie this far beyond a limit in rounded radians [rad]
-
 
 _SHORTEST_QUATERNION = 0.5
 """Length of a quaternion that still is a rotation; the codec brings any that has a direction to 1."""
@@ -600,10 +597,8 @@ def _is_finite(*parts: PartialJoints | None) -> bool:
 FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
 """Sequence number of a forged datagram, minus that of the arm's last."""
 
-
 SINGLE = (Fault.EGM_STALE, *FORGED)
 """Faults that are one more datagram."""
-
 
 LASTING = (
     Fault.EGM_LOSS,
@@ -617,14 +612,10 @@ LASTING = (
 )
 """Faults that change the datagrams for a time."""
 
-
 MOST_REMEMBERED = 1000
 """Datagrams of an arm that can be repeated."""
 
-
 _MS = 1e-3
-
-
 _TIME_TOLERANCE = 1e-6  # of times [s]
 
 

@@ -47,7 +47,6 @@ YUMI_OPTIONS = (
     "StateMachine Core",
 )
 
-
 ROBOTWARE_6 = "6.13.00.00"
 
 
@@ -247,7 +246,7 @@ class Supervision:
 
 
 @dataclass(slots=True)
-class MotionState:
+class MotionSystem:
     """What ``/rw/motionsystem`` shows and sets beside the mechanical units.
 
     Attributes:

@@ -35,7 +35,7 @@ from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget, unit_quaternion
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.motion import CircleMode, Fault, Frames, Leg, Speed, Zone, followed, retraced_leg
+from yumi.virtual.mechanics.motion import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
 from yumi.virtual.mechanics.path import Acceleration
 
 STOP_MOVE = "StopMove"
@@ -797,7 +797,7 @@ class PathCorrection:
         if found is None:
             self._offset, self._rate = before[0], np.zeros(3)
             if not self._has_failed:
-                code, title = Fault.OUT_OF_REACH.value
+                code, title = MotionFault.OUT_OF_REACH.value
                 sentence = "The path correction is out of reach: the arm keeps the one it has. Write a smaller one."
                 self._events.append(code, title, sentence, EventType.ERROR)
             self._has_failed = True
