@@ -34,10 +34,10 @@ from yumi.virtual.controller.units import (
 )
 from yumi.virtual.instructions.calibration import add_calibration, add_measurements
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
-from yumi.virtual.instructions.egm import add_egm, add_gripper
+from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
 from yumi.virtual.instructions.motion_settings import add_corrections, add_motion_settings, add_recorder
-from yumi.virtual.instructions.system import add_system, add_world_zones
+from yumi.virtual.instructions.system import add_gripper, add_system, add_world_zones
 from yumi.virtual.instructions.triggers import add_triggers
 from yumi.virtual.mechanics.arm import VirtualArm
 
