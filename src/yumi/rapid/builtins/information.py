@@ -16,12 +16,11 @@ from typing import Any
 
 from yumi.errors import RapidError
 from yumi.rapid.ast import Storage
-from yumi.rapid.builtins.communication import whole
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.compiler import CONSTANT_FRAME
 from yumi.rapid.devices import LoggedEvent
 from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.library import Call, Library, Wait, whole_argument
 from yumi.rapid.machine import ChangeOrder, Propagated
 from yumi.rapid.parser import parse_reference
 from yumi.rapid.program import Execution, LoadedModule, Severity
@@ -201,7 +200,12 @@ LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999
     "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
 )
 def log_event(call: Call) -> None:
-    _log(call, whole(call, "ErrorID", 1, LARGEST_OWN_EVENT), call["Title"], (call["Description"], *_arguments(call)))
+    _log(
+        call,
+        whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT),
+        call["Title"],
+        (call["Description"], *_arguments(call)),
+    )
 
 
 @INFORMATION.instruction(
@@ -211,7 +215,7 @@ def log_event(call: Call) -> None:
 )
 def raise_event(call: Call) -> None:
     """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
-    number = whole(call, "ErrorId", 1, LARGEST_OWN_EVENT)
+    number = whole_argument(call, "ErrorId", 1, LARGEST_OWN_EVENT)
     _log(call, number, call["ErrorName"], _arguments(call), Severity.WARNING)
     error = RapidRuntimeError(call["ErrorName"], f"ErrRaise: {call['ErrorName']}.")
     error.number = call.task.library.error_number(call["ErrorName"]) or _booked(call)
