@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from yumi.errors import SettingsError
-from yumi.rapid.builtins.execution import InstructionSet
+from yumi.rapid import InstructionSet
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution, Program, SystemEvent
 from yumi.rapid.task import MOST_RETRIES, StepKind, Task
