@@ -670,11 +670,11 @@ def slot_name(call: Call) -> str:
     return name
 
 
-def _message_to_send(call: Call, *, user_defined: str = "UserDef") -> Message:
+def _message_to_send(call: Call) -> Message:
     type_ = call.reference("SendData").type
     sizes = getattr(resolved(type_), "sizes", ())
     text = format_value(type_, call["SendData"])
-    return Message(type_.name, sizes, text, _own_queue(call), call.get(user_defined, 0.0))
+    return Message(type_.name, sizes, text, _own_queue(call), call.get("UserDef", 0.0))
 
 
 @QUEUES.instruction("RMQSendMessage", r"VAR rmqslot Slot, anytype SendData, \num UserDef")

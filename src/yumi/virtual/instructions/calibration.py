@@ -52,7 +52,8 @@ class CalibrationInstructions:
     def fixed_tool_point(self, call: Call) -> None:
         """SToolTCPCalib: the point of a stationary tool, from four robtargets with one point of the robot at it."""
         self._check_hold(call, is_held=False)
-        places = [_place_of_target(call[f"Pos{number}"]) for number in range(1, 5)]
+        targets = [call[f"Pos{number}"] for number in range(1, 5)]
+        places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
         _, point, errors = _common_point(call, places)
         self._set_tool(call, trans=point)
         call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
@@ -167,10 +168,6 @@ class CalibrationInstructions:
         call["Tool"] = tool._replace(tload=tool.tload._replace(mass=payload.mass, cog=centre, ix=xx, iy=yy, iz=zz))
         if call.present("Accuracy"):
             call["Accuracy"] = 100.0
-
-
-def _place_of_target(target: Any) -> tuple[Array, Array]:
-    return np.array(target.trans), matrix(unit_quaternion(target.rot))
 
 
 def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:

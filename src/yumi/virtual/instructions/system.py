@@ -21,13 +21,12 @@ from yumi.robot.gripper import MAX_FORCE, TOP_SPEED, TRAVEL, ServoState
 from yumi.robot.joints import JOINT_COUNT, Joints, Vector, abb_from_chain, chain_from_abb
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog
+from yumi.virtual.controller.files import SystemParameters
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.units import ArmUnit, MechanicalUnit, SyncPoints, unit_of
 from yumi.virtual.instructions.motion import FATAL
 from yumi.virtual.mechanics.gripper import CHANNELS, SETTLING_TIME, VirtualGripper
 from yumi.virtual.mechanics.path import Box, JointRange, Outside, Shape, Sphere, UprightCylinder, WorldZone
-
-_CFG_PARTS = 3  # /DOMAIN/TYPE/instance
 
 
 class SystemInstructions:
@@ -146,11 +145,10 @@ class SystemInstructions:
     def read_cfg(self, call: Call) -> None:
         """ReadCfgData: one attribute of one instance, as number, text or truth value."""
         path, attribute = call["InstancePath"], call["Attribute"]
-        parts = path.strip("/").split("/")
-        found = self._configuration.find(*parts) if len(parts) == _CFG_PARTS else None
-        if found is None or attribute not in found.attributes:
-            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.")
-        text = found.attributes[attribute]
+        try:
+            text = SystemParameters(self._configuration).read(path, attribute)
+        except KeyError as error:
+            raise RapidRuntimeError("ERR_CFG_NOTFND", f"The configuration has no {attribute} at {path}.") from error
         type_ = resolved(call.reference("CfgData").type)
         if is_numeric(type_):
             try:

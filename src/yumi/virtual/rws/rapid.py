@@ -741,8 +741,10 @@ def get_dialogs(controller: Irc5, call: Call) -> Page:
 
 def get_active_dialog(controller: Irc5, call: Call) -> Page:
     """The newest question without an answer."""
-    fields = dialog_fields(_active_dialog(controller))
-    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", fields))
+    found = controller.devices.pendant.active
+    if found is None:
+        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
+    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", dialog_fields(found)))
 
 
 def dialog_fields(dialog: Dialog) -> dict[str, str]:
@@ -805,13 +807,6 @@ def answer_dialog(controller: Irc5, call: Call) -> None:
 
 def _dialog_stack(dialog: Dialog) -> str:
     return f"RAPID/{dialog.task}/%${dialog.number}"
-
-
-def _active_dialog(controller: Irc5) -> Dialog:
-    found = controller.devices.pendant.active
-    if found is None:
-        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
-    return found
 
 
 def _dialog_at(controller: Irc5, stack: str) -> Dialog:
