@@ -1,4 +1,4 @@
-"""RAPID's instructions about execution: interrupts of data, conditions, cycles, retries, modules; what is not there.
+"""RAPID's instructions about execution: interrupts, conditions, cycles, retries, modules; what is not there.
 
 Instructions and functions of options that this controller does not have may be used all the same: those that need a
 device fail as where it does not answer or is not set up, so that error handlers are tried; those that change nothing
@@ -17,7 +17,7 @@ from yumi.rapid.ast import Module
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.machine import ChangeOrder, SignalOrder
+from yumi.rapid.machine import ChangeOrder, Edge, SignalOrder, TimerOrder
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import EventKind
 from yumi.rapid.task import CyclicBool, StackEntry, Task
@@ -37,6 +37,63 @@ EXECUTION = Library(CONSTANTS)
 
 
 # Interrupts -------------------------------------------------------------------------------------------------------
+
+SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
+
+
+def _order_signal(call: Call) -> None:
+    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in Edge):
+        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    is_single = call.present("Single") or call.present("SingleSafe")
+    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
+
+
+for _name, _type, _edge in (
+    ("ISignalDI", "signaldi", "dionum TriggValue, "),
+    ("ISignalDO", "signaldo", "dionum TriggValue, "),
+    ("ISignalGI", "signalgi", ""),
+    ("ISignalGO", "signalgo", ""),
+):
+    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
+    EXECUTION.instruction(_name, _signature)(_order_signal)
+
+
+@EXECUTION.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
+def order_timer(call: Call) -> None:
+    is_single = call.present("Single") or call.present("SingleSafe")
+    period: float = call["Time"]
+    if period <= 0.0 or (period < SHORTEST_TIMER_S and not is_single):
+        sentence = f"ITimer takes at least {SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    order = TimerOrder(call.task.now + period, period, is_single)
+    call.task.interrupts.order(int(call["Interrupt"]), order)
+
+
+@EXECUTION.instruction("IDelete", "VAR intnum Interrupt")
+def delete_interrupt(call: Call) -> None:
+    call.task.interrupts.delete(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("ISleep", "VAR intnum Interrupt")
+def put_interrupt_to_sleep(call: Call) -> None:
+    call.task.interrupts.sleep(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("IWatch", "VAR intnum Interrupt")
+def watch_interrupt(call: Call) -> None:
+    call.task.interrupts.watch(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("IDisable")
+def disable_interrupts(call: Call) -> None:
+    call.task.interrupts.is_disabled = True
+
+
+@EXECUTION.instruction("IEnable")
+def enable_interrupts(call: Call) -> None:
+    call.task.interrupts.is_disabled = False
 
 
 @EXECUTION.instruction("IPers", r"\switch Single | \switch SingleSafe, PERS anytype Name, VAR intnum Interrupt")

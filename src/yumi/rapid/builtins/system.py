@@ -1,4 +1,4 @@
-r"""RAPID's system: interrupts, clocks, display, stopping; signals and waiting for them; questions to the operator.
+r"""RAPID's system: clocks, the display, stopping; signals and waiting for them; questions to the operator.
 
 A question (TPReadFK, UIMessageBox and the like) is answered over RWS or the command line. An instruction shows it on
 the controller's FlexPendant and is asked for its answer once per advance of the task. It ends without one after
@@ -16,71 +16,11 @@ from typing import Any
 from yumi.rapid.builtins.data import CONSTANTS, DATA
 from yumi.rapid.devices import Choice, Dialog, DialogKind, IoDevices
 from yumi.rapid.library import VISUALIZE, Call, Deadline, Library, Wait
-from yumi.rapid.machine import Edge, SignalOrder, TimerOrder
 from yumi.rapid.parser import format_value
 from yumi.rapid.program import EventKind, Severity
 from yumi.rapid.types import RapidRuntimeError, Signal
 
 SYSTEM = Library(DATA)
-SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
-
-
-# Interrupts -------------------------------------------------------------------------------------------------------
-
-
-def _order_signal(call: Call) -> None:
-    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
-    if value not in (edge.value for edge in Edge):
-        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    is_single = call.present("Single") or call.present("SingleSafe")
-    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
-
-
-for _name, _type, _edge in (
-    ("ISignalDI", "signaldi", "dionum TriggValue, "),
-    ("ISignalDO", "signaldo", "dionum TriggValue, "),
-    ("ISignalGI", "signalgi", ""),
-    ("ISignalGO", "signalgo", ""),
-):
-    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
-    SYSTEM.instruction(_name, _signature)(_order_signal)
-
-
-@SYSTEM.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
-def order_timer(call: Call) -> None:
-    is_single = call.present("Single") or call.present("SingleSafe")
-    period: float = call["Time"]
-    if period <= 0.0 or (period < SHORTEST_TIMER_S and not is_single):
-        sentence = f"ITimer takes at least {SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    order = TimerOrder(call.task.now + period, period, is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
-
-
-@SYSTEM.instruction("IDelete", "VAR intnum Interrupt")
-def delete_interrupt(call: Call) -> None:
-    call.task.interrupts.delete(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("ISleep", "VAR intnum Interrupt")
-def put_interrupt_to_sleep(call: Call) -> None:
-    call.task.interrupts.sleep(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("IWatch", "VAR intnum Interrupt")
-def watch_interrupt(call: Call) -> None:
-    call.task.interrupts.watch(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("IDisable")
-def disable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = True
-
-
-@SYSTEM.instruction("IEnable")
-def enable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = False
 
 
 # The operator's display -------------------------------------------------------------------------------------------
