@@ -488,9 +488,8 @@ def connect_socket(call: Call) -> Wait:
         raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketConnect: the socket is connected or listens.")
     end = _deadline(call)
     _call_network(call, device, lambda: socket.connect(address, port))
-    yield from _wait_for(
-        call, end, lambda: _call_network(call, device, socket.is_connected) or None
-    )  # refused, it stays open
+    # A socket whose connection is refused stays open.
+    yield from _wait_for(call, end, lambda: _call_network(call, device, socket.is_connected) or None)
     device.status = SocketStatus.CONNECTED
 
 

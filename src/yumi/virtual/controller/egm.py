@@ -486,9 +486,8 @@ class EgmClient:
         if not all(map(isfinite, (*point, *(orientation or ())))):
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
             return
-        if (
-            orientation is not None and hypot(*orientation) < _SHORTEST_QUATERNION
-        ):  # it is no rotation, nor to be made one
+        # It is no rotation, nor to be made one.
+        if orientation is not None and hypot(*orientation) < _SHORTEST_QUATERNION:
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose whose quaternion has no direction.")
             return
         own = compose(inverse(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))

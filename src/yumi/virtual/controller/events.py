@@ -188,7 +188,7 @@ _DEGREES = Amount("degrees", 5.0, -360.0, 360.0)
 
 
 class Fault(Enum):
-    """All faults."""
+    """The faults that can be injected into a running virtual controller."""
 
     EGM_SILENCE = _lasting("egm-silence", "the EGM datagrams of an arm are lost, both ways")
     EGM_REPAIR = _of_arm("egm-repair", "all EGM faults of an arm end")

@@ -638,7 +638,7 @@ class Outside:
 
 @dataclass(eq=False, slots=True)
 class WorldZone:
-    """A zone that is watched.
+    """A world zone of RAPID: a volume or joint range that is watched while the arm moves.
 
     Attributes:
         shape: the zone.
