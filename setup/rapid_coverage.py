@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from yumi.rapid.builtins.execution import NAMES
+from yumi.rapid import ROBOTWARE_NAMES
 from yumi.rapid.library import Library, Support
 from yumi.virtual.world import World
 
@@ -94,10 +94,12 @@ class Kind:
 
 LANGUAGE = ("waituntil", "present", "argname")  # which the compiler itself knows
 KINDS = (
-    Kind("Instructions", NAMES["instructions"], r"\b{0}\b(?!\s*\()"),
-    Kind("Functions", NAMES["functions"], r"\b{0}\s*\("),
-    Kind("Data types", NAMES["types"], r"(?:\b(?:VAR|PERS|CONST|INOUT|FUNC|REF)\s+|\()\s*{0}\s+\w|\\{0}\s+\w"),
-    Kind("Predefined constants", NAMES["constants"], r"\b{0}\b"),
+    Kind("Instructions", ROBOTWARE_NAMES["instructions"], r"\b{0}\b(?!\s*\()"),
+    Kind("Functions", ROBOTWARE_NAMES["functions"], r"\b{0}\s*\("),
+    Kind(
+        "Data types", ROBOTWARE_NAMES["types"], r"(?:\b(?:VAR|PERS|CONST|INOUT|FUNC|REF)\s+|\()\s*{0}\s+\w|\\{0}\s+\w"
+    ),
+    Kind("Predefined constants", ROBOTWARE_NAMES["constants"], r"\b{0}\b"),
 )
 
 

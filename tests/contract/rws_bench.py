@@ -20,7 +20,7 @@ from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
 from yumi.virtual.controller.system import TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.controller.units import YUMI_UNITS, Identity, Jobs, MotionState, OwnSettings
+from yumi.virtual.controller.units import YUMI_UNITS, Identity, Jobs, MotionSystem, OwnSettings
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService
@@ -104,7 +104,7 @@ class PlainController:
         self.devices = SimpleNamespace(pendant=FlexPendant(), queues=MessageQueues())
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionState()
+        self.motion = MotionSystem()
         self.started_at = self.energy_reset_at = MIDNIGHT
         self.edges: list[tuple[str, float, float]] = []
         self.signals = Signals(_signals(), lambda *edge: self.edges.append(edge))

@@ -9,7 +9,7 @@ from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
 from yumi.rws.session import BURST, INTERVAL, Request, RwsSession
 from yumi.rws.transport import ConnectionLost
-from yumi.virtual.rws import http as digest
+from yumi.virtual.rws import http
 
 TIMEOUT = 4.0
 READ = Request("GET", "/rw/rapid/execution")
@@ -17,7 +17,7 @@ WRITE = Request("POST", "/rw/rapid/execution", (("action", "start"),), (("cycle"
 
 OK = httpx.Response(200, headers={"Set-Cookie": "-http-session-=1; path=/"})
 BUSY = httpx.Response(503)
-STRANGER = httpx.Response(401, headers={"WWW-Authenticate": digest.Challenge("abc").header()})
+STRANGER = httpx.Response(401, headers={"WWW-Authenticate": http.Challenge("abc").header()})
 LOST = ConnectionLost("the connection broke")
 DEAD = NoConnection("nothing answers")
 
@@ -81,10 +81,10 @@ def test_writing_is_not_tried_again_when_the_controller_is_busy() -> None:
 
 def test_writing_is_sent_again_after_a_challenge_with_a_proof() -> None:
     first, second = ask(WRITE, STRANGER, OK).sent
-    credentials = digest.read_credentials(second.headers["Authorization"])
+    credentials = http.read_credentials(second.headers["Authorization"])
     assert "Authorization" not in first.headers
     target = second.url.raw_path.decode()
-    assert digest.is_genuine(credentials, user="u", password="p", method="POST", target=target)
+    assert http.is_genuine(credentials, user="u", password="p", method="POST", target=target)
     assert first.content == second.content == b"cycle=forever"
 
 

@@ -1,11 +1,19 @@
 """RAPID, the language of ABB's IRC5: parser and interpreter; knows no robot.
 
-A host registers the robot's instructions in an `InstructionSet`, and lets a `Task` load modules and advance.
+A host registers the robot's instructions in an `InstructionSet`, on top of those that RAPID provides here, and lets a
+`Task` load modules and advance.
 """
 
+from importlib.resources import files
+
 from yumi.rapid.ast import Module
-from yumi.rapid.builtins.execution import InstructionSet
-from yumi.rapid.library import Call, Wait
+from yumi.rapid.builtins.communication import QUEUES, RAWBYTES, SOCKETS
+from yumi.rapid.builtins.data import CONSTANTS, DATA, MATHS, MATRICES, STRINGS
+from yumi.rapid.builtins.execution import EXECUTION, OPTIONS
+from yumi.rapid.builtins.files import FILES
+from yumi.rapid.builtins.information import INFORMATION, SYMBOLS
+from yumi.rapid.builtins.system import DIALOGS, SIGNALS, SYSTEM
+from yumi.rapid.library import Call, Library, Wait
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import EventKind, Execution, Host, TaskEvent
 from yumi.rapid.task import ModuleInfo, Task
@@ -19,6 +27,7 @@ from yumi.rapid.types import (
 )
 
 __all__ = [
+    "ROBOTWARE_NAMES",
     "Call",
     "EventKind",
     "Execution",
@@ -37,3 +46,38 @@ __all__ = [
     "Wait",
     "parse_module",
 ]
+
+STANDARD = Library(DATA)
+"""All instructions, functions, types and data that RAPID provides here."""
+for _part in (
+    CONSTANTS,
+    MATHS,
+    STRINGS,
+    SIGNALS,
+    SYSTEM,
+    RAWBYTES,
+    SOCKETS,
+    FILES,
+    DIALOGS,
+    INFORMATION,
+    SYMBOLS,
+    QUEUES,
+    EXECUTION,
+    MATRICES,
+    OPTIONS,
+):
+    STANDARD.include(_part)
+
+ROBOTWARE_NAMES: dict[str, tuple[str, ...]] = {}
+"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
+for _section in files("yumi.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
+    _title, _, _names = _section.partition("]")
+    ROBOTWARE_NAMES[_title] = tuple(_names.split())
+    STANDARD.missing(*ROBOTWARE_NAMES[_title])  # except those that are provided
+
+
+class InstructionSet(Library):
+    """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""
+
+    def __init__(self, base: Library = STANDARD) -> None:
+        super().__init__(base)

@@ -108,6 +108,15 @@ class Call:
         return self._arguments[name.lower()]
 
 
+def whole_argument(call: Call, name: str, lowest: int, highest: int, default: int | None = None) -> int:
+    """An argument that is a whole number within limits; raises ERR_ARGVALERR."""
+    value: float = call.get(name, default) if default is not None else call[name]
+    if value != int(value) or not lowest <= value <= highest:
+        sentence = f"{call.name}: {name} is a whole number from {lowest} to {highest}, not {value:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    return int(value)
+
+
 VISUALIZE = (
     r"\switch Visualize, \string Header, \string Message | \string MsgArray{*}, \switch Wrap, \icondata Icon, "
     r"\string Image, \num VisualizeTime, \VAR signaldo UIActiveSignal, \num ErrorNumber"

@@ -1,11 +1,9 @@
-"""The data types of RAPID: what values a datum may hold, its default, and how a value is checked when it is stored.
+"""RAPID's data types, data in memory and operators, and the errors of the language.
 
 Values are immutable Python values: num and dnum are `float`, bool is `bool`, string is `str`, a record is a named
-tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. Types that hold no value
-(clock, egmident) are the objects their instructions work on. After the types come data in memory (variables, parts of
-them, the parameter that was not passed), then the operators with the types they take and give.
-
-The errors of the RAPID language, and the error numbers a RAPID program can meet in ERRNO.
+tuple with its components as attributes (`target.robax.rax_1`), an array is a tuple. A type has a default and checks
+what is stored. Types that hold no value (clock, egmident) are the objects their instructions work on. Data in memory
+are variables, parts of them, and the parameter that was not passed. The operators have the types they take and give.
 
 ::
 
@@ -125,7 +123,7 @@ FIRST_BOOKED_NUMBER = 5001  # what BookErrNo gives out
 ALL_ERRORS = "LONG_JMP_ALL_ERR"  # in the list of an ERROR clause: it takes every error, from long jumps as well
 LARGEST_OWN_NUMBER = 90  # 1 to 90 are the program's own
 
-_NAMES = """
+_ERROR_NAMES = """
 ERR_ACC_TOO_LOW ERR_ACTIV_PROF ERR_ADDR_INUSE ERR_ALIASIO_DEF ERR_ALIASIO_TYPE ERR_ALRDYCNT ERR_ALRDY_MOVING
 ERR_AO_LIM ERR_ARGDUPCND ERR_ARGNAME ERR_ARGNOTPER ERR_ARGNOTVAR ERR_ARGVALERR ERR_ARRAY_SIZE ERR_AXIS_ACT
 ERR_AXIS_IND ERR_AXIS_MOVING ERR_AXIS_PAR ERR_BUSSTATE ERR_BWDLIMIT ERR_CALC_DIVZERO ERR_CALC_NEG ERR_CALC_OVERFLOW
@@ -158,9 +156,7 @@ ERR_WAIT_MAX ERR_WAIT_MAXTIME ERR_WHLSEARCH ERR_WHL_SEARCH ERR_WOBJ_MOVING CORR_
 SYS_ERR_ARL_INPAR_RDONLY SYS_ERR_MOC_CNV_REC_FILE_UNKNOWN
 SYS_ERR_MOC_CNV_REC_NOT_READY
 """
-ERROR_NAMES = tuple(_NAMES.split())
-
-
+ERROR_NAMES = tuple(_ERROR_NAMES.split())
 SINGLE = struct.Struct("f")
 LONGEST_STRING = 80  # characters
 LARGEST_ARRAY = 50_000  # elements; a controller has memory for more, but not without end
@@ -548,8 +544,6 @@ class Absent:
 
 
 ABSENT = Absent()
-
-
 Operation = Callable[[Any, Any], Any]
 
 

@@ -3,10 +3,9 @@
 What takes longer than a cycle (parsing, linking and compiling RAPID) is done in a third, without the lock: the result
 is published at once.
 
-The network that RAPID programs of the virtual controller see: real TCP and UDP sockets that never wait.
-
-Unless the user allows another address, nothing leaves this machine: whatever address of its cell a program binds or
-connects to, it means this machine, as the UDPUC devices of ``SIO.cfg`` do (docs/explanation/decisions/0036).
+RAPID programs get real TCP and UDP sockets that never wait. Unless the user allows another address, nothing leaves this
+machine: whatever address of its cell a program binds or connects to, it means this machine, as the UDPUC devices of
+``SIO.cfg`` do (docs/explanation/decisions/0036).
 """
 
 from __future__ import annotations
@@ -46,154 +45,10 @@ from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
-from yumi.virtual.world import PATH, FaultInjection, World, WorldSettings
+from yumi.virtual.world import FAULTS_PATH, FaultInjection, World, WorldSettings
 
-LOOPBACK = "127.0.0.1"
-MOST_SOCKETS = 32
-"""Sockets that are open at a time (RAPID reference manual, SocketCreate)."""
-
-_PEEKED = 65536  # bytes
-
-
-class ProgramNetwork:
-    """Makes the sockets of all tasks.
-
-    Args:
-        address: this machine's, which programs may use; 127.0.0.1 keeps them on this machine, 0.0.0.0 allows all.
-
-    Attributes:
-        count: how many sockets are open.
-    """
-
-    def __init__(self, address: str = LOOPBACK) -> None:
-        self.address = address
-        self.count = 0
-
-    @property
-    def is_local(self) -> bool:
-        """Whether nothing leaves this machine."""
-        return is_loopback(self.address)
-
-    def tcp(self) -> ProgramSocket:
-        """A TCP socket."""
-        return self._made(socket.SOCK_STREAM)
-
-    def udp(self) -> ProgramSocket:
-        """A UDP socket."""
-        return self._made(socket.SOCK_DGRAM)
-
-    def _made(self, kind: socket.SocketKind) -> ProgramSocket:
-        self.check_room()
-        return ProgramSocket(self, socket.socket(socket.AF_INET, kind))
-
-    def check_room(self) -> None:
-        """Raise OSError where there are too many sockets."""
-        if self.count >= MOST_SOCKETS:
-            raise OSError(errno.ENOBUFS, f"{MOST_SOCKETS} sockets are open already")
-
-    def remote(self, address: str, port: int) -> tuple[str, int]:
-        """Where a program's address leads to."""
-        return (self.address if self.is_local else address), port
-
-
-class ProgramSocket:
-    """A socket of this machine that never waits; see :class:`yumi.rapid.devices.Socket`."""
-
-    def __init__(self, network: ProgramNetwork, made: socket.socket) -> None:
-        self._network = network
-        self._socket = made
-        network.count += 1
-        # Also closed when nothing refers to it any more: the program pointer went to main, a routine ended.
-        self._close = weakref.finalize(self, _closed, network, made)
-        made.setblocking(False)
-        if made.type == socket.SOCK_STREAM:
-            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-
-    def bind(self, address: str, port: int) -> None:
-        """Take a port of the address this controller may use."""
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, self._socket.type == socket.SOCK_STREAM)
-        self._socket.bind((self._network.address, port))
-
-    def listen(self) -> None:
-        """Let others connect."""
-        self._socket.listen()
-
-    def accept(self) -> tuple[ProgramSocket, str] | None:
-        """The next connection with the other side's address."""
-        self._network.check_room()
-        try:
-            connection, (address, _) = self._socket.accept()
-        except BlockingIOError:
-            return None
-        return ProgramSocket(self._network, connection), address
-
-    def connect(self, address: str, port: int) -> None:
-        """Begin to connect."""
-        failure = self._socket.connect_ex(self._network.remote(address, port))
-        if failure not in (0, errno.EINPROGRESS):
-            raise OSError(failure, os.strerror(failure))
-
-    def is_connected(self) -> bool:
-        """Whether the connection is there."""
-        failure = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
-        if failure:
-            raise OSError(failure, os.strerror(failure))
-        try:
-            self._socket.getpeername()
-        except OSError as error:
-            if error.errno == errno.ENOTCONN:
-                return False
-            raise
-        return True
-
-    def send(self, data: bytes) -> int:
-        """Send what the other side takes."""
-        try:
-            return self._socket.send(data, socket.MSG_NOSIGNAL)
-        except BlockingIOError:
-            return 0
-
-    def receive(self, size: int) -> bytes | None:
-        """What is there."""
-        try:
-            return self._socket.recv(size)
-        except BlockingIOError:
-            return None
-
-    def send_to(self, data: bytes, address: str, port: int) -> None:
-        """Send a datagram."""
-        self._socket.sendto(data, self._network.remote(address, port))
-
-    def receive_from(self, size: int) -> tuple[bytes, str, int] | None:
-        """The next datagram and its sender."""
-        try:
-            data, (address, port) = self._socket.recvfrom(size)
-        except BlockingIOError:
-            return None
-        return data, address, port
-
-    def waiting(self) -> int:
-        """How much can be received at once."""
-        try:
-            found = self._socket.recv(_PEEKED, socket.MSG_PEEK)
-        except BlockingIOError:
-            return 0
-        if not found and self._socket.type == socket.SOCK_STREAM:
-            raise ConnectionResetError(errno.ECONNRESET, "the other side has closed the connection")
-        return len(found)
-
-    def close(self) -> None:
-        """Close it; nothing happens where it is closed."""
-        self._close()
-
-
-def _closed(network: ProgramNetwork, made: socket.socket) -> None:
-    network.count -= 1
-    made.close()
-
-
-T = TypeVar("T")
 log = logging.getLogger(__name__)
+T = TypeVar("T")
 
 
 def world_settings(
@@ -233,89 +88,10 @@ def world_settings(
     )
 
 
-TIME_TO_ANSWER = 0.3 * CYCLE
-"""Shortest time from a datagram to the next cycle, for its answer to arrive [s]."""
-
-LONGEST_LAG = 5 * CYCLE
-"""A machine that has fallen behind by more skips cycles [s]."""
-
-
-class Pace:
-    """When the cycles of a robot that keeps real time begin.
-
-    A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
-    next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
-    every command after them is a cycle late until the session ends (reference/egm.md §4.3). On a machine whose cycles
-    take longer than what is left beside that, the robot is slower than real time.
-
-    Args:
-        clock: the machine's.
-        speed: how many times faster than real time the robot is; whatever this is, one cycle is 4.032 ms to it.
-    """
-
-    def __init__(self, clock: Clock, speed: float = 1.0) -> None:
-        self._clock = clock
-        self._speed = speed
-        self._due = clock.now()
-
-    def wait(self) -> None:
-        """From the end of a cycle, when its datagrams have left, until the next one begins."""
-        self._due += CYCLE / self._speed
-        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER / self._speed))
-        if self._clock.now() - self._due > LONGEST_LAG:
-            self._due = self._clock.now()
-
-
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _LARGEST_TEXT = 3 * LONGEST_MODULE + 1024  # bytes of a form with the text of a module, of which a character may take 3
 _RARELY = 1000  # young collections for each full one; 10 by default
-
-
-class Background:
-    """Does long work in a thread of its own, one piece after another, while the robot goes on."""
-
-    def __init__(self, name: str = "background") -> None:
-        self._work: Queue[Callable[[], None] | None] = Queue()
-        # A daemon, since parsing a long module takes seconds, and the process must end before.
-        self._thread = Thread(target=self._run, name=name, daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def stop(self) -> None:
-        """Do nothing more; what is under way goes on."""
-        self._work.put(None)
-
-    def submit(self, work: Callable[[], T]) -> Future[T]:
-        """What ``work`` will have returned or raised."""
-        result: Future[T] = Future()
-        self._work.put(partial(_done, work, result))
-        return result
-
-    def _run(self) -> None:
-        while (work := self._work.get()) is not None:
-            work()
-            del work  # a thread that waits holds nothing: what it held would be freed after the libraries it came from
-
-
-def _done(work: Callable[[], T], result: Future[T]) -> None:
-    if not result.set_running_or_notify_cancel():  # the client is gone
-        return
-    try:
-        result.set_result(work())
-    except Exception as error:  # raised where the result is awaited
-        result.set_exception(error)
-    finally:
-        del work, result  # the error's traceback leads here, and from here a result would lead back to it
-
-
-def _attempt(work: Callable[[], object]) -> None:
-    """Do the preparation of a call; what fails in it fails in the handler again, which answers it."""
-    try:
-        work()
-    except Exception as error:
-        log.info("A call could not be prepared (%s: %s); its answer says why.", type(error).__name__, error)
 
 
 class VirtualController:
@@ -470,7 +246,7 @@ class VirtualController:
 
     def _handle(self, request: HttpRequest) -> HttpReply | Upgrade | None:
         with self._lock:
-            if request.target.startswith(PATH):
+            if request.target.startswith(FAULTS_PATH):
                 return self._faults.answer(request)
             answer = self._service.handle(request, self._clock.now())
         if not isinstance(answer, Upgrade):
@@ -485,7 +261,7 @@ class VirtualController:
 
     def _body_limit(self, request: HttpRequest) -> int:
         """The body of a request without a session or a login is not read."""
-        if request.target.startswith(PATH):
+        if request.target.startswith(FAULTS_PATH):
             return _LARGEST_FORM
         with self._lock:
             if not self._service.may_enter(request, self._clock.now()):
@@ -516,4 +292,228 @@ class VirtualController:
                 work = operation.prepare(self.world.controller, call)
         except Failure:  # the answer says what is wrong
             return None
-        return None if work is None else self._background.submit(partial(_attempt, work))
+        return None if work is None else self._background.submit(partial(_try_to_prepare, work))
+
+
+TIME_TO_ANSWER = 0.3 * CYCLE
+"""Shortest time from a datagram to the next cycle, for its answer to arrive [s]."""
+
+LONGEST_LAG = 5 * CYCLE
+"""A machine that has fallen behind by more skips cycles [s]."""
+
+
+class Pace:
+    """When the cycles of a robot that keeps real time begin.
+
+    A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
+    next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
+    every command after them is a cycle late until the session ends (reference/egm.md §4.3). On a machine whose cycles
+    take longer than what is left beside that, the robot is slower than real time.
+
+    Args:
+        clock: the machine's.
+        speed: how many times faster than real time the robot is; whatever this is, one cycle is 4.032 ms to it.
+    """
+
+    def __init__(self, clock: Clock, speed: float = 1.0) -> None:
+        self._clock = clock
+        self._speed = speed
+        self._due = clock.now()
+
+    def wait(self) -> None:
+        """From the end of a cycle, when its datagrams have left, until the next one begins."""
+        self._due += CYCLE / self._speed
+        self._clock.wait(max(self._due - self._clock.now(), TIME_TO_ANSWER / self._speed))
+        if self._clock.now() - self._due > LONGEST_LAG:
+            self._due = self._clock.now()
+
+
+class Background:
+    """Does long work in a thread of its own, one piece after another, while the robot goes on."""
+
+    def __init__(self, name: str = "background") -> None:
+        self._work: Queue[Callable[[], None] | None] = Queue()
+        # A daemon, since parsing a long module takes seconds, and the process must end before.
+        self._thread = Thread(target=self._run, name=name, daemon=True)
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Do nothing more; what is under way goes on."""
+        self._work.put(None)
+
+    def submit(self, work: Callable[[], T]) -> Future[T]:
+        """What ``work`` will have returned or raised."""
+        result: Future[T] = Future()
+        self._work.put(partial(_run_for, work, result))
+        return result
+
+    def _run(self) -> None:
+        while (work := self._work.get()) is not None:
+            work()
+            del work  # a thread that waits holds nothing: what it held would be freed after the libraries it came from
+
+
+def _run_for(work: Callable[[], T], result: Future[T]) -> None:
+    if not result.set_running_or_notify_cancel():  # the client is gone
+        return
+    try:
+        result.set_result(work())
+    except Exception as error:  # raised where the result is awaited
+        result.set_exception(error)
+    finally:
+        del work, result  # the error's traceback leads here, and from here a result would lead back to it
+
+
+def _try_to_prepare(work: Callable[[], object]) -> None:
+    """Do the preparation of a call; what fails in it fails in the handler again, which answers it."""
+    try:
+        work()
+    except Exception as error:
+        log.info("A call could not be prepared (%s: %s); its answer says why.", type(error).__name__, error)
+
+
+LOOPBACK = "127.0.0.1"
+
+MOST_SOCKETS = 32
+"""Sockets that are open at a time (RAPID reference manual, SocketCreate)."""
+
+_PEEKED = 65536  # bytes
+
+
+class ProgramNetwork:
+    """Makes the sockets of all tasks.
+
+    Args:
+        address: this machine's, which programs may use; 127.0.0.1 keeps them on this machine, 0.0.0.0 allows all.
+
+    Attributes:
+        count: how many sockets are open.
+    """
+
+    def __init__(self, address: str = LOOPBACK) -> None:
+        self.address = address
+        self.count = 0
+
+    @property
+    def is_local(self) -> bool:
+        """Whether nothing leaves this machine."""
+        return is_loopback(self.address)
+
+    def tcp(self) -> ProgramSocket:
+        """A TCP socket."""
+        return self._made(socket.SOCK_STREAM)
+
+    def udp(self) -> ProgramSocket:
+        """A UDP socket."""
+        return self._made(socket.SOCK_DGRAM)
+
+    def _made(self, kind: socket.SocketKind) -> ProgramSocket:
+        self.check_room()
+        return ProgramSocket(self, socket.socket(socket.AF_INET, kind))
+
+    def check_room(self) -> None:
+        """Raise OSError where there are too many sockets."""
+        if self.count >= MOST_SOCKETS:
+            raise OSError(errno.ENOBUFS, f"{MOST_SOCKETS} sockets are open already")
+
+    def remote(self, address: str, port: int) -> tuple[str, int]:
+        """Where a program's address leads to."""
+        return (self.address if self.is_local else address), port
+
+
+class ProgramSocket:
+    """A socket of this machine that never waits; see :class:`yumi.rapid.devices.Socket`."""
+
+    def __init__(self, network: ProgramNetwork, made: socket.socket) -> None:
+        self._network = network
+        self._socket = made
+        network.count += 1
+        # Also closed when nothing refers to it any more: the program pointer went to main, a routine ended.
+        self._close = weakref.finalize(self, _close_and_count, network, made)
+        made.setblocking(False)
+        if made.type == socket.SOCK_STREAM:
+            made.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def bind(self, address: str, port: int) -> None:
+        """Take a port of the address this controller may use."""
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, self._socket.type == socket.SOCK_STREAM)
+        self._socket.bind((self._network.address, port))
+
+    def listen(self) -> None:
+        """Let others connect."""
+        self._socket.listen()
+
+    def accept(self) -> tuple[ProgramSocket, str] | None:
+        """The next connection with the other side's address."""
+        self._network.check_room()
+        try:
+            connection, (address, _) = self._socket.accept()
+        except BlockingIOError:
+            return None
+        return ProgramSocket(self._network, connection), address
+
+    def connect(self, address: str, port: int) -> None:
+        """Begin to connect."""
+        failure = self._socket.connect_ex(self._network.remote(address, port))
+        if failure not in (0, errno.EINPROGRESS):
+            raise OSError(failure, os.strerror(failure))
+
+    def is_connected(self) -> bool:
+        """Whether the connection is there."""
+        failure = self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        if failure:
+            raise OSError(failure, os.strerror(failure))
+        try:
+            self._socket.getpeername()
+        except OSError as error:
+            if error.errno == errno.ENOTCONN:
+                return False
+            raise
+        return True
+
+    def send(self, data: bytes) -> int:
+        """Send what the other side takes."""
+        try:
+            return self._socket.send(data, socket.MSG_NOSIGNAL)
+        except BlockingIOError:
+            return 0
+
+    def receive(self, size: int) -> bytes | None:
+        """What is there."""
+        try:
+            return self._socket.recv(size)
+        except BlockingIOError:
+            return None
+
+    def send_to(self, data: bytes, address: str, port: int) -> None:
+        """Send a datagram."""
+        self._socket.sendto(data, self._network.remote(address, port))
+
+    def receive_from(self, size: int) -> tuple[bytes, str, int] | None:
+        """The next datagram and its sender."""
+        try:
+            data, (address, port) = self._socket.recvfrom(size)
+        except BlockingIOError:
+            return None
+        return data, address, port
+
+    def waiting(self) -> int:
+        """How much can be received at once."""
+        try:
+            found = self._socket.recv(_PEEKED, socket.MSG_PEEK)
+        except BlockingIOError:
+            return 0
+        if not found and self._socket.type == socket.SOCK_STREAM:
+            raise ConnectionResetError(errno.ECONNRESET, "the other side has closed the connection")
+        return len(found)
+
+    def close(self) -> None:
+        """Close it; nothing happens where it is closed."""
+        self._close()
+
+
+def _close_and_count(network: ProgramNetwork, made: socket.socket) -> None:
+    network.count -= 1
+    made.close()

@@ -1,9 +1,8 @@
 """The whole virtual robot: controller, arms, grippers and EGM clients, advanced together by one cycle at a time.
 
-Fault injection into a running virtual controller: ``/virtual/faults``, which no ABB controller has.
-
-``GET /virtual/faults`` lists the faults, ``POST /virtual/faults/<name>`` injects one; ``side``, ``duration``, ``by``
-and ``way`` are in the form. Only programs of the same machine are served, without a login; web pages are not.
+Faults are injected into it over HTTP at ``/virtual/faults``, which no ABB controller has: ``GET /virtual/faults`` lists
+them, ``POST /virtual/faults/<name>`` injects one; ``side``, ``duration``, ``by`` and ``way`` are in the form. Only
+programs of the same machine are served, without a login; web pages are not.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient, EgmNetwork, EgmOptions, Outgoing
-from yumi.virtual.controller.events import Fault, FaultKind, Way, kind_of
+from yumi.virtual.controller.events import Fault, FaultKind, Way, fault_named
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import Robot, System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
@@ -35,7 +34,7 @@ from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 
-_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # of EGM, where the system parameters name none
+_EGM_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # where the system parameters name none
 _ADD_IN = "StateMachine Core"
 """The option whose interface our program has; clients look for it."""
 
@@ -100,7 +99,7 @@ class World:
         self._units: dict[Side, ArmUnit] = {}
         robot = system.robot
         for side, kinematics_of in robot.arms.items():
-            arm = _arm(robot, side, kinematics_of(), settings)
+            arm = _virtual_arm(robot, side, kinematics_of(), settings)
             gripper = VirtualGripper(
                 settings.workpieces.get(side),
                 settings.gripper_modules.get(side, GripperModules.SERVO),
@@ -201,7 +200,7 @@ class World:
         return self._egm_host, int(port)
 
 
-def _arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
+def _virtual_arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
     """An arm of the robot: a YuMi's has the dynamics of the settings, others have limits of their own."""
     if robot.is_yumi:
         return VirtualArm(side, settings.positions.get(side), settings.arm_model)
@@ -217,14 +216,14 @@ def _with_addresses(configuration: Configuration, settings: WorldSettings, robot
         if side in settings.egm_ports:
             address["RemotePortNumber"] = str(settings.egm_ports[side])
         if configuration.find("SIO", "COM_TRP", unit) is None:
-            configuration.put("SIO", "COM_TRP", {"Name": unit, "Type": "UDPUC", "RemotePortNumber": _PORTS[side]})
+            configuration.put("SIO", "COM_TRP", {"Name": unit, "Type": "UDPUC", "RemotePortNumber": _EGM_PORTS[side]})
         configuration.change("SIO", "COM_TRP", unit, address)
     return configuration
 
 
-PATH = "/virtual/faults"
-_MAX_DURATION = 86_400.0
-_FAULT_TIMEOUT = 4.0  # [s]
+FAULTS_PATH = "/virtual/faults"
+_LONGEST_FAULT = 86_400.0  # [s]
+_ANSWER_TIMEOUT = 4.0  # [s]
 _GRIPPER_ERROR = 7  # any; the gripper's numbers are not published
 _OTHER_FILE = "HOME:/Pick.mod"
 _OTHER_PROGRAM = """MODULE Pick
@@ -296,7 +295,7 @@ class FaultInjection:
         Raises:
             CommandRefused: one of these means nothing for it or is out of range, or the robot is in no state for it.
         """
-        _check_choice(fault.value, side, duration, amount, way)
+        _check_options(fault.value, side, duration, amount, way)
         self._check_effect(fault)
         network, kind = self._world.network, fault.value
         sides = tuple(self._world.arms) if side is None else (side,)
@@ -318,18 +317,18 @@ class FaultInjection:
             self._inject_into_arms(fault, strength, sides)
 
     def answer(self, request: HttpRequest) -> HttpReply:
-        """The answer to a request below :data:`PATH`."""
+        """The answer to a request below :data:`FAULTS_PATH`."""
         if not is_loopback(request.peer.rpartition(":")[0]):
-            return _sentence(403, "Faults are taken from programs on this machine only.")
+            return _plain_reply(403, "Faults are taken from programs on this machine only.")
         # Without this check a page from elsewhere could inject faults: by its forms, or by a host name of its own that
         # leads to this machine.
         origin = request.header("Origin")
         urls = [f"http://{request.header('Host') or ''}", *([] if origin is None else [origin])]
         if not all(is_loopback(_host_of(url)) for url in urls):
-            return _sentence(
+            return _plain_reply(
                 403, "Faults are taken under the names of this machine only, such as 127.0.0.1, not for pages."
             )
-        name = request.target.partition("?")[0].removeprefix(PATH).strip("/")
+        name = request.target.partition("?")[0].removeprefix(FAULTS_PATH).strip("/")
         if not name:
             kinds = [
                 {
@@ -344,14 +343,14 @@ class FaultInjection:
                 for fault in Fault
             ]
             return HttpReply(200, (("Content-Type", "application/json"),), json.dumps(kinds).encode())
-        fault = kind_of(name)
+        fault = fault_named(name)
         if fault is None or request.method != "POST":
             known = ", ".join(each.value.name for each in Fault)
-            return _sentence(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
+            return _plain_reply(404, f"There is no fault {name!r} to {request.method}; POST one of {known}.")
         try:
-            self.inject(fault, *_choice(decode_form(request.body.decode("utf-8", "replace"))))
+            self.inject(fault, *_read_options(decode_form(request.body.decode("utf-8", "replace"))))
         except YumiError as error:
-            return _sentence(409, str(error))
+            return _plain_reply(409, str(error))
         return HttpReply(204)
 
     def _inject_into_arms(self, fault: Fault, strength: float, sides: Sequence[Side]) -> None:
@@ -434,15 +433,15 @@ class FaultInjection:
             cup.under = None
 
 
-def _check_choice(
+def _check_options(
     kind: FaultKind, side: Side | None, duration: float | None, amount: float | None, way: Way | None
 ) -> None:
     if side is not None and not kind.has_side:
         raise CommandRefused(f"{kind.name} happens to the whole robot; leave the side out.")
     if duration is not None and not kind.has_duration:
         raise CommandRefused(f"{kind.name} has no duration; leave it out.")
-    if duration is not None and not 0.0 < duration <= _MAX_DURATION:
-        raise CommandRefused(f"A duration is above 0 and at most {_MAX_DURATION:.0f} s, not {duration:g} s.")
+    if duration is not None and not 0.0 < duration <= _LONGEST_FAULT:
+        raise CommandRefused(f"A duration is above 0 and at most {_LONGEST_FAULT:.0f} s, not {duration:g} s.")
     if way is not None and not kind.has_way:
         raise CommandRefused(f"{kind.name} has no direction; leave 'way' out.")
     if amount is None:
@@ -455,7 +454,7 @@ def _check_choice(
         raise CommandRefused(f"The strength ('by') of {kind.name} is {whole}{kind.amount.range}, not {amount:g}.")
 
 
-def _choice(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
+def _read_options(form: Pairs) -> tuple[Side | None, float | None, float | None, Way | None]:
     side, way = first_value(form, "side"), first_value(form, "way")
     duration, amount = first_value(form, "duration"), first_value(form, "by")
     sides, ways = {each.word: each for each in Side}, {each.value: each for each in Way}
@@ -465,13 +464,13 @@ def _choice(form: Pairs) -> tuple[Side | None, float | None, float | None, Way |
         raise CommandRefused(f"The direction ('way') is to-robot, from-robot or both, not {way!r}.")
     return (
         None if side is None else sides[side],
-        None if duration is None else _number(duration, "A duration is a number of seconds"),
-        None if amount is None else _number(amount, "'by' is a number"),
+        None if duration is None else _finite_number(duration, "A duration is a number of seconds"),
+        None if amount is None else _finite_number(amount, "'by' is a number"),
         None if way is None else ways[way],
     )
 
 
-def _number(text: str, meaning: str) -> float:
+def _finite_number(text: str, meaning: str) -> float:
     try:
         number = float(text)
     except ValueError:
@@ -488,7 +487,7 @@ def _host_of(url: str) -> str:
         return ""
 
 
-def _sentence(status: int, sentence: str) -> HttpReply:
+def _plain_reply(status: int, sentence: str) -> HttpReply:
     return HttpReply(status, (("Content-Type", "text/plain; charset=utf-8"),), sentence.encode())
 
 
@@ -501,9 +500,9 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
     """
     try:
         try:
-            reply = _posted(f"http://{address}{PATH}/{name}", form)
+            reply = _post(f"http://{address}{FAULTS_PATH}/{name}", form)
         except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
-            reply = _posted(f"https://{address}{PATH}/{name}", form)
+            reply = _post(f"https://{address}{FAULTS_PATH}/{name}", form)
     except httpx.HTTPError as error:
         raise NoConnection(
             f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
@@ -514,7 +513,7 @@ def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
         raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
 
 
-def _posted(url: str, form: Mapping[str, str]) -> httpx.Response:
+def _post(url: str, form: Mapping[str, str]) -> httpx.Response:
     # The certificate that a virtual controller makes itself is trusted on this machine alone.
     is_far = not is_loopback(httpx.URL(url).host)
-    return httpx.post(url, data=form, timeout=_FAULT_TIMEOUT, trust_env=False, verify=is_far)
+    return httpx.post(url, data=form, timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far)

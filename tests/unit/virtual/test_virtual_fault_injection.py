@@ -16,7 +16,7 @@ from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import Fault, Way
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.world import PATH, FaultInjection, World
+from yumi.virtual.world import FAULTS_PATH, FaultInjection, World
 
 LOCAL = "127.0.0.1:4711"
 
@@ -68,7 +68,7 @@ def post(
     method: str = "POST",
     headers: tuple[tuple[str, str], ...] = HOST,
 ) -> HttpReply:
-    return faults.answer(HttpRequest(method, f"{PATH}/{name}".rstrip("/"), headers, form.encode(), peer))
+    return faults.answer(HttpRequest(method, f"{FAULTS_PATH}/{name}".rstrip("/"), headers, form.encode(), peer))
 
 
 @pytest.mark.parametrize("duration", [0.05, 1.0])

@@ -1,13 +1,12 @@
-"""RAPID's bytes: rawbytes with packing and unpacking, conversions of a byte to text and back, and operations on bits.
+"""RAPID's communication: bytes and bits, TCP and UDP sockets, message queues.
 
 A rawbytes holds up to 1024 bytes, all 0 at first; its length is the last position that was written to.
 
-RAPID's sockets: TCP and UDP with the limits and errors of the option PC Interface.
+Sockets have the limits and errors of the option PC Interface. Nothing here waits for the network: an instruction asks
+its socket once per advance of the task until it is done or its time is over. A host closes the sockets of a socketdev
+that goes: at PP to main, or with the routine it was declared in.
 
-Nothing here waits for the network: an instruction asks its socket once per advance of the task until it is done or its
-time is over. A host closes the sockets of a socketdev that goes: at PP to main, or with the routine it was declared in.
-
-RAPID's message queues: each task has the queue RMQ_ and its name; clients of RWS have theirs, too.
+Each task has the message queue RMQ_ and its name; clients of RWS have theirs, too.
 """
 
 from __future__ import annotations
@@ -25,14 +24,27 @@ from typing import Any, TypeVar
 
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.devices import Message, MessageQueues, Socket
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.library import Call, Library, Wait, whole_argument
 from yumi.rapid.machine import ChangeOrder
 from yumi.rapid.parser import format_value, parse_value
-from yumi.rapid.types import DNUM, STRING, RapidRuntimeError, RapidValueError, Type, is_numeric, resolved
+from yumi.rapid.types import (
+    DNUM,
+    LONGEST_STRING,
+    STRING,
+    RapidRuntimeError,
+    RapidValueError,
+    Type,
+    is_numeric,
+    resolved,
+)
+
+T = TypeVar("T")
+
+
+# Bytes --------------------------------------------------------------------------------------------------------------
 
 RAWBYTES = Library(CONSTANTS)
 MOST_BYTES = 1024
-LONGEST_TEXT = 80
 ENCODING = "latin-1"
 BITS_OF_DNUM = 52
 LARGEST_BYTE = 255
@@ -73,19 +85,10 @@ class RawBytes:
 RAWBYTES.object_type("rawbytes", RawBytes)
 
 
-def whole(call: Call, name: str, lowest: int, highest: int, default: int | None = None) -> int:
-    """An argument that is a whole number within limits; raises ERR_ARGVALERR."""
-    value: float = call.get(name, default) if default is not None else call[name]
-    if value != int(value) or not lowest <= value <= highest:
-        sentence = f"{call.name}: {name} is a whole number from {lowest} to {highest}, not {value:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return int(value)
-
-
 @RAWBYTES.instruction("ClearRawBytes", r"VAR rawbytes RawData, \num FromIndex")
 def clear_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
-    del raw.data[whole(call, "FromIndex", 1, MOST_BYTES, 1) - 1 :]
+    del raw.data[whole_argument(call, "FromIndex", 1, MOST_BYTES, 1) - 1 :]
 
 
 @RAWBYTES.function("RawBytesLen", "VAR rawbytes RawData", "num")
@@ -98,37 +101,38 @@ def raw_bytes_length(call: Call) -> float:
 )
 def copy_raw_bytes(call: Call) -> None:
     source: RawBytes = call["FromRawData"]
-    start, to = whole(call, "FromIndex", 1, MOST_BYTES) - 1, whole(call, "ToIndex", 1, MOST_BYTES) - 1
+    start, to = whole_argument(call, "FromIndex", 1, MOST_BYTES) - 1, whole_argument(call, "ToIndex", 1, MOST_BYTES) - 1
     count = min(max(0, len(source.data) - start), MOST_BYTES - to)  # to the end, or to where there is no more room
     if call.present("NoOfBytes"):
-        count = whole(call, "NoOfBytes", 0, MOST_BYTES)
+        count = whole_argument(call, "NoOfBytes", 0, MOST_BYTES)
     call["ToRawData"].put(to, source.get(start, count))
 
 
-_WAYS = r"\switch Hex1 | \num IntX | \switch Float4 | \switch Float8"
+_NUMBER_FORMATS = r"\switch Hex1 | \num IntX | \switch Float4 | \switch Float8"
 
 
 @RAWBYTES.instruction(
-    "PackRawBytes", rf"anyvalue Value, VAR rawbytes RawData, \switch Network, num StartIndex, {_WAYS} | \switch ASCII"
+    "PackRawBytes",
+    rf"anyvalue Value, VAR rawbytes RawData, \switch Network, num StartIndex, {_NUMBER_FORMATS} | \switch ASCII",
 )
 def pack_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
-    start = whole(call, "StartIndex", 1, len(raw.data) + 1) - 1
+    start = whole_argument(call, "StartIndex", 1, len(raw.data) + 1) - 1
     value, type_ = call["Value"], call.reference("Value").type
     if call.present("ASCII"):
         content = value.encode(ENCODING, "replace") if resolved(type_) == STRING else bytes([_byte(call, value)])
-        if len(content) > LONGEST_TEXT:
-            raise RapidRuntimeError("ERR_STRTOOLNG", f"PackRawBytes takes {LONGEST_TEXT} characters.")
+        if len(content) > LONGEST_STRING:
+            raise RapidRuntimeError("ERR_STRTOOLNG", f"PackRawBytes takes {LONGEST_STRING} characters.")
     elif call.present("Hex1"):
-        content = bytes([_byte(call, value if is_numeric(type_) else _parsed(call, value, 16))])
+        content = bytes([_byte(call, value if is_numeric(type_) else _parsed_integer(call, value, 16))])
     else:
         if not is_numeric(type_):
             raise _wrong_type(call, type_)
-        letter = _letter(call, type_)
+        letter = _struct_letter(call, type_)
         if letter not in "fd" and value != int(value):
             raise RapidRuntimeError("ERR_INT_NOTVAL", f"PackRawBytes packs an integer with IntX, not {value:g}.")
         try:
-            content = struct.pack(_order(call) + letter, value if letter in "fd" else int(value))
+            content = struct.pack(_byte_order(call) + letter, value if letter in "fd" else int(value))
         except (struct.error, OverflowError) as error:
             raise RapidRuntimeError("ERR_INT_MAXVAL", f"{value:g} does not fit into the bytes: {error}.") from error
     raw.put(start, content)
@@ -136,14 +140,14 @@ def pack_raw_bytes(call: Call) -> None:
 
 @RAWBYTES.instruction(
     "UnpackRawBytes",
-    rf"VAR rawbytes RawData, \switch Network, num StartIndex, INOUT anytype Value, {_WAYS} | \num ASCII",
+    rf"VAR rawbytes RawData, \switch Network, num StartIndex, INOUT anytype Value, {_NUMBER_FORMATS} | \num ASCII",
 )
 def unpack_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
     type_ = call.reference("Value").type
-    start = whole(call, "StartIndex", 1, MOST_BYTES) - 1
+    start = whole_argument(call, "StartIndex", 1, MOST_BYTES) - 1
     if call.present("ASCII"):
-        count = whole(call, "ASCII", 0, LONGEST_TEXT)
+        count = whole_argument(call, "ASCII", 0, LONGEST_STRING)
         content = raw.get(start, count)
         if resolved(type_) == STRING:
             call["Value"] = content.decode(ENCODING)
@@ -160,16 +164,16 @@ def unpack_raw_bytes(call: Call) -> None:
         return
     if not is_numeric(type_):
         raise _wrong_type(call, type_)
-    layout = _order(call) + _letter(call, type_)
+    layout = _byte_order(call) + _struct_letter(call, type_)
     call["Value"] = struct.unpack(layout, raw.get(start, struct.calcsize(layout)))[0]
 
 
-def _order(call: Call) -> str:
+def _byte_order(call: Call) -> str:
     r"""Without \Network the byte of least weight comes first."""
     return ">" if call.present("Network") else "<"
 
 
-def _letter(call: Call, type_: Type) -> str:
+def _struct_letter(call: Call, type_: Type) -> str:
     r"""The number's form: one of \IntX, \Float4 and \Float8 must be given."""
     if call.present("Float4"):
         return "f"
@@ -229,10 +233,10 @@ def text_to_byte(call: Call) -> float:
             raise RapidRuntimeError("ERR_ARGVALERR", rf"StrToByte \Char takes one character, not '{text}'.")
         return float(ord(text) & LARGEST_BYTE)
     base = next((base for name, (base, _) in _BASES.items() if call.present(name)), 10)
-    return float(_byte(call, _parsed(call, text, base)))
+    return float(_byte(call, _parsed_integer(call, text, base)))
 
 
-def _parsed(call: Call, text: str, base: int) -> float:
+def _parsed_integer(call: Call, text: str, base: int) -> float:
     try:
         return float(int(text, base))
     except ValueError as error:
@@ -269,8 +273,8 @@ def _add_bits(suffix: str, type_name: str, bits: int) -> None:
     combined("XOr", lambda left, right: left ^ right)
 
     def shifted(call: Call) -> float:
-        value, steps = _integer(call, call["BitData"], largest), whole(call, "ShiftSteps", 0, bits)
-        mask = (1 << whole(call, "Size", 1, bits, bits)) - 1 if suffix else largest
+        value, steps = _integer(call, call["BitData"], largest), whole_argument(call, "ShiftSteps", 0, bits)
+        mask = (1 << whole_argument(call, "Size", 1, bits, bits)) - 1 if suffix else largest
         return float((value << steps) & mask if "LSh" in call.name else value >> steps)
 
     size = r", \num Size" if suffix else ""
@@ -279,12 +283,12 @@ def _add_bits(suffix: str, type_name: str, bits: int) -> None:
 
     @RAWBYTES.function(f"BitNeg{suffix}", f"{type_name} BitData{size}", type_name)
     def negated(call: Call) -> float:
-        mask = (1 << whole(call, "Size", 1, bits, bits)) - 1 if suffix else largest
+        mask = (1 << whole_argument(call, "Size", 1, bits, bits)) - 1 if suffix else largest
         return float(~_integer(call, call["BitData"], largest) & mask)
 
     @RAWBYTES.function(f"BitCheck{suffix}", f"{type_name} BitData, num BitPos", "bool")
     def is_set(call: Call) -> bool:
-        return bool(_integer(call, call["BitData"], largest) >> (whole(call, "BitPos", 1, bits) - 1) & 1)
+        return bool(_integer(call, call["BitData"], largest) >> (whole_argument(call, "BitPos", 1, bits) - 1) & 1)
 
 
 _add_bits("", "byte", 8)
@@ -296,16 +300,16 @@ _add_bits("Dnum", "dnum", BITS_OF_DNUM)
 def change_bit(call: Call) -> None:
     bits = BITS_OF_DNUM if resolved(call.reference("BitData").type) == DNUM else 8
     value = _integer(call, call["BitData"], (1 << bits) - 1)
-    bit = 1 << (whole(call, "BitPos", 1, bits) - 1)
+    bit = 1 << (whole_argument(call, "BitPos", 1, bits) - 1)
     call["BitData"] = float(value | bit if call.name == "BitSet" else value & ~bit)
 
 
-T = TypeVar("T")
+# Sockets ------------------------------------------------------------------------------------------------------------
+
 SOCKETS = Library(RAWBYTES)
-SOCKET_TIME_S = 60.0  # of SocketAccept, SocketConnect and SocketReceive
-WAIT_MAX_S = 9_999_999.0  # what WAIT_MAX holds: for ever
+SOCKET_TIMEOUT_S = 60.0  # of SocketAccept, SocketConnect and SocketReceive
+WAIT_MAX_S = 9_999_999.0  # what WAIT_MAX holds: for ever, which message queues wait without a time
 LARGEST_PORT = 65535
-LONGEST_DATAGRAM = MOST_BYTES
 
 
 class SocketStatus(IntEnum):
@@ -352,7 +356,7 @@ for _status in SocketStatus:
     SOCKETS.data(f"SOCKET_{_status.name}", "socketstatus", _status)
 SOCKETS.data("WAIT_MAX", "num", WAIT_MAX_S)
 
-_ERRORS = {
+_SOCKET_ERRORS = {
     errno.EADDRINUSE: "ERR_SOCK_ADDR_INUSE",
     errno.EADDRNOTAVAIL: "ERR_SOCK_ADDR_INVALID",
     errno.EACCES: "ERR_SOCK_ADDR_INVALID",
@@ -367,18 +371,18 @@ _ERRORS = {
 }
 
 
-def _tried(call: Call, device: SocketDevice, action: Callable[[], T]) -> T:
+def _call_network(call: Call, device: SocketDevice, action: Callable[[], T]) -> T:
     """What the network answers; a connection that broke leaves a closed socketdev."""
     try:
         return action()
     except OSError as error:
-        name = _ERRORS.get(error.errno or 0, "ERR_SOCK_UNSPEC")
+        name = _SOCKET_ERRORS.get(error.errno or 0, "ERR_SOCK_UNSPEC")
         if name == "ERR_SOCK_CLOSED" and device.status is SocketStatus.CONNECTED:
             device.close()
         raise RapidRuntimeError(name, f"{call.name}: {error.strerror or error}.") from error
 
 
-def _open(call: Call, name: str = "Socket") -> tuple[SocketDevice, Socket]:
+def _open_socket(call: Call, name: str = "Socket") -> tuple[SocketDevice, Socket]:
     """The socketdev and its socket; raises ERR_SOCK_CLOSED where it has none."""
     device: SocketDevice = call[name]
     if device.socket is None:
@@ -387,7 +391,7 @@ def _open(call: Call, name: str = "Socket") -> tuple[SocketDevice, Socket]:
     return device, device.socket
 
 
-def _address(call: Call, address: str, port_name: str) -> tuple[str, int]:
+def _checked_address(call: Call, address: str, port_name: str) -> tuple[str, int]:
     """Address and port of an argument pair; raises ERR_SOCK_ADDR_INVALID."""
     port: float = call[port_name]
     try:
@@ -401,13 +405,13 @@ def _address(call: Call, address: str, port_name: str) -> tuple[str, int]:
     return address, int(port)
 
 
-def _end(call: Call) -> float:
+def _deadline(call: Call) -> float:
     r"""The task time at which \Time is over [s]; infinite with WAIT_MAX."""
-    time: float = call.get("Time", SOCKET_TIME_S)
+    time: float = call.get("Time", SOCKET_TIMEOUT_S)
     return math.inf if time >= WAIT_MAX_S else call.task.now + max(0.0, time)
 
 
-def _waited(call: Call, end: float, ask: Callable[[], T | None]) -> Any:
+def _wait_for(call: Call, end: float, ask: Callable[[], T | None]) -> Any:
     """Ask until there is an answer; raises ERR_SOCK_TIMEOUT at the end."""
     while (found := ask()) is None:
         if call.task.now >= end:
@@ -417,74 +421,75 @@ def _waited(call: Call, end: float, ask: Callable[[], T | None]) -> Any:
 
 
 @SOCKETS.instruction("SocketCreate", r"VAR socketdev Socket, \switch UDP")
-def create(call: Call) -> None:
+def create_socket(call: Call) -> None:
     device: SocketDevice = call["Socket"]
     if device.socket is not None:
         variable = call.reference("Socket").name
         raise RapidRuntimeError("ERR_SOCK_IS_CONN", f"SocketCreate: {variable} is open; SocketClose closes it.")
     network, is_datagram = call.task.host.devices.network, call.present("UDP")
-    socket = _tried(call, device, network.udp if is_datagram else network.tcp)
+    socket = _call_network(call, device, network.udp if is_datagram else network.tcp)
     device.opened(socket, SocketStatus.CREATED, is_datagram=is_datagram)
 
 
 @SOCKETS.instruction("SocketClose", "VAR socketdev Socket")
-def close(call: Call) -> None:
+def close_socket(call: Call) -> None:
     call["Socket"].close()
 
 
 @SOCKETS.function("SocketGetStatus", "VAR socketdev Socket", "socketstatus")
-def status(call: Call) -> float:
+def socket_status(call: Call) -> float:
     return float(call["Socket"].status)
 
 
 @SOCKETS.instruction("SocketBind", "VAR socketdev Socket, string LocalAddress, num LocalPort")
-def bind(call: Call) -> None:
-    device, socket = _open(call)
-    address, port = _address(call, call["LocalAddress"], "LocalPort")
+def bind_socket(call: Call) -> None:
+    device, socket = _open_socket(call)
+    address, port = _checked_address(call, call["LocalAddress"], "LocalPort")
     if device.status is not SocketStatus.CREATED:
         raise RapidRuntimeError("ERR_SOCK_IS_BOUND", "SocketBind: the socket has an address already.")
-    _tried(call, device, lambda: socket.bind(address, port))
+    _call_network(call, device, lambda: socket.bind(address, port))
     device.status = SocketStatus.BOUND
 
 
 @SOCKETS.instruction("SocketListen", "VAR socketdev Socket")
-def listen(call: Call) -> None:
-    device, socket = _open(call)
+def listen_on_socket(call: Call) -> None:
+    device, socket = _open_socket(call)
     if device.status is SocketStatus.CONNECTED:
         raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketListen: the socket is connected.")
     if device.status is SocketStatus.CREATED or device.is_datagram:
         raise RapidRuntimeError("ERR_SOCK_NOT_BOUND", "SocketListen needs a TCP socket with an address: SocketBind.")
-    _tried(call, device, socket.listen)
+    _call_network(call, device, socket.listen)
     device.status = SocketStatus.LISTENING
 
 
 @SOCKETS.instruction(
     "SocketAccept", r"VAR socketdev Socket, VAR socketdev ClientSocket, \VAR string ClientAddress, \num Time"
 )
-def accept(call: Call) -> Wait:
-    end = _end(call)
+def accept_connection(call: Call) -> Wait:
+    end = _deadline(call)
 
     def ask() -> tuple[Socket, str] | None:
-        device, socket = _open(call)
+        device, socket = _open_socket(call)
         if device.status is not SocketStatus.LISTENING:
             raise RapidRuntimeError("ERR_SOCK_NOT_BOUND", "SocketAccept needs a socket that listens: SocketListen.")
-        return _tried(call, device, socket.accept)
+        return _call_network(call, device, socket.accept)
 
-    connection, address = yield from _waited(call, end, ask)
+    connection, address = yield from _wait_for(call, end, ask)
     call["ClientSocket"].opened(connection, SocketStatus.CONNECTED)
     if call.present("ClientAddress"):
         call["ClientAddress"] = address
 
 
 @SOCKETS.instruction("SocketConnect", r"VAR socketdev Socket, string Address, num Port, \num Time")
-def connect(call: Call) -> Wait:
-    device, socket = _open(call)
-    address, port = _address(call, call["Address"], "Port")
+def connect_socket(call: Call) -> Wait:
+    device, socket = _open_socket(call)
+    address, port = _checked_address(call, call["Address"], "Port")
     if device.status in (SocketStatus.CONNECTED, SocketStatus.LISTENING):
         raise RapidRuntimeError("ERR_SOCK_IS_CONN", "SocketConnect: the socket is connected or listens.")
-    end = _end(call)
-    _tried(call, device, lambda: socket.connect(address, port))
-    yield from _waited(call, end, lambda: _tried(call, device, socket.is_connected) or None)  # refused, it stays open
+    end = _deadline(call)
+    _call_network(call, device, lambda: socket.connect(address, port))
+    # A socket whose connection is refused stays open.
+    yield from _wait_for(call, end, lambda: _call_network(call, device, socket.is_connected) or None)
     device.status = SocketStatus.CONNECTED
 
 
@@ -494,7 +499,7 @@ _SENT = r"\string Str | \VAR rawbytes RawData | \byte Data{*}, \num NoOfBytes"
 _RECEIVED = r"\INOUT string Str | \VAR rawbytes RawData | \INOUT byte Data{*}"
 
 
-def _to_send(call: Call) -> bytes:
+def _bytes_to_send(call: Call) -> bytes:
     """The bytes to send; raises ERR_ARGVALERR where there are none, or NoOfBytes is more than there is."""
     if call.present("Str"):
         content: bytes = call["Str"].encode(ENCODING, "replace")
@@ -502,13 +507,13 @@ def _to_send(call: Call) -> bytes:
         content = bytes(call["RawData"].data)
     elif call.present("Data"):
         values = call["Data"]
-        if any(value != int(value) or not 0 <= value <= 255 for value in values):
-            raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name} sends integers from 0 to 255.")
+        if any(value != int(value) or not 0 <= value <= LARGEST_BYTE for value in values):
+            raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name} sends integers from 0 to {LARGEST_BYTE}.")
         content = bytes(int(value) for value in values)[:MOST_BYTES]
     else:
         raise RapidRuntimeError("ERR_ARGVALERR", rf"{call.name} needs \Str, \RawData or \Data.")
     if call.present("NoOfBytes"):
-        content = content[: whole(call, "NoOfBytes", 1, max(1, len(content)))]
+        content = content[: whole_argument(call, "NoOfBytes", 1, max(1, len(content)))]
     if not content:
         raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name} has no bytes to send.")
     return content
@@ -517,7 +522,7 @@ def _to_send(call: Call) -> bytes:
 def _room(call: Call) -> int:
     """How many bytes the datum takes; raises ERR_ARGVALERR where there is none."""
     if call.present("Str"):
-        return LONGEST_TEXT
+        return LONGEST_STRING
     if call.present("RawData"):
         return MOST_BYTES
     if call.present("Data"):
@@ -525,7 +530,7 @@ def _room(call: Call) -> int:
     raise RapidRuntimeError("ERR_ARGVALERR", rf"{call.name} needs \Str, \RawData or \Data.")
 
 
-def _deliver(call: Call, content: bytes) -> None:
+def _write_received(call: Call, content: bytes) -> None:
     if call.present("Str"):
         call["Str"] = content.decode(ENCODING)
     elif call.present("RawData"):
@@ -542,10 +547,10 @@ def _deliver(call: Call, content: bytes) -> None:
 
 @SOCKETS.instruction("SocketSend", rf"VAR socketdev Socket, {_SENT}")
 def send_bytes(call: Call) -> Wait:
-    content = _to_send(call)
+    content = _bytes_to_send(call)
     while content:
-        device, socket = _connected(call)
-        content = content[_tried(call, device, partial(socket.send, content)) :]
+        device, socket = _connected_socket(call)
+        content = content[_call_network(call, device, partial(socket.send, content)) :]
         if content:  # the other side does not read
             yield None
 
@@ -553,100 +558,101 @@ def send_bytes(call: Call) -> Wait:
 @SOCKETS.instruction(
     "SocketReceive", rf"VAR socketdev Socket, {_RECEIVED}, \num ReadNoOfBytes, \VAR num NoRecBytes, \num Time"
 )
-def receive(call: Call) -> Wait:
+def receive_bytes(call: Call) -> Wait:
     room = _room(call)
-    wanted = whole(call, "ReadNoOfBytes", 1, room) if call.present("ReadNoOfBytes") else None
-    end, got = _end(call), bytearray()
+    wanted = whole_argument(call, "ReadNoOfBytes", 1, room) if call.present("ReadNoOfBytes") else None
+    end, got = _deadline(call), bytearray()
 
     def ask() -> bytes | None:
-        device, socket = _connected(call)
-        found = _tried(call, device, lambda: socket.receive((wanted or room) - len(got)))
+        device, socket = _connected_socket(call)
+        found = _call_network(call, device, lambda: socket.receive((wanted or room) - len(got)))
         if found == b"":
             device.close()
             raise RapidRuntimeError("ERR_SOCK_CLOSED", "SocketReceive: the other side has closed the connection.")
         got.extend(found or b"")
         return bytes(got) if got and len(got) >= (wanted or 1) else None
 
-    _deliver(call, (yield from _waited(call, end, ask)))
+    _write_received(call, (yield from _wait_for(call, end, ask)))
 
 
 @SOCKETS.instruction("SocketSendTo", rf"VAR socketdev Socket, string RemoteAddress, num RemotePort, {_SENT}")
-def send_to(call: Call) -> None:
-    device, socket = _datagram(call)
-    address, port = _address(call, call["RemoteAddress"], "RemotePort")
-    content = _to_send(call)
-    _tried(call, device, lambda: socket.send_to(content, address, port))
+def send_datagram(call: Call) -> None:
+    device, socket = _datagram_socket(call)
+    address, port = _checked_address(call, call["RemoteAddress"], "RemotePort")
+    content = _bytes_to_send(call)
+    _call_network(call, device, lambda: socket.send_to(content, address, port))
 
 
 @SOCKETS.instruction(
     "SocketReceiveFrom",
     rf"VAR socketdev Socket, {_RECEIVED}, \VAR num NoRecBytes, VAR string RemoteAddress, VAR num RemotePort, \num Time",
 )
-def receive_from(call: Call) -> Wait:
-    room, end = _room(call), _end(call)
+def receive_datagram(call: Call) -> Wait:
+    room, end = _room(call), _deadline(call)
 
     def ask() -> tuple[bytes, str, int] | None:
-        device, socket = _datagram(call)
-        return _tried(call, device, lambda: socket.receive_from(room))
+        device, socket = _datagram_socket(call)
+        return _call_network(call, device, lambda: socket.receive_from(room))
 
-    content, address, port = yield from _waited(call, end, ask)
-    _deliver(call, content)
+    content, address, port = yield from _wait_for(call, end, ask)
+    _write_received(call, content)
     call["RemoteAddress"], call["RemotePort"] = address, float(port)
 
 
 @SOCKETS.function("SocketPeek", "VAR socketdev Socket", "num")
-def peek(call: Call) -> float:
-    device, socket = _open(call)
-    return float(_tried(call, device, socket.waiting))
+def bytes_waiting(call: Call) -> float:
+    device, socket = _open_socket(call)
+    return float(_call_network(call, device, socket.waiting))
 
 
-def _connected(call: Call) -> tuple[SocketDevice, Socket]:
-    device, socket = _open(call)
+def _connected_socket(call: Call) -> tuple[SocketDevice, Socket]:
+    device, socket = _open_socket(call)
     if device.status is not SocketStatus.CONNECTED:
         raise RapidRuntimeError("ERR_SOCK_NOT_CONN", f"{call.name}: the socket has no connection.")
     return device, socket
 
 
-def _datagram(call: Call) -> tuple[SocketDevice, Socket]:
-    device, socket = _open(call)
+def _datagram_socket(call: Call) -> tuple[SocketDevice, Socket]:
+    device, socket = _open_socket(call)
     if not device.is_datagram:
         raise RapidRuntimeError("ERR_SOCK_UNSPEC", rf"{call.name} needs a socket made with SocketCreate \UDP.")
     return device, socket
 
 
+# Message queues -----------------------------------------------------------------------------------------------------
+
 QUEUES = Library(CONSTANTS)
-QUEUE_TIME_S = 9_999_999.0  # of RMQSendWait and RMQReadWait: for ever
 
 
 @dataclass(eq=False, slots=True)
-class Slot:
+class QueueSlot:
     """What an rmqslot stands for: the name of a queue."""
 
     name: str = ""
 
 
 @dataclass(eq=False, slots=True)
-class Received:
+class ReceivedMessage:
     """What an rmqmessage stands for."""
 
     message: Message | None = None
 
 
-QUEUES.object_type("rmqslot", Slot)
-QUEUES.object_type("rmqmessage", Received)
+QUEUES.object_type("rmqslot", QueueSlot)
+QUEUES.object_type("rmqmessage", ReceivedMessage)
 QUEUES.record("rmqheader", {"datatype": "string", "ndim": "num", "dim1": "num", "dim2": "num", "dim3": "num"})
 
 
 def _queues(call: Call) -> MessageQueues:
     """The controller's queues, with that of the task."""
     queues = call.task.host.devices.queues
-    queues.open(_own(call))
+    queues.open(_own_queue(call))
     for name in call.task.host.devices.tasks():
         queues.open(f"RMQ_{name}")
     return queues
 
 
-def _own(call: Call) -> str:
+def _own_queue(call: Call) -> str:
     return f"RMQ_{call.task.name}"
 
 
@@ -663,16 +669,16 @@ def slot_name(call: Call) -> str:
     return name
 
 
-def _message(call: Call, *, user_defined: str = "UserDef") -> Message:
+def _message_to_send(call: Call) -> Message:
     type_ = call.reference("SendData").type
     sizes = getattr(resolved(type_), "sizes", ())
     text = format_value(type_, call["SendData"])
-    return Message(type_.name, sizes, text, _own(call), call.get(user_defined, 0.0))
+    return Message(type_.name, sizes, text, _own_queue(call), call.get("UserDef", 0.0))
 
 
 @QUEUES.instruction("RMQSendMessage", r"VAR rmqslot Slot, anytype SendData, \num UserDef")
 def send_message(call: Call) -> None:
-    _queues(call).send(slot_name(call), _message(call))
+    _queues(call).send(slot_name(call), _message_to_send(call))
 
 
 @QUEUES.instruction(
@@ -683,27 +689,27 @@ def send_message(call: Call) -> None:
 def send_and_wait(call: Call) -> Wait:
     """Send, and wait for an answer of a type; what else comes meanwhile is lost (reference manual, RMQSendWait)."""
     queues, wanted = _queues(call), call.reference("ReceiveDataType").type.name
-    queues.send(slot_name(call), _message(call))
+    queues.send(slot_name(call), _message_to_send(call))
 
     def fits(message: Message) -> bool:
         is_number_right = not call.present("ReceiveUserDef") or message.user_defined == call["ReceiveUserDef"]
         return message.type_name == wanted and is_number_right
 
-    yield from _receive(call, fits)
+    yield from _wait_for_message(call, fits)
 
 
 @QUEUES.instruction("RMQReadWait", r"VAR rmqmessage Message, \num TimeOut")
 def read_and_wait(call: Call) -> Wait:
     _queues(call)
-    yield from _receive(call, lambda message: True)
+    yield from _wait_for_message(call, lambda message: True)
 
 
-def _receive(call: Call, fits: Callable[[Message], bool]) -> Wait:
+def _wait_for_message(call: Call, fits: Callable[[Message], bool]) -> Wait:
     queues = call.task.host.devices.queues
-    time: float = call.get("TimeOut", QUEUE_TIME_S)
-    end = math.inf if time >= QUEUE_TIME_S else call.task.now + time
+    time: float = call.get("TimeOut", WAIT_MAX_S)
+    end = math.inf if time >= WAIT_MAX_S else call.task.now + time
     while True:
-        message = queues.take(_own(call))
+        message = queues.take(_own_queue(call))
         if message is not None and fits(message):
             call["Message"].message = message
             return
@@ -715,13 +721,13 @@ def _receive(call: Call, fits: Callable[[Message], bool]) -> Wait:
 
 @QUEUES.instruction("RMQGetMessage", "VAR rmqmessage Message")
 def get_message(call: Call) -> None:
-    message = _queues(call).take(_own(call))
+    message = _queues(call).take(_own_queue(call))
     if message is None:
         raise RapidRuntimeError("ERR_RMQ_NOMSG", "RMQGetMessage: the queue of the task is empty.")
     call["Message"].message = message
 
 
-def _received(call: Call) -> Message:
+def _received_message(call: Call) -> Message:
     message: Message | None = call["Message"].message
     if message is None:
         raise RapidRuntimeError("ERR_RMQ_INVMSG", f"{call.name}: nothing has been received into the message.")
@@ -730,7 +736,7 @@ def _received(call: Call) -> Message:
 
 @QUEUES.instruction("RMQGetMsgData", "VAR rmqmessage Message, INOUT anytype Data")
 def message_data(call: Call) -> None:
-    message, type_ = _received(call), call.reference("Data").type
+    message, type_ = _received_message(call), call.reference("Data").type
     if message.type_name.lower() != type_.name.lower():
         sentence = f"The message is a {message.type_name}, not a {type_.name}."
         raise RapidRuntimeError("ERR_RMQ_VALUE", sentence)
@@ -747,7 +753,7 @@ def message_data(call: Call) -> None:
     "RMQGetMsgHeader", r"VAR rmqmessage Message, \INOUT rmqheader Header, \VAR rmqslot SenderId, \INOUT num UserDef"
 )
 def message_header(call: Call) -> None:
-    message = _received(call)
+    message = _received_message(call)
     if call.present("Header"):
         sizes = (*message.sizes, 0, 0, 0)[:3]
         call["Header"] = (message.type_name, len(message.sizes), *sizes)
@@ -762,7 +768,7 @@ def order_message(call: Call) -> None:
     """An interrupt whenever a message of a type comes into the queue of the task."""
     queues, interrupts, number = _queues(call), call.task.interrupts, int(call["Interrupt"])
     wanted, order = call.reference("InterruptDataType").type.name, ChangeOrder(is_single=False)
-    watchers = queues.watchers.setdefault(_own(call).lower(), [])
+    watchers = queues.watchers.setdefault(_own_queue(call).lower(), [])
 
     def arrived(message: Message) -> None:
         if not interrupts.is_ordered(number, order):  # deleted, or ordered anew
@@ -776,4 +782,4 @@ def order_message(call: Call) -> None:
 
 @QUEUES.instruction("RMQEmptyQueue")
 def empty_queue(call: Call) -> None:
-    _queues(call).empty(_own(call))
+    _queues(call).empty(_own_queue(call))

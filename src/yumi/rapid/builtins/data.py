@@ -1,13 +1,7 @@
-"""RAPID's predefined types and data (positions, speeds, zones, tool0), and its functions of numbers and arrays.
+"""RAPID's predefined types, data and constants, and its functions of numbers, arrays, strings and matrices.
 
-Types that are names for num or string, and the constants that programs compare their values with.
-
-Values that ABB's manuals print are ABB's; where they print none, the constants of a type are numbered in the order the
-manual lists them, since programs compare names only.
-
-RAPID's strings: conversions and searches; positions count from 1.
-
-RAPID's linear algebra: linear systems, singular values, the circle through measured points.
+Constants whose values ABB's manuals print have these; where they print none, the constants of a type are numbered in
+the order the manual lists them, since programs compare names only. Positions in strings count from 1.
 """
 
 from __future__ import annotations
@@ -34,9 +28,14 @@ from yumi.rapid.types import (
     value_count,
 )
 
+Array = NDArray[np.float64]
+
+
+# Types and data of motion -------------------------------------------------------------------------------------------
+
 JOINTS = tuple(f"rax_{n}" for n in range(1, 7))
 EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
-NUMS = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
+NUM_TYPES = ("dionum", "intnum", "byte", "symnum", "tpnum", "opnum", "stoppointnum")
 
 RECORDS: dict[str, dict[str, str]] = {
     "pos": dict.fromkeys(("x", "y", "z"), "num"),
@@ -82,10 +81,8 @@ ZONES_MM = {
 }
 NO_POSE = ((0, 0, 0), (1, 0, 0, 0))
 LOAD0 = (0.001, (0, 0, 0.001), (1, 0, 0, 0), 0, 0, 0)
-
-
 DATA = Library(core_library())
-for _name in NUMS:
+for _name in NUM_TYPES:
     DATA.alias(_name, "num")
 for _name, _components in RECORDS.items():
     DATA.record(_name, _components)
@@ -106,6 +103,8 @@ for _radius, (_path, _reorientation, _angle) in ZONES_MM.items():
     _zone = (False, _path, _reorientation, _reorientation, _angle, _reorientation, _angle)
     DATA.data(f"z{_radius}", "zonedata", _zone)
 
+
+# Numbers and arrays -------------------------------------------------------------------------------------------------
 
 MATHS = Library(DATA)
 MOST_DECIMALS = 15  # what a dnum has
@@ -157,7 +156,7 @@ MATHS.formula("NumToDnum", "num Value", "dnum", float)
 @MATHS.function("Round", r"num Val, \num Dec", "num")
 @MATHS.function("RoundDnum", r"dnum Val, \num Dec", "dnum")
 def rounded(call: Call) -> float:
-    scale = 10.0 ** _decimals(call)
+    scale = 10.0 ** _decimals(call, MOST_DECIMALS)
     nearest = math.floor(abs(call["Val"]) * scale + 0.5)
     return math.copysign(nearest, call["Val"]) / float(scale)
 
@@ -165,17 +164,17 @@ def rounded(call: Call) -> float:
 @MATHS.function("Trunc", r"num Val, \num Dec", "num")
 @MATHS.function("TruncDnum", r"dnum Val, \num Dec", "dnum")
 def truncated(call: Call) -> float:
-    scale = 10.0 ** _decimals(call)
+    scale = 10.0 ** _decimals(call, MOST_DECIMALS)
     value: float = math.trunc(call["Val"] * scale) / scale
     return value
 
 
-def _decimals(call: Call) -> float:
+def _decimals(call: Call, most: int) -> int:
     decimals: float = call.get("Dec", 0.0)
-    if not 0 <= decimals == decimals // 1 <= MOST_DECIMALS:
-        sentence = f"{call.name} takes a whole number of decimals, 0 to {MOST_DECIMALS}, not {decimals:g}."
+    if not 0 <= decimals == decimals // 1 <= most:
+        sentence = f"{call.name} takes a whole number of decimals, 0 to {most}, not {decimals:g}."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return decimals
+    return int(decimals)
 
 
 @MATHS.function("DnumToNum", r"dnum Value, \switch Integer", "num")
@@ -210,14 +209,16 @@ def decrement(call: Call) -> None:
 
 
 @MATHS.instruction("Add", "INOUT anynum Name, anynum AddValue")
-def add(call: Call) -> None:
+def add_number(call: Call) -> None:
     call["Name"] = call["Name"] + call["AddValue"]
 
 
 @MATHS.instruction("Clear", "INOUT anynum Name")
-def clear(call: Call) -> None:
+def clear_number(call: Call) -> None:
     call["Name"] = 0.0
 
+
+# Constants that programs compare their values with, and types that are names for num or string ----------------------
 
 CONSTANTS = Library(DATA)
 
@@ -231,7 +232,7 @@ for _name, _base in (
     CONSTANTS.alias(_name, _base)
 
 # By type: names with the value of the first, the others count on; `NAME=7` sets another one.
-TABLE = {
+CONSTANT_VALUES = {
     "opnum": "LT=1 LTEQ EQ NOTEQ GTEQ GT",
     "opcalc": "OpAdd=1 OpSub OpMult OpDiv OpMod",
     "symnum": "RUN_UNDEF=0 RUN_CONT_CYCLE RUN_INSTR_FWD RUN_INSTR_BWD RUN_SIM RUN_STEP_MOVE",
@@ -270,7 +271,7 @@ for _speed in (1, 2, 5, 10, 20, 50, 100):
 for _speed in (10, 20, 50, 100, 200, 500, 1000):
     CONSTANTS.data(f"vlin{_speed}", "speeddata", (0, 0, _speed, 0))
 
-for _type, _names in TABLE.items():
+for _type, _names in CONSTANT_VALUES.items():
     _next = 0
     for _entry in _names.split():
         _constant, _, _given = _entry.partition("=")
@@ -279,18 +280,16 @@ for _type, _names in TABLE.items():
         _next += 1
 
 
+# Strings ------------------------------------------------------------------------------------------------------------
+
 STRINGS = Library(CONSTANTS)
-_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
+_ARGUMENT_PLACE = re.compile(r"\{([1-5])\}")  # of StrFormat
 
 
 @STRINGS.function("NumToStr", r"num Val, num Dec, \switch Exp", "string")
 @STRINGS.function("DnumToStr", r"dnum Val, num Dec, \switch Exp", "string")
 def number_text(call: Call) -> str:
-    decimals: float = call["Dec"]
-    if not 0 <= decimals == decimals // 1 <= LONGEST_STRING:
-        sentence = f"{call.name} takes a whole number of decimals, 0 to {LONGEST_STRING}, not {decimals:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    return f"{call['Val']:.{int(decimals)}{'E' if call.present('Exp') else 'f'}}"
+    return f"{call['Val']:.{_decimals(call, LONGEST_STRING)}{'E' if call.present('Exp') else 'f'}}"
 
 
 @STRINGS.function("ValToStr", "anyvalue Val", "string")
@@ -316,13 +315,13 @@ def string_to_value(call: Call) -> bool:
 
 
 @STRINGS.function("StrLen", "string Str", "num")
-def length(call: Call) -> float:
+def text_length(call: Call) -> float:
     return len(call["Str"])
 
 
 @STRINGS.function("StrPart", "string Str, num ChPos, num Len", "string")
-def part(call: Call) -> str:
-    start = _position(call)
+def part_of_text(call: Call) -> str:
+    start = _character_index(call)
     text: str = call["Str"]
     if call["Len"] < 0 or start + call["Len"] > len(text):
         raise RapidRuntimeError("ERR_ARGVALERR", f"'{text}' has no {call['Len']:g} characters from {start + 1}.")
@@ -330,31 +329,31 @@ def part(call: Call) -> str:
 
 
 @STRINGS.function("StrFormat", "string Str, " + ", ".join(rf"\string Arg{number}" for number in range(1, 6)), "string")
-def formatted(call: Call) -> str:
+def filled_text(call: Call) -> str:
     """A text with its places {1} to {5} filled; a place whose argument is left out stays as it is written."""
-    return _PLACE.sub(lambda place: call.get(f"Arg{place[1]}", place[0]), call["Str"])
+    return _ARGUMENT_PLACE.sub(lambda place: call.get(f"Arg{place[1]}", place[0]), call["Str"])
 
 
 @STRINGS.function("StrFind", r"string Str, num ChPos, string Set, \switch NotInSet", "num")
-def find(call: Call) -> float:
+def find_character(call: Call) -> float:
     text, wanted = call["Str"], not call.present("NotInSet")
-    places = range(_position(call, past_end=True), len(text))
+    places = range(_character_index(call, past_end=True), len(text))
     return next((i + 1 for i in places if (text[i] in call["Set"]) == wanted), len(text) + 1)
 
 
 @STRINGS.function("StrMatch", "string Str, num ChPos, string Pattern", "num")
-def match(call: Call) -> float:
-    found: int = call["Str"].find(call["Pattern"], _position(call, past_end=True))
+def find_text(call: Call) -> float:
+    found: int = call["Str"].find(call["Pattern"], _character_index(call, past_end=True))
     return found + 1 if found >= 0 else len(call["Str"]) + 1
 
 
 @STRINGS.function("StrMemb", "string Str, num ChPos, string Set", "bool")
-def is_member(call: Call) -> bool:
-    return call["Str"][_position(call)] in call["Set"]
+def is_in_set(call: Call) -> bool:
+    return call["Str"][_character_index(call)] in call["Set"]
 
 
 @STRINGS.function("StrMap", "string Str, string FromMap, string ToMap", "string")
-def mapped(call: Call) -> str:
+def mapped_text(call: Call) -> str:
     source, target = call["FromMap"], call["ToMap"]
     if len(source) != len(target):
         raise RapidRuntimeError("ERR_ARGVALERR", f"StrMap needs maps of one length, not '{source}' and '{target}'.")
@@ -362,14 +361,14 @@ def mapped(call: Call) -> str:
 
 
 @STRINGS.function("StrOrder", "string Str1, string Str2, string Order", "bool")
-def is_in_order(call: Call) -> bool:
+def is_text_in_order(call: Call) -> bool:
     """Whether Str1 <= Str2; characters that are not in Order follow those that are (RAPID reference manual)."""
     order: str = call["Order"]
     keys = [[order.find(c) if c in order else len(order) + ord(c) for c in call[name]] for name in ("Str1", "Str2")]
     return keys[0] <= keys[1]
 
 
-def _position(call: Call, *, past_end: bool = False) -> int:
+def _character_index(call: Call, *, past_end: bool = False) -> int:
     """The argument ChPos counted from 0; just behind the last character only where a search may end."""
     position, text = call["ChPos"], call["Str"]
     if position != int(position) or not 1 <= position <= len(text) + past_end:
@@ -386,6 +385,8 @@ STRINGS.data("STR_LOWER", "string", "abcdefghijklmnopqrstuvwxyz")
 # Numbers written in digits ------------------------------------------------------------------------------------------
 
 LARGEST_HEX = 0x7FFF_FFFF_FFFF_FFFF
+LARGEST_DIGITS = 4_294_967_295
+_RELATIONS = {1: operator.lt, 2: operator.le, 3: operator.eq, 4: operator.ne, 5: operator.ge, 6: operator.gt}
 
 
 @STRINGS.function("DecToHex", "string Str", "string")
@@ -409,10 +410,6 @@ def _digits(call: Call, name: str) -> int:
     if int(text) > LARGEST_DIGITS:
         raise RapidRuntimeError("ERR_INT_MAXVAL", f"{call.name} takes up to {LARGEST_DIGITS}, not {text}.")
     return int(text)
-
-
-LARGEST_DIGITS = 4_294_967_295
-_RELATIONS = {1: operator.lt, 2: operator.le, 3: operator.eq, 4: operator.ne, 5: operator.ge, 6: operator.gt}
 
 
 @STRINGS.function("StrDigCmp", "stringdig StrDig1, opnum Relation, stringdig StrDig2", "bool")
@@ -446,21 +443,21 @@ def calculate_digits(call: Call) -> str:
     return str(value)
 
 
+# Linear algebra -----------------------------------------------------------------------------------------------------
+
 MATRICES = Library(DATA)
-LARGEST = 100  # rows and columns: more takes longer than the cycle of a robot
+LARGEST_MATRIX = 100  # rows and columns: more takes longer than the cycle of a robot
 FEWEST_POINTS = 3  # of a circle
 
-Array = NDArray[np.float64]
 
-
-def _array(call: Call, name: str) -> Array:
+def _read_array(call: Call, name: str) -> Array:
     array = np.array(call[name], dtype=float)
-    if max(array.shape) > LARGEST:
-        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name} takes up to {LARGEST} rows and columns.")
+    if max(array.shape) > LARGEST_MATRIX:
+        raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name} takes up to {LARGEST_MATRIX} rows and columns.")
     return array
 
 
-def _store(call: Call, name: str, values: Array) -> None:
+def _write_array(call: Call, name: str, values: Array) -> None:
     """Write an array of the size that is needed; raises ERR_ARRAY_SIZE for a datum of another size."""
     reference: Reference = call.reference(name)
     if np.shape(reference.value) != values.shape:
@@ -471,23 +468,23 @@ def _store(call: Call, name: str, values: Array) -> None:
 
 @MATRICES.instruction("MatrixSolve", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
 @MATRICES.instruction("MatrixSolveQR", "dnum A{*,*}, dnum b{*}, INOUT dnum x{*}")
-def solve(call: Call) -> None:
+def solve_equations(call: Call) -> None:
     """A x = b; MatrixSolveQR gives the least squares where there are more equations than unknowns."""
-    matrix, right = _array(call, "A"), _array(call, "b")
+    matrix, right = _read_array(call, "A"), _read_array(call, "b")
     is_square = matrix.shape[0] == matrix.shape[1]
     if matrix.shape[0] != right.shape[0] or (call.name == "MatrixSolve" and not is_square):
         raise RapidRuntimeError("ERR_ARRAY_SIZE", f"{call.name}: A and b do not fit together.")
     if np.linalg.matrix_rank(matrix) < matrix.shape[1]:
         raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the equations have no single solution.")
-    _store(call, "x", np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64))
+    _write_array(call, "x", np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64))
 
 
 @MATRICES.instruction("MatrixSVD", r"dnum A{*,*}, INOUT dnum U{*,*}, INOUT dnum S{*}, INOUT dnum V{*,*}, \switch Econ")
 def singular_values(call: Call) -> None:
     r"""A = U S V'; with \Econ U has as many columns as A."""
-    left, values, right = np.linalg.svd(_array(call, "A"), full_matrices=not call.present("Econ"))
+    left, values, right = np.linalg.svd(_read_array(call, "A"), full_matrices=not call.present("Econ"))
     for name, result in (("U", left), ("S", values), ("V", right.T)):
-        _store(call, name, result)
+        _write_array(call, name, result)
 
 
 @MATRICES.instruction(
@@ -499,7 +496,7 @@ def fit_circle(call: Call) -> None:
     """The circle that fits best: the plane by singular values, then the circle in it by least squares."""
     points: Sequence[Any] = call["Points"]
     count = int(call.get("NumPoints", len(points)))
-    if not FEWEST_POINTS <= count <= min(len(points), LARGEST):
+    if not FEWEST_POINTS <= count <= min(len(points), LARGEST_MATRIX):
         raise RapidRuntimeError("ERR_ARGVALERR", f"FitCircle needs {FEWEST_POINTS} to {len(points)} points.")
     measured = np.array(points[:count], dtype=float)
     middle = measured.mean(axis=0)

@@ -1,11 +1,8 @@
-"""RAPID's instructions about execution itself: interrupts of data, cycles, retries, where it is, modules in pieces.
+"""RAPID's instructions about execution: interrupts, conditions, cycles, retries, modules; what is not there.
 
-Instructions and functions that need what this controller does not have, and those that change nothing on it.
-
-A program may use them: the former fail as on a controller on which the device does not answer or is not set up, so that
-error handlers are tried; the latter are executed and nothing happens.
-
-The instructions a host builds on: what RAPID provides here, and the names of what RobotWare 6 base has besides.
+Instructions and functions of options that this controller does not have may be used all the same: those that need a
+device fail as where it does not answer or is not set up, so that error handlers are tried; those that change nothing
+here are executed and nothing happens.
 """
 
 from __future__ import annotations
@@ -13,18 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any
 
 from yumi.errors import RobotNotReady
 from yumi.rapid.ast import Module
-from yumi.rapid.builtins.communication import QUEUES, RAWBYTES, SOCKETS
-from yumi.rapid.builtins.data import CONSTANTS, DATA, MATHS, MATRICES, STRINGS
-from yumi.rapid.builtins.files import FILES
-from yumi.rapid.builtins.information import INFORMATION, OF_TASK, SYMBOLS, task_meant
-from yumi.rapid.builtins.system import DIALOGS, SIGNALS, SYSTEM
+from yumi.rapid.builtins.data import CONSTANTS
+from yumi.rapid.builtins.information import OF_TASK, task_meant
 from yumi.rapid.library import Call, Library, Wait
-from yumi.rapid.machine import ChangeOrder, SignalOrder
+from yumi.rapid.machine import ChangeOrder, Edge, SignalOrder, TimerOrder
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import EventKind
 from yumi.rapid.task import CyclicBool, StackEntry, Task
@@ -44,6 +37,63 @@ EXECUTION = Library(CONSTANTS)
 
 
 # Interrupts -------------------------------------------------------------------------------------------------------
+
+SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
+
+
+def _order_signal(call: Call) -> None:
+    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
+    if value not in (edge.value for edge in Edge):
+        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    is_single = call.present("Single") or call.present("SingleSafe")
+    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
+
+
+for _name, _type, _edge in (
+    ("ISignalDI", "signaldi", "dionum TriggValue, "),
+    ("ISignalDO", "signaldo", "dionum TriggValue, "),
+    ("ISignalGI", "signalgi", ""),
+    ("ISignalGO", "signalgo", ""),
+):
+    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
+    EXECUTION.instruction(_name, _signature)(_order_signal)
+
+
+@EXECUTION.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
+def order_timer(call: Call) -> None:
+    is_single = call.present("Single") or call.present("SingleSafe")
+    period: float = call["Time"]
+    if period <= 0.0 or (period < SHORTEST_TIMER_S and not is_single):
+        sentence = f"ITimer takes at least {SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
+        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
+    order = TimerOrder(call.task.now + period, period, is_single)
+    call.task.interrupts.order(int(call["Interrupt"]), order)
+
+
+@EXECUTION.instruction("IDelete", "VAR intnum Interrupt")
+def delete_interrupt(call: Call) -> None:
+    call.task.interrupts.delete(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("ISleep", "VAR intnum Interrupt")
+def put_interrupt_to_sleep(call: Call) -> None:
+    call.task.interrupts.sleep(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("IWatch", "VAR intnum Interrupt")
+def watch_interrupt(call: Call) -> None:
+    call.task.interrupts.watch(int(call["Interrupt"]))
+
+
+@EXECUTION.instruction("IDisable")
+def disable_interrupts(call: Call) -> None:
+    call.task.interrupts.is_disabled = True
+
+
+@EXECUTION.instruction("IEnable")
+def enable_interrupts(call: Call) -> None:
+    call.task.interrupts.is_disabled = False
 
 
 @EXECUTION.instruction("IPers", r"\switch Single | \switch SingleSafe, PERS anytype Name, VAR intnum Interrupt")
@@ -134,7 +184,7 @@ MOST_CYCLIC_BOOLS = 60
 CYCLE_OF_BOOLS = 0.012  # [s]
 
 
-def _flag(call: Call) -> tuple[str, Reference]:
+def _cyclic_flag(call: Call) -> tuple[str, Reference]:
     reference = call.reference("Flag")
     if not isinstance(reference, Variable):
         raise RapidRuntimeError("ERR_ARGNOTPER", f"{call.name} takes a whole persistent, not a part of one.")
@@ -144,7 +194,7 @@ def _flag(call: Call) -> tuple[str, Reference]:
 @EXECUTION.instruction("SetupCyclicBool", "PERS bool Flag, bool Cond")
 def follow_condition(call: Call) -> Callable[[Callable[[], bool]], None]:
     """Let a persistent have the value of a condition from now on, which the compiler passes to what is returned."""
-    task, (name, flag) = call.task, _flag(call)
+    task, (name, flag) = call.task, _cyclic_flag(call)
     if name not in task.cyclic_bools and len(task.cyclic_bools) >= MOST_CYCLIC_BOOLS:
         raise RapidRuntimeError("ERR_EXECPHR", f"{MOST_CYCLIC_BOOLS} conditions are computed cyclically already.")
 
@@ -183,7 +233,7 @@ def _update_flags(task: Task) -> None:
 
 @EXECUTION.instruction("RemoveCyclicBool", "PERS bool Flag")
 def leave_condition(call: Call) -> None:
-    call.task.cyclic_bools.pop(_flag(call)[0], None)
+    call.task.cyclic_bools.pop(_cyclic_flag(call)[0], None)
 
 
 @EXECUTION.instruction("RemoveAllCyclicBool", r"\switch AllTasks")
@@ -195,7 +245,7 @@ def leave_conditions(call: Call) -> None:
 
 @EXECUTION.function("IsCyclicBool", "PERS bool Flag", "bool")
 def follows_condition(call: Call) -> bool:
-    return _flag(call)[0] in call.task.cyclic_bools
+    return _cyclic_flag(call)[0] in call.task.cyclic_bools
 
 
 @EXECUTION.function("GetNextCyclicBool", "INOUT num ListNumber, INOUT string Name", "bool")
@@ -335,9 +385,53 @@ def end_recording(call: Call) -> None:
 # Modules ----------------------------------------------------------------------------------------------------------
 
 
-def _path(call: Call, path: str = "FilePath", file: str = "File") -> str:
+def _path_argument(call: Call, path: str = "FilePath", file: str = "File") -> str:
     given: str = call[path]
     return f"{given.rstrip('/')}/{call[file]}" if call.present(file) else given
+
+
+@EXECUTION.instruction("CallByVar", "string Name, num Number")
+def call_by_variable(call: Call) -> None:
+    call.task.call_procedure(f"{call['Name']}{int(call['Number'])}")
+
+
+@EXECUTION.instruction("Load", r"\switch Dynamic, string FilePath, \string File, \switch CheckRef")
+def load_module(call: Call) -> Wait:
+    task, path = call.task, _path_argument(call)
+    text = _module_text(task, path)
+    yield from _load(task, text, path)
+
+
+@EXECUTION.instruction("UnLoad", r"\switch ErrIfChanged | \switch Save, string FilePath, \string File")
+def unload_module(call: Call) -> None:
+    task, path = call.task, _path_argument(call)
+    found = next((m for m in task.modules if m.filename == path), None)
+    if found is None:
+        raise RapidRuntimeError("ERR_UNLOAD", f"No module was loaded from '{path}'.")
+    try:
+        task.unload(found.name)
+    except RobotNotReady as error:
+        raise RapidRuntimeError("ERR_UNLOAD", str(error)) from error
+
+
+def _module_text(task: Task, path: str) -> str:
+    """The text of a module's file; raises ERR_FILNOTFND."""
+    try:
+        return task.host.read_file(path)
+    except OSError as error:
+        raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
+
+
+def _load(task: Task, text: str, path: str) -> Wait:
+    """Load a module's text; raises ERR_SYNTAX, ERR_PRGMEMFULL or ERR_LOADED."""
+    try:
+        yield from task.loading(text, path)
+    except RapidSyntaxError as error:
+        raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
+    except ProgramTooLarge as error:
+        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
+    except RapidReferenceError as error:
+        raise RapidRuntimeError("ERR_LOADED", str(error)) from error
 
 
 @EXECUTION.function("ModExist", "string ModuleName", "bool")
@@ -374,13 +468,10 @@ EXECUTION.object_type("loadsession", LoadSession)
 
 @EXECUTION.instruction("StartLoad", r"\switch Dynamic, string FilePath, \string File, VAR loadsession LoadNo")
 def start_load(call: Call) -> None:
-    session, path = call["LoadNo"], _path(call)
+    session, path = call["LoadNo"], _path_argument(call)
     if session.work is not None:
         raise RapidRuntimeError("ERR_LOADNO_INUSE", f"{call.reference('LoadNo').name} is loading {session.path}.")
-    try:
-        session.text = call.task.host.read_file(path)
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
+    session.text = _module_text(call.task, path)
     session.path = path
     session.work = call.task.background(lambda: parse_module(session.text, path))
 
@@ -393,7 +484,7 @@ def wait_load(call: Call) -> Wait:
     while not session.work.done():
         yield None
     if call.present("UnloadPath"):
-        path = _path(call, "UnloadPath", "UnloadFile")
+        path = _path_argument(call, "UnloadPath", "UnloadFile")
         old = next((module for module in task.modules if module.filename == path), None)
         try:
             task.unload(old.name if old else "")
@@ -401,14 +492,7 @@ def wait_load(call: Call) -> Wait:
             session.work = None
             raise RapidRuntimeError("ERR_UNLOAD", f"'{path}' cannot be unloaded: {error}") from error
     session.work = None
-    try:
-        yield from task.loading(session.text, session.path)
-    except RapidSyntaxError as error:
-        raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
-    except ProgramTooLarge as error:
-        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
-    except RapidReferenceError as error:
-        raise RapidRuntimeError("ERR_LOADED", str(error)) from error
+    yield from _load(task, session.text, session.path)
     if call.present("CheckRef"):
         check_references(call)
 
@@ -422,18 +506,20 @@ def cancel_load(call: Call) -> None:
 
 
 @EXECUTION.instruction("Save", rf"{OF_TASK}, string ModuleName, \string FilePath, \string File")
-def save(call: Call) -> None:
+def save_module(call: Call) -> None:
     """A module's text into a file, its persistents with the values they have now."""
     task = task_meant(call)
     module = task.program.modules.get(call["ModuleName"].lower())
     if module is None:
         raise RapidRuntimeError("ERR_MODULE", f"The task {task.name} has no module '{call['ModuleName']}'.")
-    path = _path(call) if call.present("FilePath") else module.syntax.filename
+    path = _path_argument(call) if call.present("FilePath") else module.syntax.filename
     try:
         task.host.devices.disk.write(path, task.saved_text(module).encode("latin-1", "replace"))
     except OSError as error:
         raise RapidRuntimeError("ERR_IOERROR", f"'{path}' cannot be written: {error}") from error
 
+
+# Options that this controller does not have -------------------------------------------------------------------------
 
 OPTIONS = Library(CONSTANTS)
 
@@ -563,38 +649,3 @@ for _name in ("SafetyControllerGetChecksum", "SafetyControllerGetSWVersion", "Sa
 OPTIONS.refused("SafetyControllerGetOpModePinCode", "", "ERR_NOTPRES", "it has no safety controller.", "string")
 OPTIONS.refused("SafetyControllerSyncRequest", "", "ERR_NOTPRES", "this controller has no safety controller.")
 OPTIONS.refused("SCWrite", r"\string ToNode, anytype Variable", "ERR_SC_WRITE", "no superior computer is connected.")
-
-
-STANDARD = Library(DATA)
-for _part in (
-    CONSTANTS,
-    MATHS,
-    STRINGS,
-    SIGNALS,
-    SYSTEM,
-    RAWBYTES,
-    SOCKETS,
-    FILES,
-    DIALOGS,
-    INFORMATION,
-    SYMBOLS,
-    QUEUES,
-    EXECUTION,
-    MATRICES,
-    OPTIONS,
-):
-    STANDARD.include(_part)
-
-NAMES: dict[str, tuple[str, ...]] = {}
-"""The names that RobotWare 6 base has, provided or not, by the sections of `names.txt`."""
-for _section in files("yumi.rapid.builtins").joinpath("names.txt").read_text(encoding="ascii").split("\n[")[1:]:
-    _title, _, _names = _section.partition("]")
-    NAMES[_title] = tuple(_names.split())
-    STANDARD.missing(*NAMES[_title])  # except those that are provided
-
-
-class InstructionSet(Library):
-    """The names every module of a task sees: RAPID's own, and what the host registers on top of them."""
-
-    def __init__(self, base: Library = STANDARD) -> None:
-        super().__init__(base)

@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary, WeakSet
 
-from yumi.rapid.builtins.communication import ENCODING, MOST_BYTES, RAWBYTES, RawBytes, whole
+from yumi.rapid.builtins.communication import ENCODING, MOST_BYTES, RAWBYTES, RawBytes
 from yumi.rapid.devices import Disk, Entry
-from yumi.rapid.library import Call, Library
+from yumi.rapid.library import Call, Library, whole_argument
 from yumi.rapid.parser import format_value, parse_value
 from yumi.rapid.types import LONGEST_STRING, RapidRuntimeError, RapidValueError
 
@@ -236,7 +236,7 @@ def write_line(call: Call) -> None:
 @FILES.instruction("WriteBin", "VAR iodev IODevice, num Buffer{*}, num NChar")
 def write_bytes(call: Call) -> None:
     values = call["Buffer"]
-    count = whole(call, "NChar", 1, len(values))
+    count = whole_argument(call, "NChar", 1, len(values))
     _put(call, bytes(int(value) & 0xFF for value in values[:count]))
 
 
@@ -248,7 +248,7 @@ def write_text_bytes(call: Call) -> None:
 @FILES.instruction("WriteRawBytes", r"VAR iodev IODevice, VAR rawbytes RawData, \num NoOfBytes")
 def write_raw_bytes(call: Call) -> None:
     raw: RawBytes = call["RawData"]
-    count = whole(call, "NoOfBytes", 1, MOST_BYTES, len(raw.data) or 1)
+    count = whole_argument(call, "NoOfBytes", 1, MOST_BYTES, len(raw.data) or 1)
     _put(call, raw.get(0, count) if count <= len(raw.data) else bytes(raw.data))
 
 
@@ -319,7 +319,7 @@ def read_byte(call: Call) -> float:
 @FILES.function("ReadStrBin", r"VAR iodev IODevice, num NoOfChars, \num Time", "string")
 def read_text_bytes(call: Call) -> str:
     file = _file(call, to_read=True)
-    count = whole(call, "NoOfChars", 1, LONGEST_STRING)
+    count = whole_argument(call, "NoOfChars", 1, LONGEST_STRING)
     return EOF_TEXT if file.is_at_end else file.take(count).decode(ENCODING)
 
 
@@ -327,7 +327,7 @@ def read_text_bytes(call: Call) -> str:
 def read_raw_bytes(call: Call) -> None:
     """Up to 1024 bytes; ERR_RANYBIN_EOF where fewer than NoOfBytes are left."""
     file = _file(call, to_read=True)
-    count = whole(call, "NoOfBytes", 1, MOST_BYTES, MOST_BYTES)
+    count = whole_argument(call, "NoOfBytes", 1, MOST_BYTES, MOST_BYTES)
     found = file.take(count)
     if not found or (call.present("NoOfBytes") and len(found) < count):
         raise RapidRuntimeError("ERR_RANYBIN_EOF", f"ReadRawBytes: {file.path} has no {count} more bytes.")

@@ -1,9 +1,8 @@
-"""RAPID's questions to the system: date and time, names, tasks, what a datum is; and events, text tables.
+"""RAPID's questions to the system: time, names, tasks, data; events, text tables, configuration, data by name.
 
-RAPID's access to data by name: GetDataVal, SetDataVal, and the search SetDataSearch and GetNextSym.
-
-A search takes names by a pattern of ABB's: `.` any character, `[a-z]` and `[^a-z]` sets, `*`, `+` and `?` after what
-may come again, `|` between alternatives, and parentheses. The time it takes grows with pattern and name only.
+A search for data (SetDataSearch) takes names by a pattern of ABB's: `.` any character, `[a-z]` and `[^a-z]` sets, `*`,
+`+` and `?` after what may come again, `|` between alternatives, and parentheses. The time it takes grows with pattern
+and name only.
 """
 
 from __future__ import annotations
@@ -16,12 +15,11 @@ from typing import Any
 
 from yumi.errors import RapidError
 from yumi.rapid.ast import Storage
-from yumi.rapid.builtins.communication import whole
 from yumi.rapid.builtins.data import CONSTANTS
 from yumi.rapid.compiler import CONSTANT_FRAME
 from yumi.rapid.devices import LoggedEvent
 from yumi.rapid.expressions import Expressions, Scope
-from yumi.rapid.library import Call, Library, Wait
+from yumi.rapid.library import Call, Library, Wait, whole_argument
 from yumi.rapid.machine import ChangeOrder, Propagated
 from yumi.rapid.parser import parse_reference
 from yumi.rapid.program import Execution, LoadedModule, Severity
@@ -113,6 +111,24 @@ def is_without_motion(call: Call) -> bool:
 
 # Tasks ------------------------------------------------------------------------------------------------------------
 
+OF_TASK = r"\taskid TaskRef | \string TaskName"
+
+
+def task_named(call: Call, name: str) -> Any:
+    """A task of the controller by its name; raises ERR_TASKNAME."""
+    tasks = call.task.host.devices.tasks()
+    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
+    if found is None:
+        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
+        raise RapidRuntimeError("ERR_TASKNAME", sentence)
+    return found
+
+
+def task_meant(call: Call) -> Any:
+    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
+    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
+    return call.task if name.lower() == call.task.name.lower() else task_named(call, name)
+
 
 for _name in ("TaskIsActive", "TaskIsExecuting"):
 
@@ -201,7 +217,12 @@ LARGEST_OWN_EVENT = 9999  # what programs log has the numbers 80 0001 to 80 9999
     "ErrLog", rf"num ErrorID, \switch W | \switch I, errstr Title, errstr Description, {_ARGUMENTS}"
 )
 def log_event(call: Call) -> None:
-    _log(call, whole(call, "ErrorID", 1, LARGEST_OWN_EVENT), call["Title"], (call["Description"], *_arguments(call)))
+    _log_event(
+        call,
+        whole_argument(call, "ErrorID", 1, LARGEST_OWN_EVENT),
+        call["Title"],
+        (call["Description"], *_event_arguments(call)),
+    )
 
 
 @INFORMATION.instruction(
@@ -211,14 +232,14 @@ def log_event(call: Call) -> None:
 )
 def raise_event(call: Call) -> None:
     """Log a warning with the texts of table ErrorName's domain, and raise the error that BookErrNo gave the name."""
-    number = whole(call, "ErrorId", 1, LARGEST_OWN_EVENT)
-    _log(call, number, call["ErrorName"], _arguments(call), Severity.WARNING)
+    number = whole_argument(call, "ErrorId", 1, LARGEST_OWN_EVENT)
+    _log_event(call, number, call["ErrorName"], _event_arguments(call), Severity.WARNING)
     error = RapidRuntimeError(call["ErrorName"], f"ErrRaise: {call['ErrorName']}.")
-    error.number = call.task.library.error_number(call["ErrorName"]) or _booked(call)
+    error.number = call.task.library.error_number(call["ErrorName"]) or _booked_number(call)
     raise error
 
 
-def _booked(call: Call) -> float:
+def _booked_number(call: Call) -> float:
     """The number a program has booked for the name."""
     found = call.task.program.find(call["ErrorName"], None)
     if not isinstance(found, Variable) or not is_numeric(found.type):
@@ -226,11 +247,13 @@ def _booked(call: Call) -> float:
     return float(found.value)
 
 
-def _arguments(call: Call) -> tuple[str, ...]:
+def _event_arguments(call: Call) -> tuple[str, ...]:
     return tuple(call[f"Argument{number}"] for number in range(1, 6))
 
 
-def _log(call: Call, number: int, title: str, lines: tuple[str, ...], severity: Severity = Severity.ERROR) -> None:
+def _log_event(
+    call: Call, number: int, title: str, lines: tuple[str, ...], severity: Severity = Severity.ERROR
+) -> None:
     severity = Severity.WARNING if call.get("W") else Severity.INFORMATION if call.get("I") else severity
     given = tuple(line for line in lines if line and line != "ERRSTR_UNUSED")
     call.task.host.devices.log(80_000 + number, title, ": ".join(given), severity, given)
@@ -316,9 +339,9 @@ def skip_warning(call: Call) -> None:
 
 # Text tables ------------------------------------------------------------------------------------------------------
 
-_TEXT = re.compile(r'<text\s+name="(\d+)"\s*>(.*?)</text>', re.IGNORECASE | re.DOTALL)
-_VALUE = re.compile(r"<value>(.*?)</value>", re.IGNORECASE | re.DOTALL)
-_TABLE = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
+_TEXT_ELEMENT = re.compile(r'<text\s+name="(\d+)"\s*>(.*?)</text>', re.IGNORECASE | re.DOTALL)
+_VALUE_ELEMENT = re.compile(r"<value>(.*?)</value>", re.IGNORECASE | re.DOTALL)
+_TABLE_NAME = re.compile(r'<resource\s+name="([^"]+)"', re.IGNORECASE)
 
 
 @INFORMATION.instruction("TextTabInstall", "string File")
@@ -329,10 +352,13 @@ def install_text_table(call: Call) -> None:
         text = devices.disk.read(call["File"]).decode("utf-8", "replace")
     except OSError as error:
         raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {error}") from error
-    name = _TABLE.search(text)
+    name = _TABLE_NAME.search(text)
     if name is None:
         raise RapidRuntimeError("ERR_FILEACC", f"TextTabInstall: {call['File']} names no text table.")
-    table = {int(number): (_VALUE.search(body) or [body, body])[1].strip() for number, body in _TEXT.findall(text)}
+    table = {
+        int(number): (_VALUE_ELEMENT.search(body) or [body, body])[1].strip()
+        for number, body in _TEXT_ELEMENT.findall(text)
+    }
     devices.texts[name[1].lower()] = table
 
 
@@ -413,6 +439,8 @@ def warm_start(call: Call) -> Wait:
         yield None
 
 
+# Data by name -------------------------------------------------------------------------------------------------------
+
 SYMBOLS = Library(CONSTANTS)
 LONGEST_PATTERN = 80
 
@@ -437,26 +465,26 @@ def matches(pattern: str, name: str) -> bool:
     if len(pattern) > LONGEST_PATTERN:
         raise RapidRuntimeError("ERR_ARGVALERR", f"A pattern has up to {LONGEST_PATTERN} characters.")
     text = pattern.lower().removeprefix("^").removesuffix("$")
-    matcher, rest = _alternatives(text, 0)
+    matcher, rest = _pattern_alternatives(text, 0)
     if rest != len(text):
         raise RapidRuntimeError("ERR_ARGVALERR", f"'{pattern}' is not a pattern: see position {rest + 1}.")
     return len(name) in matcher(name.lower(), frozenset([0]))
 
 
-def _alternatives(text: str, at: int) -> tuple[Matcher, int]:
-    first, at = _sequence(text, at)
+def _pattern_alternatives(text: str, at: int) -> tuple[Matcher, int]:
+    first, at = _pattern_sequence(text, at)
     if at >= len(text) or text[at] != "|":
         return first, at
-    other, at = _alternatives(text, at + 1)
+    other, at = _pattern_alternatives(text, at + 1)
     return lambda name, starts: first(name, starts) | other(name, starts), at
 
 
-def _sequence(text: str, at: int) -> tuple[Matcher, int]:
+def _pattern_sequence(text: str, at: int) -> tuple[Matcher, int]:
     parts: list[Matcher] = []
     while at < len(text) and text[at] not in "|)":
-        part, at = _part(text, at)
+        part, at = _pattern_part(text, at)
         while at < len(text) and text[at] in "*+?":
-            part, at = _repeated(part, text[at]), at + 1
+            part, at = _repeated_part(part, text[at]), at + 1
         parts.append(part)
 
     def sequence(name: str, starts: Ends) -> Ends:
@@ -467,7 +495,7 @@ def _sequence(text: str, at: int) -> tuple[Matcher, int]:
     return sequence, at
 
 
-def _repeated(part: Matcher, sign: str) -> Matcher:
+def _repeated_part(part: Matcher, sign: str) -> Matcher:
     def repeated(name: str, starts: Ends) -> Ends:
         found = new = part(name, starts)
         while new and sign != "?":
@@ -478,9 +506,9 @@ def _repeated(part: Matcher, sign: str) -> Matcher:
     return repeated
 
 
-def _part(text: str, at: int) -> tuple[Matcher, int]:
+def _pattern_part(text: str, at: int) -> tuple[Matcher, int]:
     if text[at] == "(":
-        group, end = _alternatives(text, at + 1)
+        group, end = _pattern_alternatives(text, at + 1)
         if end >= len(text):
             raise RapidRuntimeError("ERR_ARGVALERR", f"'{text}' is not a pattern: a parenthesis is open.")
         return group, end + 1
@@ -491,14 +519,14 @@ def _part(text: str, at: int) -> tuple[Matcher, int]:
         inside = text[at + 1 : end]
         is_excluding, inside = inside.startswith("^"), inside.removeprefix("^")
         ranges = [(inside[i], inside[i + 2]) for i in range(len(inside) - 2) if inside[i + 1] == "-"]
-        return _one(
+        return _one_character(
             lambda c: (c in inside or any(low <= c <= high for low, high in ranges)) is not is_excluding
         ), end + 1
     wanted = text[at]
-    return _one(lambda c: wanted in (".", c)), at + 1
+    return _one_character(lambda c: wanted in (".", c)), at + 1
 
 
-def _one(takes: Callable[[str], bool]) -> Matcher:
+def _one_character(takes: Callable[[str], bool]) -> Matcher:
     return lambda name, starts: frozenset(i + 1 for i in starts if i < len(name) and takes(name[i]))
 
 
@@ -523,7 +551,7 @@ def set_data_search(call: Call) -> None:
         raise RapidRuntimeError("ERR_MODULE", f"SetDataSearch: there is no module '{module}'.")
     found = [
         (owner.name, variable.name)
-        for owner, variable in _data(call, call["Type"])
+        for owner, variable in _data_of_type(call, call["Type"])
         if variable.storage in storages
         and (not module or owner.name.lower() == module.lower())
         and (not call.present("GlobalSym") or not variable.is_local)
@@ -544,7 +572,7 @@ def next_symbol(call: Call) -> bool:
     return True
 
 
-def _data(call: Call, type_name: str) -> Iterator[tuple[LoadedModule, Variable]]:
+def _data_of_type(call: Call, type_name: str) -> Iterator[tuple[LoadedModule, Variable]]:
     """All data of a type in the task's modules."""
     for module in tuple(call.task.program.modules.values()):
         for variable in tuple(module.data):
@@ -554,27 +582,10 @@ def _data(call: Call, type_name: str) -> Iterator[tuple[LoadedModule, Variable]]
 
 # Reading and writing ----------------------------------------------------------------------------------------------
 
-OF_TASK = r"\taskid TaskRef | \string TaskName"
 _OBJECT = rf"string Object, \VAR datapos Block | {OF_TASK}"
 
 
-def task_named(call: Call, name: str) -> Any:
-    """A task of the controller by its name; raises ERR_TASKNAME."""
-    tasks = call.task.host.devices.tasks()
-    found = next((task for key, task in tasks.items() if key.lower() == name.lower()), None)
-    if found is None:
-        sentence = f"{call.name}: there is no task '{name}'; there is: {', '.join(tasks)}."
-        raise RapidRuntimeError("ERR_TASKNAME", sentence)
-    return found
-
-
-def task_meant(call: Call) -> Any:
-    r"""The task that \TaskRef or \TaskName names, the caller's without them; raises ERR_TASKNAME."""
-    name = call["TaskRef"].taskname if call.present("TaskRef") else call.get("TaskName", call.task.name)
-    return call.task if name.lower() == call.task.name.lower() else task_named(call, name)
-
-
-def _datum(call: Call) -> Reference:
+def _named_datum(call: Call) -> Reference:
     """The datum that Object names, which may be an element or component; raises ERR_SYM_ACCESS."""
     task, name = task_meant(call), call["Object"]
     program = task.program
@@ -606,14 +617,14 @@ def _check_type(call: Call, wanted: Any, given: Any) -> None:
 
 @SYMBOLS.instruction("GetDataVal", rf"{_OBJECT}, INOUT anytype Value")
 def get_value(call: Call) -> None:
-    datum = _datum(call)
+    datum = _named_datum(call)
     _check_type(call, call.reference("Value").type, datum.type)
     call["Value"] = datum.value
 
 
 @SYMBOLS.instruction("SetDataVal", rf"{_OBJECT}, anytype Value")
 def set_value(call: Call) -> None:
-    datum = _datum(call)
+    datum = _named_datum(call)
     root = call.task.program.find(datum.name, None)
     if (isinstance(datum, Variable) and datum.is_constant) or (isinstance(root, Variable) and root.is_constant):
         raise RapidRuntimeError("ERR_SYM_ACCESS", f"SetDataVal: '{call['Object']}' is a constant.")
@@ -625,7 +636,7 @@ def set_value(call: Call) -> None:
 def set_all_values(call: Call) -> None:
     """Give all variables and persistents of a type a value, those whose name the pattern takes."""
     value, type_ = call["Value"], call.reference("Value").type
-    for _, variable in _data(call, call["Type"]):
+    for _, variable in _data_of_type(call, call["Type"]):
         if not variable.is_constant and matches(call.get("Object", ".*"), variable.name):
             if not is_assignable(variable.type, type_):  # arrays of the type
                 continue

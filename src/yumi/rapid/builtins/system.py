@@ -1,12 +1,8 @@
-r"""RAPID's system: interrupts, clocks, the operator's display, stopping, errors and modules.
+r"""RAPID's system: clocks, the display, stopping; signals and waiting for them; questions to the operator.
 
-RAPID's I/O and time: setting, reading and waiting for signals, and waiting for time to pass.
-
-RAPID's questions to the operator: TPReadFK, UIMessageBox and the like, answered over RWS or the command line.
-
-An instruction shows its question on the controller's FlexPendant and is asked for its answer once per advance of the
-task. It ends without one after \MaxTime, at \DIBreak, \DOBreak or \PersBoolBreak: with \BreakFlag the program goes on,
-without it that is an error.
+A question (TPReadFK, UIMessageBox and the like) is answered over RWS or the command line. An instruction shows it on
+the controller's FlexPendant and is asked for its answer once per advance of the task. It ends without one after
+\MaxTime, at \DIBreak, \DOBreak or \PersBoolBreak: with \BreakFlag the program goes on, without it that is an error.
 """
 
 from __future__ import annotations
@@ -17,75 +13,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from yumi.errors import RobotNotReady
 from yumi.rapid.builtins.data import CONSTANTS, DATA
 from yumi.rapid.devices import Choice, Dialog, DialogKind, IoDevices
 from yumi.rapid.library import VISUALIZE, Call, Deadline, Library, Wait
-from yumi.rapid.machine import Edge, SignalOrder, TimerOrder
 from yumi.rapid.parser import format_value
 from yumi.rapid.program import EventKind, Severity
-from yumi.rapid.types import ProgramTooLarge, RapidReferenceError, RapidRuntimeError, RapidSyntaxError, Signal
+from yumi.rapid.types import RapidRuntimeError, Signal
 
 SYSTEM = Library(DATA)
-SHORTEST_TIMER_S = 0.1  # of a repeated ITimer; single ones may be shorter
-
-
-# Interrupts -------------------------------------------------------------------------------------------------------
-
-
-def _order_signal(call: Call) -> None:
-    value = call.get("TriggValue", Edge.BOTH.value)  # a group signal's interrupt comes with any change
-    if value not in (edge.value for edge in Edge):
-        sentence = f"{call.name} takes low (0), high (1) or edge (2), not {value:g}."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    is_single = call.present("Single") or call.present("SingleSafe")
-    call.task.interrupts.order(int(call["Interrupt"]), SignalOrder(call["Signal"].name, Edge(value), is_single))
-
-
-for _name, _type, _edge in (
-    ("ISignalDI", "signaldi", "dionum TriggValue, "),
-    ("ISignalDO", "signaldo", "dionum TriggValue, "),
-    ("ISignalGI", "signalgi", ""),
-    ("ISignalGO", "signalgo", ""),
-):
-    _signature = rf"\switch Single | \switch SingleSafe, VAR {_type} Signal, {_edge}VAR intnum Interrupt"
-    SYSTEM.instruction(_name, _signature)(_order_signal)
-
-
-@SYSTEM.instruction("ITimer", r"\switch Single | \switch SingleSafe, anynum Time, VAR intnum Interrupt")
-def order_timer(call: Call) -> None:
-    is_single = call.present("Single") or call.present("SingleSafe")
-    period: float = call["Time"]
-    if period <= 0.0 or (period < SHORTEST_TIMER_S and not is_single):
-        sentence = f"ITimer takes at least {SHORTEST_TIMER_S:g} s, single ones more than 0, not {period:g} s."
-        raise RapidRuntimeError("ERR_ARGVALERR", sentence)
-    order = TimerOrder(call.task.now + period, period, is_single)
-    call.task.interrupts.order(int(call["Interrupt"]), order)
-
-
-@SYSTEM.instruction("IDelete", "VAR intnum Interrupt")
-def delete_interrupt(call: Call) -> None:
-    call.task.interrupts.delete(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("ISleep", "VAR intnum Interrupt")
-def put_interrupt_to_sleep(call: Call) -> None:
-    call.task.interrupts.sleep(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("IWatch", "VAR intnum Interrupt")
-def watch_interrupt(call: Call) -> None:
-    call.task.interrupts.watch(int(call["Interrupt"]))
-
-
-@SYSTEM.instruction("IDisable")
-def disable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = True
-
-
-@SYSTEM.instruction("IEnable")
-def enable_interrupts(call: Call) -> None:
-    call.task.interrupts.is_disabled = False
 
 
 # The operator's display -------------------------------------------------------------------------------------------
@@ -169,7 +104,7 @@ def book_error_number(call: Call) -> None:
 
 
 @SYSTEM.instruction("Stop", r"\switch NoRegain | \switch AllMoveTasks")
-def stop(call: Call) -> Wait:
+def stop_program(call: Call) -> Wait:
     r"""A movement under way is finished first, which one that EGM guides never is; other tasks go on.
 
     RAPID reference manual, Stop: without \AllMoveTasks only the task that executes it stops.
@@ -210,53 +145,13 @@ def operating_mode(call: Call) -> float:
     return call.task.operating_mode()
 
 
-# Modules ----------------------------------------------------------------------------------------------------------
-
-
-@SYSTEM.instruction("CallByVar", "string Name, num Number")
-def call_by_variable(call: Call) -> None:
-    call.task.call_procedure(f"{call['Name']}{int(call['Number'])}")
-
-
-@SYSTEM.instruction("Load", r"\switch Dynamic, string FilePath, \string File, \switch CheckRef")
-def load(call: Call) -> Wait:
-    task, path = call.task, _path(call)
-    try:
-        text = task.host.read_file(path)
-    except OSError as error:
-        raise RapidRuntimeError("ERR_FILNOTFND", f"The file '{path}' cannot be read: {error}") from error
-    try:
-        yield from task.loading(text, path)
-    except RapidSyntaxError as error:
-        raise RapidRuntimeError("ERR_SYNTAX", str(error)) from error
-    except ProgramTooLarge as error:
-        raise RapidRuntimeError("ERR_PRGMEMFULL", str(error)) from error
-    except RapidReferenceError as error:
-        raise RapidRuntimeError("ERR_LOADED", str(error)) from error
-
-
-@SYSTEM.instruction("UnLoad", r"\switch ErrIfChanged | \switch Save, string FilePath, \string File")
-def unload(call: Call) -> None:
-    task, path = call.task, _path(call)
-    found = next((m for m in task.modules if m.filename == path), None)
-    if found is None:
-        raise RapidRuntimeError("ERR_UNLOAD", f"No module was loaded from '{path}'.")
-    try:
-        task.unload(found.name)
-    except RobotNotReady as error:
-        raise RapidRuntimeError("ERR_UNLOAD", str(error)) from error
-
-
-def _path(call: Call) -> str:
-    path: str = call["FilePath"]
-    return f"{path.rstrip('/')}/{call['File']}" if call.present("File") else path
-
+# Signals ------------------------------------------------------------------------------------------------------------
 
 SIGNALS = Library(CONSTANTS)
 PULSE_S = 0.2  # the length of PulseDO without \PLength
 
 
-def _write(call: Call, value: float) -> None:
+def _write_signal(call: Call, value: float) -> None:
     r"""Set the call's signal, after \SDelay where it is given; the program goes on at once.
 
     Raises:
@@ -277,12 +172,12 @@ def _write(call: Call, value: float) -> None:
 
 @SIGNALS.instruction("Set", "VAR signaldo Signal")
 def set_output(call: Call) -> None:
-    _write(call, 1.0)
+    _write_signal(call, 1.0)
 
 
 @SIGNALS.instruction("Reset", "VAR signaldo Signal")
 def reset_output(call: Call) -> None:
-    _write(call, 0.0)
+    _write_signal(call, 0.0)
 
 
 @SIGNALS.instruction("InvertDO", "VAR signaldo Signal")
@@ -293,17 +188,17 @@ def invert_output(call: Call) -> None:
 
 @SIGNALS.instruction("SetDO", r"\num SDelay | \switch Sync, VAR signaldo Signal, num Value")
 def set_digital_output(call: Call) -> None:
-    _write(call, 1.0 if call["Value"] else 0.0)
+    _write_signal(call, 1.0 if call["Value"] else 0.0)
 
 
 @SIGNALS.instruction("SetGO", r"\num SDelay, VAR signalgo Signal, anynum Value")
 def set_group_output(call: Call) -> None:
-    _write(call, call["Value"])
+    _write_signal(call, call["Value"])
 
 
 @SIGNALS.instruction("SetAO", "VAR signalao Signal, num Value")
 def set_analog_output(call: Call) -> None:
-    _write(call, call["Value"])
+    _write_signal(call, call["Value"])
 
 
 @SIGNALS.instruction("PulseDO", r"\switch High, \num PLength, VAR signaldo Signal")
@@ -315,7 +210,7 @@ def pulse_output(call: Call) -> None:
     task.later(call.get("PLength", PULSE_S), lambda: task.write_signal(name, level))
 
 
-def _level(call: Call) -> float:
+def _signal_level(call: Call) -> float:
     _check_device(call, call["Signal"].name)
     return call.task.read_signal(call["Signal"].name)
 
@@ -330,12 +225,12 @@ for _name, _type, _returns in (
     ("GInputDnum", "signalgi", "dnum"),
     ("GOutputDnum", "signalgo", "dnum"),
 ):
-    SIGNALS.function(_name, f"VAR {_type} Signal", _returns)(_level)
+    SIGNALS.function(_name, f"VAR {_type} Signal", _returns)(_signal_level)
 
 
 @SIGNALS.function("TestDI", "VAR signaldi Signal", "bool")
-def is_set(call: Call) -> bool:
-    return bool(_level(call))
+def is_input_set(call: Call) -> bool:
+    return bool(_signal_level(call))
 
 
 # Waiting ----------------------------------------------------------------------------------------------------------
@@ -366,9 +261,9 @@ def _wait_for_level(call: Call) -> Wait:
     deadline, value = Deadline.of(call), call["Value"]
     relation = next((holds for name, holds in _RELATIONS if call.get(name)), operator.eq)
     with deadline.visualized(call["Signal"].name):
-        while not relation(_level(call), value):
+        while not relation(_signal_level(call), value):
             if call.task.now >= deadline.time and call.get("ValueAtTimeout") is not None:
-                call["ValueAtTimeout"] = _level(call)
+                call["ValueAtTimeout"] = _signal_level(call)
             if deadline.expire():
                 return
             yield deadline.due
@@ -384,15 +279,15 @@ for _name, _type, _value, _relation in (
     ("WaitAO", "signalao", "num Value", r"\switch LT | \switch GT, "),
 ):
     _out = r", \VAR num ValueAtTimeout" if _relation else ""
-    _waiting = rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, \VAR bool TimeFlag, {VISUALIZE}"
-    SIGNALS.instruction(_name, _waiting)(_wait_for_level)
+    _signature = rf"VAR {_type} Signal, {_relation}{_value}, \num MaxTime{_out}, \VAR bool TimeFlag, {VISUALIZE}"
+    SIGNALS.instruction(_name, _signature)(_wait_for_level)
 
 # Devices, networks and other names for signals ----------------------------------------------------------------------
 
 SIGNALS.alias("busstate", "num")
 SIGNALS.alias("iounit_state", "num")
 SIGNALS.alias("signalorigin", "num")
-_STATES: dict[str, dict[str, int]] = {
+_IO_STATES: dict[str, dict[str, int]] = {
     "busstate": {
         **{f"BUSSTATE_{name}": value for value, name in enumerate(("HALTED", "RUN", "ERROR", "STARTUP", "INIT"))},
         **{"IOBUS_LOG_STATE_STOPPED": 10, "IOBUS_LOG_STATE_STARTED": 11},
@@ -413,12 +308,12 @@ _STATES: dict[str, dict[str, int]] = {
     },
     "signalorigin": {"SIGORIG_NONE": 0, "SIGORIG_CFG": 1, "SIGORIG_ALIAS": 2},
 }
-for _type, _values in _STATES.items():
+for _type, _values in _IO_STATES.items():
     for _name, _number in _values.items():
         SIGNALS.data(_name, _type, _number)
 
 
-def _io(call: Call, name: str, unit: str) -> IoDevices:
+def _io_devices(call: Call, name: str, unit: str) -> IoDevices:
     """The host's devices, of which one has the name; raises ERR_NAME_INVALID."""
     io = call.task.host.devices.io
     known = (() if io is None else io.devices()) if unit == "device" else (io.devices().values() if io else ())
@@ -438,7 +333,7 @@ def _check_device(call: Call, signal: str) -> None:
 @SIGNALS.instruction("IOEnable", "string UnitName, num MaxTime")
 def switch_device(call: Call) -> None:
     """Disable a device, so that its signals cannot be used, or enable it again; done at once here."""
-    _io(call, call["UnitName"], "device")
+    _io_devices(call, call["UnitName"], "device")
     disabled, name = call.task.host.devices.disabled, call["UnitName"].lower()
     if call.name == "IODisable":
         disabled.add(name)
@@ -448,7 +343,7 @@ def switch_device(call: Call) -> None:
 
 @SIGNALS.function("IOUnitState", r"string UnitName, \switch Phys | \switch Logic", "iounit_state")
 def device_state(call: Call) -> float:
-    _io(call, call["UnitName"], "device")
+    _io_devices(call, call["UnitName"], "device")
     is_enabled = call["UnitName"].lower() not in call.task.host.devices.disabled
     if call.present("Phys"):
         name = "IOUNIT_PHYS_STATE_RUNNING" if is_enabled else "IOUNIT_PHYS_STATE_DEACTIVATED"
@@ -456,28 +351,28 @@ def device_state(call: Call) -> float:
         name = "IOUNIT_LOG_STATE_ENABLED" if is_enabled else "IOUNIT_LOG_STATE_DISABLED"
     else:
         name = "IOUNIT_RUNNING" if is_enabled else "IOUNIT_DISABLE"
-    return float(_STATES["iounit_state"][name])
+    return float(_IO_STATES["iounit_state"][name])
 
 
 @SIGNALS.instruction("IOBusStart", "string BusName")
 def start_bus(call: Call) -> None:
     """An I/O network always runs here; one that does not exist is an error."""
-    _io(call, call["BusName"], "network")
+    _io_devices(call, call["BusName"], "network")
 
 
 @SIGNALS.instruction("IOBusState", r"string BusName, VAR busstate State, \switch Phys | \switch Logic")
 def bus_state(call: Call) -> None:
-    _io(call, call["BusName"], "network")
+    _io_devices(call, call["BusName"], "network")
     name = "IOBUS_PHYS_STATE_RUNNING" if call.present("Phys") else "BUSSTATE_RUN"
     name = "IOBUS_LOG_STATE_STARTED" if call.present("Logic") else name
-    call["State"] = float(_STATES["busstate"][name])
+    call["State"] = float(_IO_STATES["busstate"][name])
 
 
 @SIGNALS.function("ValidIO", "VAR signal Signal", "bool")
-def is_valid(call: Call) -> bool:
+def is_signal_valid(call: Call) -> bool:
     """Whether a signal can be used: it exists, an alias is connected, its device is enabled."""
     try:
-        _level(call)
+        _signal_level(call)
     except RapidRuntimeError:
         return False
     return True
@@ -510,25 +405,26 @@ def reset_alias(call: Call) -> None:
 
 
 @SIGNALS.function("GetSignalOrigin", "VAR signal Signal, VAR string SignalName", "signalorigin")
-def origin(call: Call) -> float:
+def signal_origin(call: Call) -> float:
     """Whether a signal is the configuration's or an alias, and which it stands for."""
     reference = call.reference("Signal")
     call["SignalName"] = reference.value.name
     if not reference.value.name:
-        return float(_STATES["signalorigin"]["SIGORIG_NONE"])
+        return float(_IO_STATES["signalorigin"]["SIGORIG_NONE"])
     is_alias = reference.name.lower() != reference.value.name.lower()
-    return float(_STATES["signalorigin"]["SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG"])
+    return float(_IO_STATES["signalorigin"]["SIGORIG_ALIAS" if is_alias else "SIGORIG_CFG"])
 
+
+# Questions to the operator ------------------------------------------------------------------------------------------
 
 DIALOGS = Library(CONSTANTS)
-MOST_LINES = 5
-LARGEST_NUM = 9e9
+MOST_MESSAGE_LINES = 5
 
 DIALOGS.record("listitem", {"image": "string", "text": "string"})
 
 # Constants of a button set, and what its buttons give.
-RESULTS = {"Unkwn": 0, "OK": 1, "Abort": 2, "Retry": 3, "Ignore": 4, "Cancel": 5, "Yes": 6, "No": 7}
-BUTTONS: dict[str, tuple[int, tuple[str, ...]]] = {
+BUTTON_RESULTS = {"Unkwn": 0, "OK": 1, "Abort": 2, "Retry": 3, "Ignore": 4, "Cancel": 5, "Yes": 6, "No": 7}
+BUTTON_SETS: dict[str, tuple[int, tuple[str, ...]]] = {
     "btnNone": (-1, ()),
     "btnOK": (0, ("OK",)),
     "btnAbrtRtryIgn": (1, ("Abort", "Retry", "Ignore")),
@@ -537,12 +433,14 @@ BUTTONS: dict[str, tuple[int, tuple[str, ...]]] = {
     "btnYesNo": (4, ("Yes", "No")),
     "btnYesNoCancel": (5, ("Yes", "No", "Cancel")),
 }
-for _name, _number in RESULTS.items():
+for _name, _number in BUTTON_RESULTS.items():
     DIALOGS.data(f"res{_name}", "btnres", _number)
-for _name, (_number, _) in BUTTONS.items():
+for _name, (_number, _) in BUTTON_SETS.items():
     DIALOGS.data(_name, "buttondata", _number)
 for _number, _name in enumerate(("iconNone", "iconInfo", "iconWarning", "iconError")):
     DIALOGS.data(_name, "icondata", _number)
+for _number, _name in enumerate(("TP_LATEST", "TP_PROGRAM", "TP_SCREENVIEWER"), 1):
+    DIALOGS.data(_name, "tpnum", float(_number))
 
 _BREAKS = (
     r"\num MaxTime, \VAR signaldi DIBreak, \switch DIPassive, \VAR signaldo DOBreak, \switch DOPassive, "
@@ -551,14 +449,14 @@ _BREAKS = (
 _MESSAGE = r"\string Header, \string Message | \string MsgArray{*}, \switch Wrap"
 
 
-def asked(call: Call, dialog: Dialog) -> Any:
+def _asked(call: Call, dialog: Dialog) -> Any:
     """Show a question until it is answered (the generator's value), or until something ends it (None)."""
     task, pendant = call.task, call.task.host.devices.pendant
     end = task.now + call.get("MaxTime", math.inf)
     pendant.ask(dialog)
     try:
         while dialog.answer is None:
-            broken = _break(call, end)
+            broken = _ending(call, end)
             if broken:
                 if not call.present("BreakFlag"):
                     raise RapidRuntimeError(broken, f"{call.name}: the operator has given no answer ({broken}).")
@@ -572,7 +470,7 @@ def asked(call: Call, dialog: Dialog) -> Any:
     return dialog.answer
 
 
-def _break(call: Call, end: float) -> str:
+def _ending(call: Call, end: float) -> str:
     """The error of what ends the question, "" while nothing does."""
     if call.task.now >= end:
         return "ERR_TP_MAXTIME"
@@ -589,25 +487,31 @@ def _break(call: Call, end: float) -> str:
     return ""
 
 
-def _lines(call: Call) -> tuple[str, ...]:
+def _message_lines(call: Call) -> tuple[str, ...]:
     r"""The message, of \Message or \MsgArray."""
     array = call.get("MsgArray")
     return tuple(array) if array is not None else tuple(line for line in (call.get("Message", ""),) if line)
+
+
+def _box_lines(call: Call) -> tuple[str, ...]:
+    """The lines of a box, of MsgLine1 and those that are passed."""
+    lines = (call.get(f"MsgLine{number}") for number in range(1, MOST_MESSAGE_LINES + 1))
+    return tuple(line for line in lines if line is not None)
 
 
 def _dialog(call: Call, kind: DialogKind, lines: Sequence[str], **more: Any) -> Dialog:
     return Dialog(call.task.name, call.name, kind, call.get("Header", ""), tuple(lines), **more)
 
 
-def _buttons(call: Call, default: float = 0.0) -> tuple[Choice, ...]:
+def _button_set(call: Call, default: float = 0.0) -> tuple[Choice, ...]:
     r"""Those of \BtnArray, whose values count from 1, or of \Buttons; raises ERR_UI_BUTTONS where there is none."""
     array = call.get("BtnArray")
     if array is not None and any(array):
         return _numbered(array)
     chosen: float = call.get("Buttons", default)
-    for value, names in BUTTONS.values():
+    for value, names in BUTTON_SETS.values():
         if value == chosen and array is None:
-            return tuple(Choice(name, float(RESULTS[name])) for name in names)
+            return tuple(Choice(name, float(BUTTON_RESULTS[name])) for name in names)
     raise RapidRuntimeError("ERR_UI_BUTTONS", f"{call.name}: {chosen:g} is not a set of buttons, as btnOK is.")
 
 
@@ -627,7 +531,7 @@ def read_function_key(call: Call) -> Wait:
     keys = _numbered([call[f"TPFK{number}"] for number in range(1, 6)])
     if not any(key.text for key in keys):
         raise RapidRuntimeError("ERR_ARGVALERR", "TPReadFK needs a text for one function key at least.")
-    answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, (call["TPText"],), choices=keys))
+    answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, (call["TPText"],), choices=keys))
     if answer is not None:
         call["TPAnswer"] = answer
 
@@ -635,7 +539,7 @@ def read_function_key(call: Call) -> Wait:
 @DIALOGS.instruction("TPReadNum", f"INOUT num TPAnswer, string TPText, {_BREAKS}")
 @DIALOGS.instruction("TPReadDnum", f"INOUT dnum TPAnswer, string TPText, {_BREAKS}")
 def read_number(call: Call) -> Wait:
-    answer = yield from asked(call, _dialog(call, DialogKind.NUMBER, (call["TPText"],)))
+    answer = yield from _asked(call, _dialog(call, DialogKind.NUMBER, (call["TPText"],)))
     if answer is not None:
         call["TPAnswer"] = answer
 
@@ -649,15 +553,14 @@ def read_number(call: Call) -> Wait:
     rf"\switch Wrap, \buttondata Buttons, \icondata Icon, \string Image, \VAR btnres Result, {_BREAKS}",
 )
 def message_box(call: Call) -> Wait:
-    lines = (call["MsgLine1"], *(call.get(f"MsgLine{number}") for number in range(2, MOST_LINES + 1)))
-    shown = [line for line in lines if line is not None]
-    buttons = _buttons(call)
+    shown = _box_lines(call)
+    buttons = _button_set(call)
     if not buttons:  # only shown; the program goes on
         call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *shown)
         return
-    answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
+    answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, shown, choices=buttons))
     if call.present("Result"):
-        call["Result"] = float(RESULTS["Unkwn"]) if answer is None else answer
+        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if answer is None else answer
 
 
 @DIALOGS.function(
@@ -668,11 +571,11 @@ def message_box(call: Call) -> Wait:
 )
 def message_box_result(call: Call) -> Any:
     r"""The pressed button: a btnres of \Buttons, or the index in \BtnArray from 1."""
-    buttons = _buttons(call)
+    buttons = _button_set(call)
     if not buttons:
         raise RapidRuntimeError("ERR_UI_BUTTONS", "UIMessageBox needs a button.")
-    answer = yield from asked(call, _dialog(call, DialogKind.BUTTON, _lines(call), choices=buttons))
-    return call.get("DefaultBtn", float(RESULTS["Unkwn"])) if answer is None else answer
+    answer = yield from _asked(call, _dialog(call, DialogKind.BUTTON, _message_lines(call), choices=buttons))
+    return call.get("DefaultBtn", float(BUTTON_RESULTS["Unkwn"])) if answer is None else answer
 
 
 @DIALOGS.function(
@@ -686,17 +589,17 @@ def list_view(call: Call) -> Any:
     has_buttons = call.present("BtnArray") or call.present("Buttons")
     items = _numbered([item.text for item in call["ListItems"] if item.text])
     default: float = call.get("DefaultIndex", 0.0)
-    more = {"choices": items, "buttons": _buttons(call) if has_buttons else (), "initial": default}
+    more = {"choices": items, "buttons": _button_set(call) if has_buttons else (), "initial": default}
     dialog = _dialog(call, DialogKind.LIST, (), **more)
-    answer = yield from asked(call, dialog)
+    answer = yield from _asked(call, dialog)
     if call.present("Result"):
-        call["Result"] = float(RESULTS["Unkwn"]) if dialog.button is None else dialog.button
+        call["Result"] = float(BUTTON_RESULTS["Unkwn"]) if dialog.button is None else dialog.button
     return default if answer is None else answer
 
 
-_LIMITS = r"\{0} InitValue, \{0} MinValue, \{0} MaxValue, \switch AsInteger"
+_NUMBER_LIMITS = r"\{0} InitValue, \{0} MinValue, \{0} MaxValue, \switch AsInteger"
 for _prefix, _type in (("UINum", "num"), ("UIDnum", "dnum")):
-    _entry = rf"{_MESSAGE}, \icondata Icon, {_LIMITS.format(_type)}, {_BREAKS}"
+    _entry = rf"{_MESSAGE}, \icondata Icon, {_NUMBER_LIMITS.format(_type)}, {_BREAKS}"
     _tune = (
         rf"{_MESSAGE}, \icondata Icon, {_type} InitValue, {_type} Increment, \{_type} MinValue, \{_type} MaxValue, "
         + _BREAKS
@@ -717,14 +620,14 @@ for _prefix, _type in (("UINum", "num"), ("UIDnum", "dnum")):
         if is_low or is_high:
             raise RapidRuntimeError("ERR_UI_INITVALUE", f"{call.name}: InitValue {initial:g} is not within the limits.")
         more = {"lowest": low, "highest": high, "is_integer": whole, "initial": initial}
-        answer = yield from asked(call, _dialog(call, DialogKind.NUMBER, _lines(call), **more))
+        answer = yield from _asked(call, _dialog(call, DialogKind.NUMBER, _message_lines(call), **more))
         return (initial or 0.0) if answer is None else answer
 
 
 @DIALOGS.function("UIAlphaEntry", rf"{_MESSAGE}, \icondata Icon, \string InitString, {_BREAKS}", "string")
 def text_entry(call: Call) -> Any:
     initial: str = call.get("InitString", "")
-    answer = yield from asked(call, _dialog(call, DialogKind.TEXT, _lines(call), initial=initial))
+    answer = yield from _asked(call, _dialog(call, DialogKind.TEXT, _message_lines(call), initial=initial))
     return initial if answer is None else answer
 
 
@@ -740,16 +643,9 @@ def client_exists(call: Call) -> bool:
 )
 def show_message(call: Call) -> None:
     """A message that stays until UIMsgWriteAbort, while the program goes on."""
-    lines = [call.get("Header", ""), call["MsgLine1"], *(call.get(f"MsgLine{n}") for n in range(2, MOST_LINES + 1))]
-    shown = tuple(line for line in lines if line is not None)
-    call.task.host.devices.pendant.messages[call.task.name] = shown
+    call.task.host.devices.pendant.messages[call.task.name] = (call.get("Header", ""), *_box_lines(call))
 
 
 @DIALOGS.instruction("UIMsgWriteAbort")
 def hide_message(call: Call) -> None:
     call.task.host.devices.pendant.messages.pop(call.task.name, None)
-
-
-DIALOGS.data("TP_LATEST", "tpnum", 1.0)
-DIALOGS.data("TP_PROGRAM", "tpnum", 2.0)
-DIALOGS.data("TP_SCREENVIEWER", "tpnum", 3.0)

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import PurePosixPath
 
 from yumi.errors import SettingsError
-from yumi.rapid.builtins.execution import InstructionSet
+from yumi.rapid import InstructionSet
 from yumi.rapid.library import Library
 from yumi.rapid.program import Execution, Program, SystemEvent
 from yumi.rapid.task import MOST_RETRIES, StepKind, Task
@@ -28,16 +28,16 @@ from yumi.virtual.controller.units import (
     Identity,
     Jobs,
     MechanicalUnit,
-    MotionState,
+    MotionSystem,
     OwnSettings,
     SyncPoints,
 )
 from yumi.virtual.instructions.calibration import add_calibration, add_measurements
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
-from yumi.virtual.instructions.egm import add_egm, add_gripper
+from yumi.virtual.instructions.egm import add_egm
 from yumi.virtual.instructions.motion import SpeedRatio, add_motion, forbid_motion
 from yumi.virtual.instructions.motion_settings import add_corrections, add_motion_settings, add_recorder
-from yumi.virtual.instructions.system import add_system, add_world_zones
+from yumi.virtual.instructions.system import add_gripper, add_system, add_world_zones
 from yumi.virtual.instructions.triggers import add_triggers
 from yumi.virtual.mechanics.arm import VirtualArm
 
@@ -132,7 +132,7 @@ class Irc5:
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
         self.own_settings = OwnSettings()
-        self.motion = MotionState()
+        self.motion = MotionSystem()
         self._discards_programs = False
         self._programs: dict[str, tuple[Program, int]] = {}
         self._program_names: dict[str, str] = {}

@@ -1,9 +1,8 @@
-"""The robot's side of EGM for one arm: what RAPID's EGM instructions do, and one datagram per cycle.
+"""The robot's side of EGM: the client of one arm with its datagram per cycle, and the network to the driver.
 
-The order within a cycle is the controller's (reference/egm.md §4.3): read feedback, send, take at most one datagram
-of the sensor, hand its reference to the arm.
-
-The network between the arms and the EGM driver with its faults; advances by dt.
+What RAPID's EGM instructions do is done by the client. The order within a cycle is the controller's (reference/egm.md
+§4.3): read feedback, send, take at most one datagram of the sensor, hand its reference to the arm. The network carries
+the datagrams of both arms with the faults that are injected into it.
 """
 
 from __future__ import annotations
@@ -36,9 +35,6 @@ from yumi.virtual.mechanics.motion import (
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
-
-_SHORTEST = 0.5
-"""Length of a quaternion that still is a rotation; the codec brings any that has a direction to 1."""
 
 
 class RobotWare(Enum):
@@ -134,16 +130,6 @@ class EgmSession:
         self.is_over, self.mci = True, mci
 
 
-FEEDBACK_AGE = 0.0045
-"""How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
-
-
-CLOCK_START = 28_800.0
-"""What the controller's clock shows at the first cycle: that of one switched on in the morning [s]."""
-
-_ROUNDING = 1e-4  # a reference in rounded degrees may lie this far beyond a limit in rounded radians [rad]
-
-
 class EgmState(IntEnum):
     """``egmstate`` of RAPID; the examples of the manual compare with <=, so the order counts."""
 
@@ -179,6 +165,18 @@ class EgmFailure:
     sentence: str
 
 
+FEEDBACK_AGE = 0.0045
+"""How much older than its datagram a measured position is [s] (reference/egm.md §2.3)."""
+
+CLOCK_START = 28_800.0
+"""What the controller's clock shows at the first cycle: that of one switched on in the morning [s]."""
+
+_LIMIT_ROUNDING = 1e-4  # a reference in rounded degrees may lie this far beyond a limit in rounded radians [rad]
+
+_SHORTEST_QUATERNION = 0.5
+"""Length of a quaternion that still is a rotation; the codec brings any that has a direction to 1."""
+
+
 class EgmClient:
     """The EGM client of one arm, between its RAPID task, its motion and the wire.
 
@@ -208,8 +206,8 @@ class EgmClient:
         limits = arm.model.limits
         self._bounds = replace(
             limits,
-            lower=cast("Joints", tuple(value - _ROUNDING for value in limits.lower)),
-            upper=cast("Joints", tuple(value + _ROUNDING for value in limits.upper)),
+            lower=cast("Joints", tuple(value - _LIMIT_ROUNDING for value in limits.lower)),
+            upper=cast("Joints", tuple(value + _LIMIT_ROUNDING for value in limits.upper)),
         )
         self._session: EgmSession | None = None
         self._comm_timeout = 1.0
@@ -488,7 +486,8 @@ class EgmClient:
         if not all(map(isfinite, (*point, *(orientation or ())))):
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
             return
-        if orientation is not None and hypot(*orientation) < _SHORTEST:  # it is no rotation, nor to be made one
+        # It is no rotation, nor to be made one.
+        if orientation is not None and hypot(*orientation) < _SHORTEST_QUATERNION:
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose whose quaternion has no direction.")
             return
         own = compose(inverse(activation.frame), self._arm.tool_pose(egm.reference, activation.tool))
@@ -594,14 +593,6 @@ def _is_finite(*parts: PartialJoints | None) -> bool:
     return all(isfinite(value) for part in parts for value in part or () if value is not None)
 
 
-REMEMBERED = 1000
-"""Datagrams of an arm that can be repeated."""
-
-_MS = 1e-3
-_TIME_ROUNDING = 1e-6  # of times [s]
-_VARINT, _FIXED64, _LENGTH = 0, 1, 2  # wire types of Protocol Buffers; 5, the only other one, has four bytes
-
-
 FORGED = {Fault.EGM_FORGE: 1, Fault.EGM_FORGE_OLD: -100, Fault.EGM_FORGE_AHEAD: 1000}
 """Sequence number of a forged datagram, minus that of the arm's last."""
 
@@ -620,6 +611,12 @@ LASTING = (
 )
 """Faults that change the datagrams for a time."""
 
+MOST_REMEMBERED = 1000
+"""Datagrams of an arm that can be repeated."""
+
+_MS = 1e-3
+_TIME_TOLERANCE = 1e-6  # of times [s]
+
 
 class Outgoing(NamedTuple):
     """A datagram on its way to the driver.
@@ -635,7 +632,7 @@ class Outgoing(NamedTuple):
     is_foreign: bool = False
 
 
-class _Effect(NamedTuple):
+class _LastingFault(NamedTuple):
     """A fault that lasts: how strong it is, which way, and until when [s]."""
 
     amount: float
@@ -643,7 +640,7 @@ class _Effect(NamedTuple):
     until: float
 
 
-class _Once(NamedTuple):
+class _SingleFault(NamedTuple):
     """A datagram that is sent beside the arm's own, with its next."""
 
     fault: Fault
@@ -664,9 +661,9 @@ class EgmNetwork:
         self._cycle_time = cycle_time
         self._random = Random(seed)
         self._now = 0.0
-        self._effects: dict[tuple[Fault, Side], _Effect] = {}
-        self._once: dict[Side, list[_Once]] = {side: [] for side in Side}
-        self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=REMEMBERED) for side in Side}
+        self._effects: dict[tuple[Fault, Side], _LastingFault] = {}
+        self._once: dict[Side, list[_SingleFault]] = {side: [] for side in Side}
+        self._sent: dict[Side, deque[bytes]] = {side: deque(maxlen=MOST_REMEMBERED) for side in Side}
         self._under_way: dict[tuple[Way, Side], list[tuple[float, bytes]]] = {}
         self._count = dict.fromkeys(Side, 0)
         self._reader, self._writer = SensorCodec(axes=7), RobotCodec()
@@ -692,9 +689,9 @@ class EgmNetwork:
                 raise CommandRefused(
                     f"The {side.word} arm has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
                 )
-            self._once[side].append(_Once(fault, amount))
+            self._once[side].append(_SingleFault(fault, amount))
         else:
-            self._effects[fault, side] = _Effect(amount, way, self._now + (inf if duration is None else duration))
+            self._effects[fault, side] = _LastingFault(amount, way, self._now + (inf if duration is None else duration))
 
     def repair(self, side: Side) -> None:
         """Let all datagrams of an arm through as they are; what is under way is lost."""
@@ -713,7 +710,7 @@ class EgmNetwork:
         now = self._now = self._now + dt
         if self._effects:
             self._effects = {
-                key: effect for key, effect in self._effects.items() if effect.until > now + _TIME_ROUNDING
+                key: effect for key, effect in self._effects.items() if effect.until > now + _TIME_TOLERANCE
             }
 
     def arriving(self, inboxes: Mapping[Side, Sequence[bytes]]) -> Mapping[Side, Sequence[bytes]]:
@@ -782,11 +779,14 @@ class EgmNetwork:
             for _ in range(1 + copies):
                 held = self._random.randint(0, disorder) * self._cycle_time
                 line.append((self._now + delay + held, datagram))
-        latest = self._now + _TIME_ROUNDING
+        latest = self._now + _TIME_TOLERANCE
         later = [each for each in line if each[0] > latest]
         if later:
             self._under_way[way, side] = later
         return [datagram for due, datagram in sorted(line, key=lambda each: each[0]) if due <= latest]
+
+
+_VARINT, _FIXED64, _LENGTH = 0, 1, 2  # wire types of Protocol Buffers; 5, the only other one, has four bytes
 
 
 def field_borders(datagram: bytes) -> Sequence[int]:

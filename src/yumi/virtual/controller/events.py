@@ -1,7 +1,4 @@
-"""The event log of the virtual controller (reference/rws.md §12), and the reasons for which it refuses a request.
-
-The faults that can be injected into a running virtual controller: names, meaning, options.
-"""
+"""What happens on the virtual controller: its event log (reference/rws.md §12), refusals, and the faults to inject."""
 
 from __future__ import annotations
 
@@ -14,7 +11,7 @@ from yumi.errors import YumiError
 from yumi.rws.types import EventType
 
 ALL_DOMAINS = 0
-_CAPACITY = 1000
+_LOG_CAPACITY = 1000
 _DOMAIN_CAPACITY = 20
 
 
@@ -54,7 +51,7 @@ class EventLog:
         self._now = now
         self.watchers: list[Callable[[Event], None]] = []
         self._last_number = 0
-        self._logs: dict[int, deque[Event]] = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
+        self._logs: dict[int, deque[Event]] = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
 
     def append(
         self,
@@ -83,7 +80,7 @@ class EventLog:
     def clear(self, domain: int = ALL_DOMAINS) -> None:
         """Forget the events of a domain; domain 0 forgets all."""
         if domain == ALL_DOMAINS:
-            self._logs = {ALL_DOMAINS: deque(maxlen=_CAPACITY)}
+            self._logs = {ALL_DOMAINS: deque(maxlen=_LOG_CAPACITY)}
         else:
             self._logs.pop(domain, None)
 
@@ -191,7 +188,7 @@ _DEGREES = Amount("degrees", 5.0, -360.0, 360.0)
 
 
 class Fault(Enum):
-    """All faults."""
+    """The faults that can be injected into a running virtual controller."""
 
     EGM_SILENCE = _lasting("egm-silence", "the EGM datagrams of an arm are lost, both ways")
     EGM_REPAIR = _of_arm("egm-repair", "all EGM faults of an arm end")
@@ -285,6 +282,6 @@ class Fault(Enum):
     OBJECT_LOST = _of_arm("object-lost", "the object at a gripper's fingers or cups is removed")
 
 
-def kind_of(name: str) -> Fault | None:
+def fault_named(name: str) -> Fault | None:
     """The fault of a name."""
     return next((fault for fault in Fault if fault.value.name == name), None)

@@ -1,6 +1,6 @@
-"""The controller's disk: files by the path RAPID gives them, such as ``HOME:/yumi/TRobMain.mod``.
+"""The controller's disk, and what else of the controller RAPID programs find: system parameters, I/O devices, names.
 
-What RAPID programs find on the virtual controller: its files, system parameters, I/O devices and names.
+Files are known by the path RAPID gives them, such as ``HOME:/yumi/TRobMain.mod``.
 """
 
 from __future__ import annotations
@@ -305,12 +305,12 @@ def _key(path: str) -> str:
 
 
 _CFG_PARTS = 3  # /DOMAIN/TYPE/instance
-_TYPES = {
+_EVENT_TYPES = {
     Severity.ERROR: EventType.ERROR,
     Severity.WARNING: EventType.WARNING,
     Severity.INFORMATION: EventType.INFORMATION,
 }
-_BITS = re.compile(r"(\d+)(?:\s*-\s*(\d+))?")
+_BIT_RANGE = re.compile(r"(\d+)(?:\s*-\s*(\d+))?")
 _MOST_BITS = 32
 """Of a group signal."""
 
@@ -370,7 +370,7 @@ class IoUnits:
         """What a group of bits or an analog signal takes."""
         attributes = self._attributes(signal)
         if attributes.get("SignalType") in ("GI", "GO"):
-            pieces = _BITS.findall(attributes.get("DeviceMap", ""))
+            pieces = _BIT_RANGE.findall(attributes.get("DeviceMap", ""))
             bits = sum(int(last or first) - int(first) + 1 for first, last in pieces) or _MOST_BITS
             return 0.0, float(2 ** min(bits, _MOST_BITS) - 1)
         if attributes.get("SignalType") in ("AI", "AO") and float(attributes.get("MaxLog", "0")):
@@ -408,7 +408,7 @@ def rapid_devices(
     """What all tasks of a controller share; it has no network until one is given to it."""
 
     def log(number: int, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
-        events.append(number, title, text, _TYPES[severity], arguments=arguments)
+        events.append(number, title, text, _EVENT_TYPES[severity], arguments=arguments)
 
     devices = Devices(
         RapidDisk(files),
@@ -433,7 +433,7 @@ def rapid_devices(
     )
 
     def show(event: Event) -> None:
-        severity = next(severity for severity, type_ in _TYPES.items() if type_ is event.type)
+        severity = next(severity for severity, type_ in _EVENT_TYPES.items() if type_ is event.type)
         number = event.code % 10_000
         logged = LoggedEvent(event.domain, number, severity, event.title, event.description, event.arguments)
         for watcher in tuple(devices.watchers):

@@ -1,6 +1,6 @@
-"""RAPID's calculations of tools and axes from taught positions, and load identification.
+"""RAPID's calibrations and measurements of one arm: tools, axes, loads; joint data, test signals, counters, paths.
 
-RAPID's measurements of the arm: joint data, test signals, counters of axes, the length of the path.
+Tools and axes are calculated from taught positions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from yumi.virtual.instructions.motion import FATAL, MotionInstructions
 
 Array = NDArray[np.float64]
 
-_LOOSE = 1e-6  # ratio of singular values below which positions say too little
+_LOWEST_RATIO = 1e-6  # of singular values; below, positions say too little
 _SHORTEST_MM = 1e-3
 _TURN_OF_IDENTIFICATION = radians(30.0)  # of axes 5 and 6 from where they are, when a load is identified
 _IDENTIFICATION_TIME = 2.0  # [s]
@@ -52,7 +52,8 @@ class CalibrationInstructions:
     def fixed_tool_point(self, call: Call) -> None:
         """SToolTCPCalib: the point of a stationary tool, from four robtargets with one point of the robot at it."""
         self._check_hold(call, is_held=False)
-        places = [_place_of_target(call[f"Pos{number}"]) for number in range(1, 5)]
+        targets = [call[f"Pos{number}"] for number in range(1, 5)]
+        places = [(np.array(target.trans), matrix(unit_quaternion(target.rot))) for target in targets]
         _, point, errors = _common_point(call, places)
         self._set_tool(call, trans=point)
         call["MaxErr"], call["MeanErr"] = float(errors.max()), float(errors.mean())
@@ -106,13 +107,13 @@ class CalibrationInstructions:
 
     def axis_frame(self, call: Call) -> Any:
         """CalcRotAxFrameZ: the frame of an axis of rotation, from a point that it turns and one on its positive z."""
-        targets = _targets(call)
+        targets = _chosen_targets(call)
         z_point = np.array(call["PositiveZPoint"].trans)
         return _axis_frame(call, targets, lambda centre, normal: float(normal @ (z_point - centre)))
 
     def unit_axis_frame(self, call: Call) -> Any:
         """CalcRotAxisFrame: the same, with the positive z of the axis by the direction of its positions."""
-        targets, axis = _targets(call), int(call.get("AxisNo", 1.0))
+        targets, axis = _chosen_targets(call), int(call.get("AxisNo", 1.0))
         angles = [target.extax[axis - 1] if 1 <= axis <= 6 else NOT_PRESENT for target in targets]
         if any(angle >= NOT_PRESENT for angle in angles):
             raise RapidRuntimeError("ERR_FRAME", f"{call.name}: the targets have no positions of the axis {axis}.")
@@ -169,16 +170,12 @@ class CalibrationInstructions:
             call["Accuracy"] = 100.0
 
 
-def _place_of_target(target: Any) -> tuple[Array, Array]:
-    return np.array(target.trans), matrix(unit_quaternion(target.rot))
-
-
 def _common_point(call: Call, places: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
     """The point of tool0 that is in one place at all positions, that place, and the distances from it [mm]."""
     rows = np.concatenate([np.hstack([rotation, -np.eye(3)]) for _, rotation in places])
     wanted = -np.concatenate([point for point, _ in places])
-    solution, _, rank, values = np.linalg.lstsq(rows, wanted, rcond=_LOOSE)
-    if rank < 6 or values[-1] < _LOOSE * values[0]:
+    solution, _, rank, values = np.linalg.lstsq(rows, wanted, rcond=_LOWEST_RATIO)
+    if rank < 6 or values[-1] < _LOWEST_RATIO * values[0]:
         sentence = f"{call.name}: the four positions have to differ more in their orientations."
         raise RapidRuntimeError("ERR_ARGVALERR", sentence)
     tip, place = solution[:3], solution[3:]
@@ -201,7 +198,7 @@ def _axes(call: Call, z: Array, x: Array) -> Any:
     return quaternion_from_matrix(np.column_stack([x, np.cross(z, x), z]))
 
 
-def _targets(call: Call) -> Sequence[Any]:
+def _chosen_targets(call: Call) -> Sequence[Any]:
     targets, count = call["TargetList"], int(call["TargetsInList"])
     if not 4 <= count <= min(10, len(targets)):
         raise RapidRuntimeError("ERR_FRAME", f"{call.name} takes 4 to 10 targets that are in the list, not {count}.")
@@ -267,11 +264,11 @@ def add_calibration(library: Library, motion: MotionInstructions) -> None:
 
 
 MOST_CHANNELS = 12
-_PATH_LENGTH = "length of the path"
+_LENGTH_OF_PATH = "length of the path"
 _STANDING = 1e-4  # [rad/s]: an axis that is slower does not move
 
 # The signals that ABB names, and those of joints that public programs use.
-_SIGNALS = {
+_TEST_SIGNALS = {
     "resolver_angle": 1,
     "speed_ref": 4,
     "speed": 6,
@@ -362,10 +359,10 @@ class MeasurementInstructions:
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: there are the channels 1 to {MOST_CHANNELS}.")
         index = self._axis(call, "Axis")
         reads: dict[int, Callable[[], float]] = {
-            _SIGNALS["resolver_angle"]: lambda: arm.position[index],
-            _SIGNALS["speed_ref"]: lambda: arm.velocity[index],
-            _SIGNALS["speed"]: lambda: arm.velocity[index],
-            _SIGNALS["torque_ref"]: lambda: self._torque(call, index, unit),
+            _TEST_SIGNALS["resolver_angle"]: lambda: arm.position[index],
+            _TEST_SIGNALS["speed_ref"]: lambda: arm.velocity[index],
+            _TEST_SIGNALS["speed"]: lambda: arm.velocity[index],
+            _TEST_SIGNALS["torque_ref"]: lambda: self._torque(call, index, unit),
             _POSITION: lambda: degrees(arm.position[index]),
             _SPEED: lambda: degrees(arm.velocity[index]),
             _TORQUE: lambda: self._torque(call, index, unit),
@@ -374,7 +371,7 @@ class MeasurementInstructions:
         if signal not in reads:
             known = ", ".join(map(str, reads))
             raise RapidRuntimeError("ERR_ARGVALERR", f"{call.name}: the virtual arm has the test signals {known}.")
-        if signal in (_SIGNALS["torque_ref"], _TORQUE):
+        if signal in (_TEST_SIGNALS["torque_ref"], _TORQUE):
             self._torque(call, index, unit)  # raises here, not in the cycle, where the robot has none
         task = call.task
         self._unit.observers[f"test signals of {task.name}"] = lambda: self._sample(task.now)
@@ -447,14 +444,14 @@ class MeasurementInstructions:
 
     def start_way(self, call: Call) -> None:
         """PathLengthStart."""
-        name = f"{_PATH_LENGTH} of {call.task.name}"
+        name = f"{_LENGTH_OF_PATH} of {call.task.name}"
         if name not in self._unit.observers:
             self._tip = None
             self._unit.observers[name] = self._measure_way
 
     def stop_way(self, call: Call) -> None:
         """PathLengthStop."""
-        self._unit.observers.pop(f"{_PATH_LENGTH} of {call.task.name}", None)
+        self._unit.observers.pop(f"{_LENGTH_OF_PATH} of {call.task.name}", None)
 
     def reset_way(self, call: Call) -> None:
         """PathLengthReset."""
@@ -478,7 +475,7 @@ def add_measurements(library: Library, unit: ArmUnit, robots: Sequence[ArmUnit] 
     """Register the measurements of one task; ``robots`` are those of all tasks."""
     own = MeasurementInstructions(unit, robots)
     library.alias("testsignal", "num")
-    for name, number in _SIGNALS.items():
+    for name, number in _TEST_SIGNALS.items():
         library.data(name, "testsignal", float(number))
     axis = r"\mecunit MechUnit, num AxisNo"
     instructions: tuple[tuple[str, str, Callable[[Call], Any]], ...] = (

@@ -1,8 +1,7 @@
-"""The data types and predefined data of the robot's instructions, beside RAPID's own.
+"""The data of the robot's instructions: types, conversions to the units of this package, and geometry without a robot.
 
-RAPID's values and ours: degrees and millimetres in ABB's order there, SI units in chain order here.
-
-RAPID's functions of positions, orientations, frames and robtargets: geometry without a robot.
+RAPID has degrees and millimetres in ABB's order, this package SI units in chain order. The functions of positions,
+orientations, frames and robtargets calculate in RAPID's own units.
 """
 
 from __future__ import annotations
@@ -44,11 +43,12 @@ from yumi.virtual.controller.egm import EgmState
 from yumi.virtual.controller.units import MechanicalUnit
 from yumi.virtual.mechanics.motion import StopMode
 
+T = TypeVar("T")
+
 FRAME_TYPES = ("BASE", "TOOL", "WOBJ", "WORLD", "JOINT")
 
-
 # What a program has set for its motions, and what TriggStopProc stores at a stop.
-_SETTINGS: dict[str, dict[str, str]] = {
+_RECORDS: dict[str, dict[str, str]] = {
     "veldata": dict.fromkeys(("oride", "max"), "num"),
     "accdata": dict.fromkeys(("acc", "ramp", "finepramp"), "num"),
     "singdata": dict.fromkeys(("wrist", "lockaxis4", "base"), "bool"),
@@ -100,7 +100,7 @@ def add_data(library: Library, own_unit: str, units: Sequence[MechanicalUnit]) -
         library.alias(name, "num")
     library.record("egm_minmax", {"min": "num", "max": "num"})
     library.record("tasks", {"taskname": "string"})
-    for name, components in _SETTINGS.items():
+    for name, components in _RECORDS.items():
         library.record(name, components)
     for state in EgmState:
         library.data(f"EGM_STATE_{state.name}", "egmstate", float(state))
@@ -123,9 +123,7 @@ ROUNDING = 1e-6
 JointTarget = tuple[tuple[float, ...], tuple[float, ...]]
 """``robax`` and ``extax``, six values each [deg]; :data:`NOT_PRESENT` for axes that are not there."""
 
-T = TypeVar("T")
-
-_Frame = tuple[tuple[float, float, float], tuple[float, float, float, float]]
+_RapidPose = tuple[tuple[float, float, float], tuple[float, float, float, float]]
 
 
 def jointtarget(position: Joints) -> JointTarget:
@@ -169,13 +167,13 @@ def robtarget(arm: Arm, position: Joints, tool: Pose | None, wobj: Pose | None) 
     pose = arm.tool0(position)
     pose = pose if tool is None else compose(pose, tool)
     pose = Pose(pose.position, upper_half(pose.orientation))
-    trans, rot = frame(pose if wobj is None else compose(inverse(wobj), pose))
+    trans, rot = rapid_from_pose(pose if wobj is None else compose(inverse(wobj), pose))
     turns = tuple(float(number) for number in arm.configuration(position))
     angle_deg = NOT_PRESENT if arm.reference is None else degrees(float(arm.angles(np.array([position]))[0]))
     return trans, rot, turns, (angle_deg, *(NOT_PRESENT,) * 5)
 
 
-def frame(pose: Pose) -> _Frame:
+def rapid_from_pose(pose: Pose) -> _RapidPose:
     """RAPID's pose, in millimetres."""
     x, y, z = pose.position
     return (x * 1e3, y * 1e3, z * 1e3), pose.orientation
@@ -186,12 +184,12 @@ def _within(value: float, low: float, high: float) -> float:
 
 
 POSES = Library(DATA)
-_SHORTEST = 1e-6  # [mm] between the points of a frame
+_SHORTEST_MM = 1e-6  # between the points of a frame
 _NOT_NORMALISED = 1e-2  # how far the length of a quaternion may be from 1
 
 
-def pose_of(value: Any) -> Pose:
-    """A RAPID pose, in its own unit, mm."""
+def pose_in_mm(value: Any) -> Pose:
+    """A RAPID pose, in its own unit [mm]."""
     return Pose(tuple(value[0]), unit_quaternion(value[1]))
 
 
@@ -205,16 +203,16 @@ def unit_quaternion(value: Any) -> Quaternion:
     return (w / length, x / length, y / length, z / length)
 
 
-def _rapid(pose: Pose) -> Any:
+def _rapid_in_mm(pose: Pose) -> Any:
     return pose.position, upper_half(pose.orientation)
 
 
-def _offset(point: Any, x: float, y: float, z: float) -> Any:
+def _moved_by(point: Any, x: float, y: float, z: float) -> Any:
     px, py, pz = point.trans
     return point._replace(trans=point.trans._make((px + x, py + y, pz + z)))
 
 
-def _relative(
+def _moved_in_tool(
     point: Any, x: float, y: float, z: float, rx: float | None, ry: float | None, rz: float | None
 ) -> tuple[Any, ...]:
     """Moved and turned in the tool's own frame: first about x, then about the new y, then about the new z."""
@@ -230,16 +228,16 @@ def _relative(
     return ((px + dx, py + dy, pz + dz), turned, *point[2:])
 
 
-def _orientation(z_deg: float, y_deg: float, x_deg: float) -> Quaternion:
+def _orientation_of_angles(z_deg: float, y_deg: float, x_deg: float) -> Quaternion:
     return upper_half(quaternion_from_euler_zyx((radians(x_deg), radians(y_deg), radians(z_deg))))
 
 
-def _frame(p1: Vector, p2: Vector, p3: Vector, origin: float = 1.0) -> Pose:
+def _frame_through(p1: Vector, p2: Vector, p3: Vector, origin: float = 1.0) -> Pose:
     """The frame with its x axis from p1 to p2 and p3 on the side of positive y; `origin` is where it lies."""
     a, b, c = (np.array(point) for point in (p1, p2, p3))
     x = b - a
-    y = (c - a) - x * float((c - a) @ x) / max(float(x @ x), _SHORTEST**2)
-    if float(np.linalg.norm(x)) < _SHORTEST or float(np.linalg.norm(y)) < _SHORTEST:
+    y = (c - a) - x * float((c - a) @ x) / max(float(x @ x), _SHORTEST_MM**2)
+    if float(np.linalg.norm(x)) < _SHORTEST_MM or float(np.linalg.norm(y)) < _SHORTEST_MM:
         raise RapidRuntimeError("ERR_FRAME", "The three points of the frame are in a line: choose others.")
     x, foot = x / np.linalg.norm(x), c - y
     y = y / np.linalg.norm(y)
@@ -251,7 +249,7 @@ def _frame(p1: Vector, p2: Vector, p3: Vector, origin: float = 1.0) -> Pose:
 
 
 @POSES.function("EulerZYX", r"\switch X | \switch Y | \switch Z, orient Rotation", "num")
-def euler_angle(call: Call) -> float:
+def angle_of_orientation(call: Call) -> float:
     """One of the three angles [deg]."""
     index = next((i for i, name in enumerate(("X", "Y", "Z")) if call.present(name)), None)
     if index is None:
@@ -261,14 +259,14 @@ def euler_angle(call: Call) -> float:
 
 @POSES.function("DefFrame", r"pos NewP1, pos NewP2, pos NewP3, \num Origin", "pose")
 def frame_of_points(call: Call) -> Any:
-    return _rapid(_frame(call["NewP1"], call["NewP2"], call["NewP3"], call.get("Origin", 1.0)))
+    return _rapid_in_mm(_frame_through(call["NewP1"], call["NewP2"], call["NewP3"], call.get("Origin", 1.0)))
 
 
 @POSES.function("DefDFrame", "pos OldP1, pos OldP2, pos OldP3, pos NewP1, pos NewP2, pos NewP3", "pose")
 def displacement_of_points(call: Call) -> Any:
     """What moves three points from where they were to where they are."""
-    old, new = (_frame(*(call[f"{name}P{number}"] for number in (1, 2, 3))) for name in ("Old", "New"))
-    return _rapid(compose(new, inverse(old)))
+    old, new = (_frame_through(*(call[f"{name}P{number}"] for number in (1, 2, 3))) for name in ("Old", "New"))
+    return _rapid_in_mm(compose(new, inverse(old)))
 
 
 @POSES.function(
@@ -296,14 +294,14 @@ def fitted_frame(call: Call) -> Any:
 
 
 @POSES.function("MirPos", r"robtarget Point, wobjdata MirPlane, \wobjdata WObj, \switch MirY", "robtarget")
-def mirrored(call: Call) -> Any:
+def mirrored_target(call: Call) -> Any:
     r"""In the xy plane of a frame; the tool's x axis is mirrored with it, with \MirY its y axis."""
     target, plane = call["Point"], call["MirPlane"]
-    plane_to_world = compose(pose_of(plane.uframe), pose_of(plane.oframe))
+    plane_to_world = compose(pose_in_mm(plane.uframe), pose_in_mm(plane.oframe))
     wobj = call.get("WObj")
     wobj_to_world = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     if wobj is not None:
-        wobj_to_world = compose(pose_of(wobj.uframe), pose_of(wobj.oframe))
+        wobj_to_world = compose(pose_in_mm(wobj.uframe), pose_in_mm(wobj.oframe))
     to_plane = compose(inverse(plane_to_world), wobj_to_world)
     pose = compose(to_plane, Pose(tuple(target.trans), unit_quaternion(target.rot)))
     mirror = np.diag([1.0, 1.0, -1.0])
@@ -316,21 +314,21 @@ def mirrored(call: Call) -> Any:
 
 
 for _name, _signature, _returns, _compute in (
-    ("Offs", "robtarget Point, num XOffset, num YOffset, num ZOffset", "robtarget", _offset),
+    ("Offs", "robtarget Point, num XOffset, num YOffset, num ZOffset", "robtarget", _moved_by),
     (
         "RelTool",
         r"robtarget Point, num Dx, num Dy, num Dz, \num Rx, \num Ry, \num Rz",
         "robtarget",
-        _relative,
+        _moved_in_tool,
     ),
-    ("OrientZYX", "num ZAngle, num YAngle, num XAngle", "orient", _orientation),
-    ("PoseMult", "pose Pose1, pose Pose2", "pose", lambda a, b: _rapid(compose(pose_of(a), pose_of(b)))),
-    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid(inverse(pose_of(pose)))),
+    ("OrientZYX", "num ZAngle, num YAngle, num XAngle", "orient", _orientation_of_angles),
+    ("PoseMult", "pose Pose1, pose Pose2", "pose", lambda a, b: _rapid_in_mm(compose(pose_in_mm(a), pose_in_mm(b)))),
+    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid_in_mm(inverse(pose_in_mm(pose)))),
     (
         "PoseVect",
         "pose Pose, pos Pos",
         "pos",
-        lambda pose, pos: compose(pose_of(pose), Pose(pos, (1, 0, 0, 0))).position,
+        lambda pose, pos: compose(pose_in_mm(pose), Pose(pos, (1, 0, 0, 0))).position,
     ),
     ("DotProd", "pos Vector1, pos Vector2", "num", lambda a, b: sum(x * y for x, y in zip(a, b, strict=True))),
     ("Vectmagn", "pos Vector", "num", lambda vector: dist(vector, (0.0, 0.0, 0.0))),

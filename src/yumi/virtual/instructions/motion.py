@@ -36,9 +36,9 @@ from yumi.virtual.instructions.data import (
 )
 from yumi.virtual.mechanics.motion import (
     STOP,
-    Fault,
     Frames,
     Leg,
+    MotionFault,
     MotionRefused,
     Piece,
     Speed,
@@ -64,7 +64,7 @@ MOST_CONCURRENT = 5
 SPEED = r"speeddata Speed, \num V | \num T, zonedata Zone, \num Z, \stoppointdata Inpos"
 FRAMES = r"tooldata Tool, \wobjdata WObj, \switch Corr, \loaddata TLoad"
 _READ_FRAMES = r"\tooldata Tool, \wobjdata WObj"
-_ERRORS = {Fault.OUT_OF_RANGE: "ERR_ROBLIMIT", Fault.OUT_OF_REACH: "ERR_OUTSIDE_REACH"}
+_ERRORS = {MotionFault.OUT_OF_RANGE: "ERR_ROBLIMIT", MotionFault.OUT_OF_REACH: "ERR_OUTSIDE_REACH"}
 _SLOWEST = 1e-4  # [m/s]: a speed of 0 is a very low one
 
 
@@ -452,7 +452,7 @@ def posture(arm: Arm, target: Target, frames: Frames, near: Joints, *, is_checke
     where = f"[{x * 1e3:.1f}, {y * 1e3:.1f}, {z * 1e3:.1f}] mm (tool0 in the base frame)"
     if not found:
         sentence = f"The {arm.name} does not reach {where}. Choose a target within reach."
-        raise MotionRefused(Fault.OUT_OF_REACH, sentence)
+        raise MotionRefused(MotionFault.OUT_OF_REACH, sentence)
     wanted = target.configuration
     fitting = [each for each in found if not is_checked or arm.has_configuration(each, wanted)] or [
         # A target that is moved a little may leave its quarter turn.
@@ -463,7 +463,7 @@ def posture(arm: Arm, target: Target, frames: Frames, near: Joints, *, is_checke
     if not fitting:
         others = ", ".join(sorted({str(list(arm.configuration(each))) for each in found}))
         sentence = f"The {arm.name} does not reach {where} with the configuration {list(wanted)}, but with {others}."
-        raise MotionRefused(Fault.CONFIGURATION, sentence)
+        raise MotionRefused(MotionFault.CONFIGURATION, sentence)
     return min(fitting, key=lambda each: sum((a - b) ** 2 for a, b in zip(each, near, strict=True)))
 
 
@@ -486,7 +486,7 @@ def _with_configuration(arm: Arm, leg: Leg, target: Target) -> Leg:
     if not arm.is_beside_configuration(leg.end, target.configuration):
         wanted, ends = list(target.configuration), list(arm.configuration(leg.end))
         raise MotionRefused(
-            Fault.CONFIGURATION,
+            MotionFault.CONFIGURATION,
             f"The {arm.name} would end in the configuration {ends}, not in the programmed {wanted}: use MoveJ, "
             r"another configuration, or ConfL\Off.",
         )

@@ -1,14 +1,11 @@
-r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), and how it stops and resumes them.
+r"""What a program sets for its motions (ConfL, AccSet, VelSet, PDispOn ...), how it stops, retraces and corrects them.
 
-RAPID's path recorder (option Path Recovery): back along the path the arm has come, and forth again.
+The path recorder (option Path Recovery) records where the arm was planned to be in each cycle, so that the way back is
+the way it came, whatever moves it was made of.
 
-What is recorded is where the arm was planned to be in each cycle, so that the way back is the way it came, whatever
-moves it was made of.
-
-RAPID's path corrections (option 612-1, Path Offset): offsets that a program adds to moves with \Corr.
-
-An offset is in path coordinates: x along the path, y across it and the tool's z axis, z completes them. It is taken
-over while the arm moves, smoothly; at standstill nothing changes.
+Path corrections (option 612-1, Path Offset) are offsets that a program adds to moves with \Corr, in path coordinates: x
+along the path, y across it and the tool's z axis, z completes them. An offset is taken over while the arm moves,
+smoothly; at standstill nothing changes.
 """
 
 from __future__ import annotations
@@ -32,17 +29,20 @@ from yumi.robot.kinematics import compose, inverse
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.units import ArmUnit
-from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, frame, jointtarget, unit_quaternion
+from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, jointtarget, rapid_from_pose, unit_quaternion
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
-from yumi.virtual.mechanics.motion import CircleMode, Fault, Frames, Leg, Speed, Zone, followed, retraced_leg
+from yumi.virtual.mechanics.motion import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
 from yumi.virtual.mechanics.path import Acceleration
+
+Array = NDArray[np.float64]
 
 STOP_MOVE = "StopMove"
 """Why an arm stands on its path: the program has stopped its movements."""
 
 _SMALLEST_FACTOR = 0.2  # of AccSet
-_SMALLEST_LIMIT = 0.1  # of PathAccLim [m/s²]
+_LOWEST_ACCELERATION = 0.1  # of PathAccLim [m/s²]
+
 _CIRCLE_MODES = {
     "ObjectFrame": CircleMode.OBJECT,
     "CirPointOri": CircleMode.POINT,
@@ -50,6 +50,7 @@ _CIRCLE_MODES = {
     "Wrist46": CircleMode.OBJECT,
     "Wrist56": CircleMode.OBJECT,
 }
+
 _MODE_SWITCHES = ("PathFrame", *_CIRCLE_MODES)
 _TUNING_TYPES = ("DF", "KP", "KV", "TI", "FRIC_LEV", "FRIC_RAMP", "DG", "DH", "DI", "DK", "DL")
 
@@ -90,8 +91,8 @@ class MotionSettingInstructions:
             for name, flag in (("Acc", "AccLim"), ("Decel", "DecelLim"))
             if call[flag] and call.present(f"{name}Max")
         ]
-        if any(limit < _SMALLEST_LIMIT for limit in limits):
-            sentence = f"PathAccLim takes at least {_SMALLEST_LIMIT} m/s², not {min(limits):g}."
+        if any(limit < _LOWEST_ACCELERATION for limit in limits):
+            sentence = f"PathAccLim takes at least {_LOWEST_ACCELERATION} m/s², not {min(limits):g}."
             raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
         settings = self._unit.settings
         settings.acceleration_limit = call.get("AccMax") if call["AccLim"] else None
@@ -102,8 +103,8 @@ class MotionSettingInstructions:
         r"""WorldAccLim: the tool's acceleration [m/s²], with \Off the robot's own limit."""
         most = self._unit.arm.kinematics.tool_acceleration
         limit = call.get("On", inf)
-        if limit < _SMALLEST_LIMIT:
-            sentence = f"WorldAccLim takes at least {_SMALLEST_LIMIT} m/s², not {limit:g}."
+        if limit < _LOWEST_ACCELERATION:
+            sentence = f"WorldAccLim takes at least {_LOWEST_ACCELERATION} m/s², not {limit:g}."
             raise RapidRuntimeError("ERR_ACC_TOO_LOW", sentence)
         self._unit.settings.world_limit = None if limit == inf else limit
         self._accelerate(along=min(limit, most))
@@ -216,7 +217,7 @@ class MotionSettingInstructions:
         there, origin = (_pose_of_target(each) for each in (here, call["ProgPoint"]))
         if not call.present("Rot"):
             there = Pose(there.position, origin.orientation)
-        settings.displacement = frame(compose(there, inverse(origin)))
+        settings.displacement = rapid_from_pose(compose(there, inverse(origin)))
 
     def set_displacement(self, call: Call) -> None:
         """PDispSet."""
@@ -525,10 +526,10 @@ def add_motion_settings(
 
 
 MOST_RECORDED = 50_000  # positions: what is older is forgotten
+_RECORDED_STEP = radians(0.1)  # between two positions, of the axis that moves most
 _RECORDER = "path recorder"
 _OFFSET_SHARE = 0.1  # of the way: within it \ToolOffs is reached
-_APART = radians(0.1)  # between two of them, of the axis that moves most
-_SPEED = Speed(0.25, radians(90.0))  # without \Speed
+_RETRACING_SPEED = Speed(0.25, radians(90.0))  # without \Speed
 
 
 @dataclass(eq=False, slots=True)
@@ -587,8 +588,8 @@ class PathRecorder:
         if self._at is not None:  # the program goes on: what lay ahead of here is another path now
             del positions[self._at + 1 :]
             self._at = None
-        moved = max(abs(a - b) for a, b in zip(here, positions[-1], strict=True)) if positions else _APART
-        if moved >= _APART or (is_mark and moved > 0.0):
+        moved = max(abs(a - b) for a, b in zip(here, positions[-1], strict=True)) if positions else _RECORDED_STEP
+        if moved >= _RECORDED_STEP or (is_mark and moved > 0.0):
             positions.append(here)
             if len(positions) > MOST_RECORDED:
                 del positions[: MOST_RECORDED // 2]
@@ -643,7 +644,7 @@ class PathRecorder:
         step = 1 if end >= self._at else -1
         way = [arm.planned, *positions[self._at + step : end + step if end + step >= 0 else None : step]]
         offset = call.get("ToolOffs", (0.0, 0.0, 0.0))
-        speed = self._motion.speed(call, call["Speed"]) if call.present("Speed") else _SPEED
+        speed = self._motion.speed(call, call["Speed"]) if call.present("Speed") else _RETRACING_SPEED
         frames = self._motion.read_frames(call)
 
         def build(start: Joints, entry: Zone) -> Leg:
@@ -678,11 +679,9 @@ def add_recorder(library: Library, motion: MotionInstructions) -> None:
 
 
 MOST_GENERATORS = 5
-_TIME = 0.08  # [s] in which most of a step is taken over
-_FULL_SPEED = 0.01  # [m/s] of the path, below which corrections come more slowly, and at standstill not at all
-_SAME = 1e-9  # [m]
-
-Array = NDArray[np.float64]
+_CORRECTION_TIME = 0.08  # [s] in which most of a step is taken over
+_CORRECTION_SPEED = 0.01  # [m/s] of the path, below which corrections come more slowly, and at standstill not at all
+_NO_OFFSET = 1e-9  # [m]
 
 
 @dataclass(eq=False, slots=True)
@@ -782,7 +781,7 @@ class PathCorrection:
         along = np.zeros(3) if self._point is None else point - self._point
         self._point = point
         way = float(np.linalg.norm(along))
-        if way > _SAME:
+        if way > _NO_OFFSET:
             across = np.cross(rotation[:, 2], along / way)
             if np.linalg.norm(across) > 1e-3:  # the tool does not point along the path
                 across = across / np.linalg.norm(across)
@@ -790,19 +789,21 @@ class PathCorrection:
         if self._axes is None:
             return position
         before = self._offset.copy(), self._rate.copy()
-        passed = min(1.0, way / dt / _FULL_SPEED) * dt  # a critically damped step, as far as the path moves
-        self._rate = self._rate + ((wanted - self._offset) / _TIME - 2.0 * self._rate) * (passed / _TIME)
+        passed = min(1.0, way / dt / _CORRECTION_SPEED) * dt  # a critically damped step, as far as the path moves
+        self._rate = self._rate + ((wanted - self._offset) / _CORRECTION_TIME - 2.0 * self._rate) * (
+            passed / _CORRECTION_TIME
+        )
         self._offset = self._offset + self._rate * passed
         found = self._reached(point, rotation, angle, leg, position)
         if found is None:
             self._offset, self._rate = before[0], np.zeros(3)
             if not self._has_failed:
-                code, title = Fault.OUT_OF_REACH.value
+                code, title = MotionFault.OUT_OF_REACH.value
                 sentence = "The path correction is out of reach: the arm keeps the one it has. Write a smaller one."
                 self._events.append(code, title, sentence, EventType.ERROR)
             self._has_failed = True
             found = self._reached(point, rotation, angle, leg, position) or self._returning(point, leg, position, dt)
-        if np.max(np.abs(wanted - self._offset)) < _SAME and np.max(np.abs(self._rate)) < _SAME:
+        if np.max(np.abs(wanted - self._offset)) < _NO_OFFSET and np.max(np.abs(self._rate)) < _NO_OFFSET:
             self._offset, self._rate = wanted, np.zeros(3)
         self._beside = np.subtract(found, position)
         return found
@@ -830,7 +831,7 @@ class PathCorrection:
             return near
         assert self._axes is not None, "it was found"
         kinematics = self._unit.arm.kinematics
-        beside = near + self._beside * max(0.0, 1.0 - dt / _TIME)
+        beside = near + self._beside * max(0.0, 1.0 - dt / _CORRECTION_TIME)
         found = tuple(np.clip(beside, kinematics.limits.lower, kinematics.limits.upper).tolist())
         self._offset = self._axes @ (place_of(kinematics, cast("Joints", found), leg.frames)[0] - point)
         return cast("Joints", found)

@@ -1,10 +1,8 @@
-"""The path of an arm: the legs its program has planned ahead, and how fast it goes along them.
+"""The path of an arm: the legs its program has planned ahead, how fast it goes along them, and zones that are watched.
 
 The arm keeps to the geometry of the path whatever happens to its speed: it slows down, stops, goes on at another
 override along the same samples. Its speed is the programmed one where acceleration and speed of the joints allow it;
 the distance on the path is averaged over some cycles, so that acceleration grows and falls steadily (limited jerk).
-
-World zones: volumes and joint ranges that are watched while an arm moves.
 """
 
 from __future__ import annotations
@@ -21,108 +19,21 @@ from numpy.typing import NDArray
 from yumi.robot.joints import CYCLE, JointLimits, Joints, Vector
 from yumi.virtual.mechanics.motion import Leg, MotionState, Piece, Speed
 
-
-class Shape(Protocol):
-    """A volume of the tool's point or a range of the joints."""
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        """Whether it holds the tool's point in the world [m], or the joints [rad]."""
-
-
-@dataclass(frozen=True, slots=True)
-class Box:
-    """Between two corners [m], along the world's axes."""
-
-    low: Vector
-    high: Vector
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        return all(low <= value <= high for low, value, high in zip(self.low, point, self.high, strict=True))
-
-
-@dataclass(frozen=True, slots=True)
-class Sphere:
-    """About a point, with a radius [m]."""
-
-    centre: Vector
-    radius: float
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        return dist(point, self.centre) <= self.radius
-
-
-@dataclass(frozen=True, slots=True)
-class UprightCylinder:
-    """From the middle of an end upwards along z, or downwards with a negative height [m]."""
-
-    foot: Vector
-    radius: float
-    height: float
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        x, y, z = self.foot
-        low, high = sorted((z, z + self.height))
-        return hypot(point[0] - x, point[1] - y) <= self.radius and low <= point[2] <= high
-
-
-@dataclass(frozen=True, slots=True)
-class JointRange:
-    """Every joint between two positions [rad]."""
-
-    low: Joints
-    high: Joints
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        return all(low <= value <= high for low, value, high in zip(self.low, joints, self.high, strict=True))
-
-
-@dataclass(frozen=True, slots=True)
-class Outside:
-    """All but a shape."""
-
-    shape: Shape
-
-    def contains(self, point: Vector, joints: Joints) -> bool:
-        return not self.shape.contains(point, joints)
-
-
-@dataclass(eq=False, slots=True)
-class WorldZone:
-    """A zone that is watched.
-
-    Attributes:
-        shape: the zone.
-        changed: called with whether the arm is in the zone, once at first and whenever that changes.
-        is_enabled: whether it is watched.
-    """
-
-    shape: Shape
-    changed: Callable[[bool], None]
-    is_enabled: bool = True
-    _is_inside: bool | None = field(default=None, init=False)
-
-    def watch(self, point: Vector, joints: Joints) -> None:
-        """Compare with where the arm is."""
-        is_inside = self.is_enabled and self.shape.contains(point, joints)
-        if is_inside != self._is_inside:
-            self._is_inside = is_inside
-            self.changed(is_inside)
-
-
 Array = NDArray[np.float64]
-
 SMOOTHING = 12  # cycles
+
 PREFETCH = 0.193548
 """How long before the arm comes to a zone the program goes on, to plan the next move [s].
 
 As long as ABB's motion planner is ahead of the arm: the default of the system parameter Std Servo Queue Time.
 """
+
 _TURN_WEIGHT = 0.05  # [m/rad]: what turns of the tool count in the distance along the path
 _JOINT_WEIGHT = 0.01  # [m/rad]
-_SHARE = 0.6  # of the acceleration for going along, and as much for going round
-_SLOWEST = 1e-3  # [m/s] of distance along the path, so that the end is reached
-_SAME = 1e-9  # [m] of distance
-_SHORTEST = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
+_ACCELERATION_SHARE = 0.6  # of the acceleration for going along, and as much for going round
+_LOWEST_SPEED = 1e-3  # [m/s] of distance along the path, so that the end is reached
+_SAME_DISTANCE = 1e-9  # [m] of distance
+_SHORTEST_LEG = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
 
 
 @dataclass(eq=False, slots=True)
@@ -254,14 +165,14 @@ class Run:
         distance, joints = self.distance, self.joints
         slopes = np.gradient(joints, distance, axis=0)
         bends = np.gradient(slopes, distance, axis=0)
-        factor = _SHARE * self.acceleration.factor
+        factor = _ACCELERATION_SHARE * self.acceleration.factor
         speed, most = np.array(self.limits.velocity), np.array(self.limits.acceleration) * factor
         if limit.axes:
             speed = np.minimum(speed, limit.axes)
         way_slopes = np.gradient(self.way, distance) if len(distance) > 2 else np.ones(len(distance))
         with np.errstate(divide="ignore"):
             along = np.min(most / np.maximum(np.abs(slopes), 1e-12), 1)
-            along = np.minimum(along, _SHARE * self.acceleration.along / np.maximum(way_slopes, 1e-9))
+            along = np.minimum(along, _ACCELERATION_SHARE * self.acceleration.along / np.maximum(way_slopes, 1e-9))
             turning = np.sqrt(np.min(most / np.maximum(np.abs(bends), 1e-12), 1))
             fast = np.minimum(np.min(speed / np.maximum(np.abs(slopes), 1e-12), 1), turning)
             # Of each interval, and of a sample the slower of its two.
@@ -351,7 +262,7 @@ class PathMotion:
 
     def has_corner(self, leg: Leg) -> bool:
         """Whether a leg is long enough to end in a corner."""
-        return self._length(leg.piece) > _SHORTEST
+        return self._length(leg.piece) > _SHORTEST_LEG
 
     def restart_at(self, position: Joints) -> None:
         """Begin anew where the arm stands [rad]; what was ahead is forgotten."""
@@ -378,7 +289,7 @@ class PathMotion:
         leg, run = last.leg, self._runs[-1]
         if leg.zone.is_stop or last.run is not run or leg.out >= len(leg.shares) - 1 or self.is_abandoned:
             return False
-        return run is not self._runs[0] or self._at < last.zone_begin - _SAME
+        return run is not self._runs[0] or self._at < last.zone_begin - _SAME_DISTANCE
 
     def append(self, leg: Leg, rounded: Piece | None = None) -> Passage:
         """Add a leg at the end of the path, behind a stop or, with a corner, on the run.
@@ -391,13 +302,13 @@ class PathMotion:
             pieces, begin, zero = [leg.piece], 0.0, np.zeros(1)
             joints = leg.piece.joints
             run = Run(self._limits, self.acceleration, np.zeros(1), joints[:1], zero, zero, zero, zero)
-            if not np.any(self._steps(leg.piece) > _SAME):  # nothing to do: passed at once
+            if not np.any(self._steps(leg.piece) > _SAME_DISTANCE):  # nothing to do: passed at once
                 run.places = [0.0]
                 return Passage(leg, run, 0.0, 0.0)
             self._runs.append(run)
         else:
             run, last = self._runs[-1], self._passages[-1]
-            kept = int(np.searchsorted(run.distance, last.zone_begin + _SAME))
+            kept = int(np.searchsorted(run.distance, last.zone_begin + _SAME_DISTANCE))
             for name in ("distance", "joints", "way", "turned", "tool_speed", "turn_speed"):
                 setattr(run, name, getattr(run, name)[:kept])
             begin = float(run.distance[-1]) + self._length(rounded) / 2.0
@@ -416,7 +327,7 @@ class PathMotion:
 
     def _extend(self, run: Run, piece: Piece, speed: Speed) -> None:
         steps = self._steps(piece)
-        keep = steps > _SAME
+        keep = steps > _SAME_DISTANCE
         distances = float(run.distance[-1]) + np.cumsum(steps[keep])
         tool, turn = np.full(len(distances), speed.tool), np.full(len(distances), speed.turn)
         if speed.duration > 0.0:  # even over the distance, so that the whole takes this long
@@ -424,7 +335,10 @@ class PathMotion:
             scale = length / speed.duration / np.maximum(steps[keep], 1e-12)
             # A way or turn that is nothing but rounding limits nothing.
             way, turned = np.diff(piece.way)[keep], np.diff(piece.turned)[keep]
-            tool, turn = np.where(way > _SAME, way * scale, np.inf), np.where(turned > _SAME, turned * scale, np.inf)
+            tool, turn = (
+                np.where(way > _SAME_DISTANCE, way * scale, np.inf),
+                np.where(turned > _SAME_DISTANCE, turned * scale, np.inf),
+            )
         run.distance = np.concatenate([run.distance, distances])
         run.joints = np.concatenate([run.joints, piece.joints[1:][keep]])
         run.way = np.concatenate([run.way, run.way[-1] + piece.way[1:][keep]])
@@ -581,7 +495,9 @@ class PathMotion:
         self.state = MotionState(position, cast("Joints", velocity), cast("Joints", change))
         if run.triggers:
             rate = (shown - before) / dt
-            for trigger in [each for each in run.triggers if shown + rate * each.lead >= each.distance - _SAME]:
+            for trigger in [
+                each for each in run.triggers if shown + rate * each.lead >= each.distance - _SAME_DISTANCE
+            ]:
                 run.triggers.remove(trigger)
                 trigger.action()
         while len(self._passages) > 1 and self.has_ended(self._passages[0]):
@@ -612,9 +528,9 @@ class PathMotion:
             new = max(0.0, speed - most * dt)
         else:
             new = min(speed + most * dt, self._cap(run, at + speed * dt, index))
-            new = max(new, speed - 2.0 * most * dt, _SLOWEST)
+            new = max(new, speed - 2.0 * most * dt, _LOWEST_SPEED)
         ahead = at + 0.5 * (speed + new) * dt
-        if ahead >= run.length - _SAME:
+        if ahead >= run.length - _SAME_DISTANCE:
             ahead, new = run.length, 0.0
         self._at, self._speed = ahead, new
         return ahead
@@ -654,3 +570,90 @@ class PathMotion:
                 )
             ),
         )
+
+
+class Shape(Protocol):
+    """A volume of the tool's point or a range of the joints."""
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        """Whether it holds the tool's point in the world [m], or the joints [rad]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Between two corners [m], along the world's axes."""
+
+    low: Vector
+    high: Vector
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        return all(low <= value <= high for low, value, high in zip(self.low, point, self.high, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Sphere:
+    """About a point, with a radius [m]."""
+
+    centre: Vector
+    radius: float
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        return dist(point, self.centre) <= self.radius
+
+
+@dataclass(frozen=True, slots=True)
+class UprightCylinder:
+    """From the middle of an end upwards along z, or downwards with a negative height [m]."""
+
+    foot: Vector
+    radius: float
+    height: float
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        x, y, z = self.foot
+        low, high = sorted((z, z + self.height))
+        return hypot(point[0] - x, point[1] - y) <= self.radius and low <= point[2] <= high
+
+
+@dataclass(frozen=True, slots=True)
+class JointRange:
+    """Every joint between two positions [rad]."""
+
+    low: Joints
+    high: Joints
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        return all(low <= value <= high for low, value, high in zip(self.low, joints, self.high, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Outside:
+    """All but a shape."""
+
+    shape: Shape
+
+    def contains(self, point: Vector, joints: Joints) -> bool:
+        return not self.shape.contains(point, joints)
+
+
+@dataclass(eq=False, slots=True)
+class WorldZone:
+    """A world zone of RAPID: a volume or joint range that is watched while the arm moves.
+
+    Attributes:
+        shape: the zone.
+        changed: called with whether the arm is in the zone, once at first and whenever that changes.
+        is_enabled: whether it is watched.
+    """
+
+    shape: Shape
+    changed: Callable[[bool], None]
+    is_enabled: bool = True
+    _is_inside: bool | None = field(default=None, init=False)
+
+    def watch(self, point: Vector, joints: Joints) -> None:
+        """Compare with where the arm is."""
+        is_inside = self.is_enabled and self.shape.contains(point, joints)
+        if is_inside != self._is_inside:
+            self._is_inside = is_inside
+            self.changed(is_inside)

@@ -1,12 +1,11 @@
-"""HTTP as the virtual controller sees it: requests, replies, the digest login, and sessions kept by cookies.
+"""HTTP as the virtual controller speaks it: requests, replies, the digest login, sessions kept by cookies, documents.
 
 The login is HTTP digest (RFC 2617, MD5, qop=auth); a session is forgotten after five idle minutes
 (reference/rws.md §2.1-2.2).
 
-A controller's documents: pages and errors as XHTML or JSON, events as XHTML (reference/rws.md §3, §14).
-
-Clients cut them with regular expressions and receive events into buffers of 1024 bytes, so spelling and length count:
-events are one line of ASCII.
+Documents are pages and errors as XHTML or JSON, events as XHTML (reference/rws.md §3, §14). Clients cut them with
+regular expressions and receive events into buffers of 1024 bytes, so spelling and length count: events are one line of
+ASCII.
 """
 
 from __future__ import annotations
@@ -77,13 +76,15 @@ class HttpReply:
         return next((value for key, value in self.headers if key.lower() == name.lower()), None)
 
 
+# The login
+
 OPAQUE = "799d5"
 NONCE_LIFE = 300.0  # [s]; Appweb calls a nonce stale after five minutes
 
-_REQUIRED = ("username", "realm", "nonce", "uri", "response")
-_WITH_QOP = ("nc", "cnonce")
-_PARAMS = re.compile(r";[^/]*$")  # of the last segment of a path
-_PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
+_DIGEST_FIELDS = ("username", "realm", "nonce", "uri", "response")
+_DIGEST_FIELDS_OF_QOP = ("nc", "cnonce")
+_PATH_PARAMETERS = re.compile(r";[^/]*$")  # of the last segment of a path
+_DIGEST_PARAMETER = re.compile(r'([A-Za-z][\w-]*)\s*=\s*(?:"((?:[^"\\]|\\.)*)"|([^\s,"]+))')
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,13 +130,15 @@ def read_credentials(header: str) -> Credentials:
     scheme, _, rest = header.partition(" ")
     if scheme.lower() != "digest":
         raise ProtocolError(f"Robot Web Services logs in with HTTP digest, not with {scheme!r}.")
-    found = {key.lower(): re.sub(r"\\(.)", r"\1", quoted) or bare for key, quoted, bare in _PARAMETER.findall(rest)}
-    required = (*_REQUIRED, *(_WITH_QOP if "qop" in found else ()))
+    found = {
+        key.lower(): re.sub(r"\\(.)", r"\1", quoted) or bare for key, quoted, bare in _DIGEST_PARAMETER.findall(rest)
+    }
+    required = (*_DIGEST_FIELDS, *(_DIGEST_FIELDS_OF_QOP if "qop" in found else ()))
     missing = [name for name in required if name not in found]
     if missing:
         raise ProtocolError(f"The digest header lacks {', '.join(missing)}.")
-    user, realm, nonce, uri, response = (found[name] for name in _REQUIRED)
-    nc, cnonce = (found[name] if "qop" in found else "" for name in _WITH_QOP)
+    user, realm, nonce, uri, response = (found[name] for name in _DIGEST_FIELDS)
+    nc, cnonce = (found[name] if "qop" in found else "" for name in _DIGEST_FIELDS_OF_QOP)
     return Credentials(user, realm, nonce, uri, response, nc, cnonce)
 
 
@@ -146,7 +149,7 @@ def is_genuine(credentials: Credentials, *, user: str, password: str, method: st
     sent. Python's ``requests`` leaves out what stands behind a ``;`` of the path, others the whole query.
     """
     path, mark, query = target.partition("?")
-    meant = {unquote(target), unquote(f"{_PARAMS.sub('', path)}{mark}{query}"), unquote(path)}
+    meant = {unquote(target), unquote(f"{_PATH_PARAMETERS.sub('', path)}{mark}{query}"), unquote(path)}
     if credentials.realm != REALM or unquote(credentials.uri) not in meant:
         return False
     secret = _md5(f"{user}:{credentials.realm}:{password}")
@@ -180,6 +183,9 @@ def _md5(text: str) -> str:
 def _bytes(text: str) -> bytes:
     """As they came: a header may hold bytes that are not text, which Python keeps as surrogates."""
     return text.encode(errors="surrogateescape")
+
+
+# Cookies and sessions
 
 
 def set_cookie(name: str, value: str) -> str:
@@ -301,9 +307,11 @@ def _is_idle(session: Session, now: float) -> bool:
     return now - session.last_used > IDLE_LIFE
 
 
+# Documents
+
 _XML = '<?xml version="1.0" encoding="UTF-8"?>'
-_ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_PLAIN = re.compile("[ !#-%'-;=?-~]*")  # most texts: nothing in them has to be escaped
+_ILLEGAL_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOTHING_TO_ESCAPE = re.compile("[ !#-%'-;=?-~]*")  # most texts: nothing in them has to be escaped
 _ENTITIES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 MAX_EVENT = 1024
@@ -317,8 +325,8 @@ def write_page(page: Page, form: Form) -> bytes:
     """
     if form is Form.JSON:
         links = {"base": {"href": page.base}} | _json_links(page.links)
-        return _dump({"_links": links, "_embedded": {"_state": [_json_state(state) for state in page.states]}})
-    states = "".join(map(_item, page.states))
+        return _json_bytes({"_links": links, "_embedded": {"_state": [_json_state(state) for state in page.states]}})
+    states = "".join(map(_list_item, page.states))
     content = f'<div class="state">{_anchors(page.links)}<ul>{states}</ul></div>'
     return f"{_XML}\n{_html(page.title, page.base, content)}".encode("utf-8", "replace")
 
@@ -327,7 +335,7 @@ def write_status(status: Status, form: Form, *, base: str, title: str = "rw") ->
     """The status as an error document; its code is a number in JSON."""
     if form is Form.JSON:
         embedded = {"status": {"code": status.code, "msg": status.message}, "_state": []}
-        return _dump({"_links": {"base": {"href": base}}, "_embedded": embedded})
+        return _json_bytes({"_links": {"base": {"href": base}}, "_embedded": embedded})
     content = f'<div class="status">{_span("code", f"{status.code:d}")}{_span("msg", status.message)}</div>'
     return f"{_XML}\n{_html(title, base, content)}".encode("utf-8", "replace")
 
@@ -346,12 +354,12 @@ def write_hal(page: Page) -> bytes:
         document["state"] = own
     if embedded:
         document["_embedded"] = {"resources": embedded}
-    return _dump(document)
+    return _json_bytes(document)
 
 
 def write_hal_status(status: Status, base: str) -> bytes:
     """The status as an error document of RobotWare 7."""
-    return _dump({"_links": {"base": {"href": base}}, "status": {"code": status.code, "msg": status.message}})
+    return _json_bytes({"_links": {"base": {"href": base}}, "status": {"code": status.code, "msg": status.message}})
 
 
 def write_group(root: str, group: int, events: Sequence[Sequence[State]], *, is_secure: bool = False) -> bytes:
@@ -362,7 +370,7 @@ def write_group(root: str, group: int, events: Sequence[Sequence[State]], *, is_
     )
     if not is_secure:
         links += f'<a href="subscription/{group}?action=show" rel="action"></a>'
-    return _event(root, links, (state for event in events for state in event), is_secure)
+    return _event_document(root, links, (state for event in events for state in event), is_secure)
 
 
 def write_event(root: str, group: int, event: Sequence[State], *, is_secure: bool = False) -> str:
@@ -371,14 +379,14 @@ def write_event(root: str, group: int, event: Sequence[State], *, is_secure: boo
     What is too long for their buffers is sent without its value, which a client can read where the link leads.
     """
     link = f'<a href="subscription/{group}" rel="group"></a>'
-    text = _event(root, link, event, is_secure)
+    text = _event_document(root, link, event, is_secure)
     if len(text) > MAX_EVENT:
-        text = _event(root, link, [replace(event[0], fields={})], is_secure)
+        text = _event_document(root, link, [replace(event[0], fields={})], is_secure)
     return text.decode("ascii")
 
 
-def _event(root: str, links: str, states: Iterable[State], is_secure: bool) -> bytes:
-    content = f'<div class="state">{links}<ul>{"".join(map(_item, states))}</ul></div>'
+def _event_document(root: str, links: str, states: Iterable[State], is_secure: bool) -> bytes:
+    content = f'<div class="state">{links}<ul>{"".join(map(_list_item, states))}</ul></div>'
     base = f"{'https' if is_secure else 'http'}://{root}/"
     return f"{_XML}{_html('Event', base, content)}".encode("ascii", "xmlcharrefreplace")
 
@@ -391,13 +399,13 @@ def _html(title: str, base: str, content: str) -> str:
     return f'<html xmlns="{XMLNS}">{head}<body>{content}</body></html>'
 
 
-def _item(state: State) -> str:
+def _list_item(state: State) -> str:
     spans = "".join([_span(name, text) for name, text in state.fields.items()])
     arguments = "".join(
         f'<span class="arg{number}" type="{_escaped(argument.type)}">{_escaped(argument.value)}</span>'
         for number, argument in enumerate(state.arguments, start=1)
     )
-    children = f"<ul>{''.join(map(_item, state.children))}</ul>" if state.children else ""
+    children = f"<ul>{''.join(map(_list_item, state.children))}</ul>" if state.children else ""
     head = f'<li class="{_escaped_name(state.type)}" title="{_escaped(state.title)}">'
     return f"{head}{_anchors(state.links)}{spans}{arguments}{children}</li>"
 
@@ -411,18 +419,17 @@ def _span(name: str, text: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    return text if _PLAIN.fullmatch(text) else escape(_ILLEGAL.sub("\ufffd", text), _ENTITIES)
+    return text if _NOTHING_TO_ESCAPE.fullmatch(text) else escape(_ILLEGAL_IN_XML.sub("\ufffd", text), _ENTITIES)
 
 
 _escaped_name = lru_cache(1024)(_escaped)
 """For types, names of fields and relations: there are few, and each page has many of them."""
 
-
 # JSON
 
 
-# Where it from the XHTML (reference/rws.md §3.2).
-_FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
+# Where it differs from the XHTML (reference/rws.md §3.2).
+_JSON_FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
     "ms-robtargets": {f"eax_{letter}": f"eax{letter}" for letter in "abcdef"},
     "ms-mechunit": {
         "task-name": "task",
@@ -431,8 +438,8 @@ _FIELD_NAMES: Mapping[str, Mapping[str, str]] = {
     },
     "ctrl-env": {"value": "_value"},
 }
-_TYPES = {"elog-message-li": "elog-message"}
-_LISTS = {
+_JSON_TYPES = {"elog-message-li": "elog-message"}
+_LIST_NAMES = {
     "sys-option-li": "options",
     "cfg-ia-t-li": "attrib",
     "sys-option": "options",
@@ -441,31 +448,29 @@ _LISTS = {
     "sys-energy-axis-li": "axis",
     "dev-id-li": "devices",
 }
-_NUMBERS = ("lvalue", "pvalue")
-
-
+_NUMBER_FIELDS = ("lvalue", "pvalue")
 _ENCODER = json.JSONEncoder(ensure_ascii=False, separators=(",", ":"))
 
 
-def _dump(value: object) -> bytes:
+def _json_bytes(value: object) -> bytes:
     return _ENCODER.encode(value).encode("utf-8", "replace")
 
 
 def _json_state(state: State) -> dict[str, object]:
-    names = _FIELD_NAMES.get(state.type, {})
-    result: dict[str, object] = {"_type": _TYPES.get(state.type, state.type), "_title": state.title}
+    names = _JSON_FIELD_NAMES.get(state.type, {})
+    result: dict[str, object] = {"_type": _JSON_TYPES.get(state.type, state.type), "_title": state.title}
     if state.links:
         result["_links"] = _json_links(state.links)
     for name, text in state.fields.items():
-        result[names.get(name, name)] = _number(text) if name in _NUMBERS else text
+        result[names.get(name, name)] = _number_or_text(text) if name in _NUMBER_FIELDS else text
     if state.arguments:
         result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
     if state.children:
-        result[_LISTS.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
+        result[_LIST_NAMES.get(state.children[0].type, "state")] = [_json_state(child) for child in state.children]
     return result
 
 
-def _number(text: str) -> float | str:
+def _number_or_text(text: str) -> float | str:
     """The number a text is; the text where it is none."""
     try:
         return int(text) if text.lstrip("-").isdecimal() else float(text)
@@ -490,7 +495,7 @@ def _hal_state(state: State) -> dict[str, object]:
     if state.arguments:
         result["argv"] = [{"type": argument.type, "value": argument.value} for argument in state.arguments]
     if state.children:
-        result[_LISTS.get(state.children[0].type, "state")] = [_hal_state(child) for child in state.children]
+        result[_LIST_NAMES.get(state.children[0].type, "state")] = [_hal_state(child) for child in state.children]
     return result
 
 

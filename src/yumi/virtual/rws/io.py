@@ -1,6 +1,6 @@
-"""``/rw/iosystem``: networks, devices and signals (reference/rws.md §7).
+"""``/rw/iosystem`` and ``/rw/dipc``: networks, devices, signals; message queues (reference/rws.md §7, §13).
 
-``/rw/dipc``: message queues of clients and RAPID tasks (reference/rws.md §13).
+The queues are those of clients and RAPID tasks.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Signal, path_of, printed
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, not_there, resource
 
-_BASE = "/rw/iosystem/"
+_IO_BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100
 _LOCAL = "Local"
 _LOCAL_DEVICES = ("DRV_1", "PANEL")
 _DEVICE_TYPES = ("ETHERNETIP_DEVICE", "DEVICENET_DEVICE", "ETHERNETIP_INTERNAL_DEVICE", "DEVICENET_INTERNAL_DEVICE")
 _MODES = ("value", "invert", "pulse", "toggle", "delay")
 _NO_PROFINET = "PROFINET"
-_LONGEST = 1e6  # of a delay or pulse [ms]
+_LONGEST_TIME_MS = 1e6  # of a delay or pulse
 _MOST_PULSES = 1000
 
 
@@ -71,7 +71,7 @@ def _network_state(controller: Irc5, name: str, type: str) -> State:
 
 def get_networks(controller: Irc5, call: Call) -> Page:
     states = (_network_state(controller, name, "ios-network-li") for name in _networks(controller))
-    return resource("io", _BASE, "networks", *states)
+    return resource("io", _IO_BASE, "networks", *states)
 
 
 def search_networks(controller: Irc5, call: Call) -> Page:
@@ -84,7 +84,7 @@ def search_networks(controller: Irc5, call: Call) -> Page:
         for each in states
         if name.lower() in each.title.lower() and state in ("", each.fields["pstate"], each.fields["lstate"])
     )
-    return resource("io", _BASE, "networks", *found)
+    return resource("io", _IO_BASE, "networks", *found)
 
 
 def _network(controller: Irc5, call: Call) -> str:
@@ -97,7 +97,7 @@ def _network(controller: Irc5, call: Call) -> str:
 
 def get_network(controller: Irc5, call: Call) -> Page:
     name = _network(controller, call)
-    return resource("io", _BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
+    return resource("io", _IO_BASE, f"networks/{name}", _network_state(controller, name, "ios-network"))
 
 
 def set_network(controller: Irc5, call: Call) -> None:
@@ -113,7 +113,7 @@ def set_network(controller: Irc5, call: Call) -> None:
 def get_network_config(controller: Irc5, call: Call) -> Page:
     name = _network(controller, call)
     fields = {"networkname": name, "networktype": name[:3].upper(), "networkaddress": "-"}
-    return resource("io", _BASE, f"networks/{name}", State("ios-network-config-runtime", name, fields))
+    return resource("io", _IO_BASE, f"networks/{name}", State("ios-network-config-runtime", name, fields))
 
 
 def configure_network(controller: Irc5, call: Call) -> None:
@@ -136,7 +136,7 @@ def _device_state(controller: Irc5, device: Device, type: str) -> State:
 
 def get_devices(controller: Irc5, call: Call) -> Page:
     states = (_device_state(controller, device, "ios-device-li") for device in _devices(controller))
-    return resource("io", _BASE, "devices", *states)
+    return resource("io", _IO_BASE, "devices", *states)
 
 
 def search_devices(controller: Irc5, call: Call) -> Page:
@@ -151,7 +151,7 @@ def search_devices(controller: Irc5, call: Call) -> Page:
         and state in ("", each.fields["lstate"])
         and network in ("", each.title.partition("/")[0].lower())
     )
-    return resource("io", _BASE, "devices", *found)
+    return resource("io", _IO_BASE, "devices", *found)
 
 
 def _device(controller: Irc5, call: Call) -> Device:
@@ -182,7 +182,7 @@ def get_device(controller: Irc5, call: Call) -> Page:
         "outdata": data[True].hex(),
         "outmask": used[True].hex(),
     }
-    return resource("io", _BASE, f"devices/{state.title}", replace(state, fields={**state.fields, **contents}))
+    return resource("io", _IO_BASE, f"devices/{state.title}", replace(state, fields={**state.fields, **contents}))
 
 
 def _bits(controller: Irc5, signal: Signal) -> Sequence[int]:
@@ -219,7 +219,7 @@ def get_device_config(controller: Irc5, call: Call) -> Page:
         "denydeactivate": "TRUE" if device.network == _LOCAL else "FALSE",
     }
     path = f"devices/{device.network}/{device.name}"
-    return resource("io", _BASE, path, State("ios-device-config-runtime", device.name, fields))
+    return resource("io", _IO_BASE, path, State("ios-device-config-runtime", device.name, fields))
 
 
 def get_upgrade(controller: Irc5, call: Call) -> None:
@@ -254,12 +254,12 @@ def _listed(controller: Irc5, call: Call, signals: Sequence[Signal], href: str, 
         State(
             "ios-signal-li",
             path_of(one),
-            {**_fields(one), **(_more_fields(one) | {"write-access-level": one.access} if is_full else {})},
+            {**_signal_fields(one), **(_physical_fields(one) | {"write-access-level": one.access} if is_full else {})},
             (Link("self", f"signals/{path_of(one)}"),),
         )
         for one in shown
     )
-    return resource("io", _BASE, href, *entries, next_href=more)
+    return resource("io", _IO_BASE, href, *entries, next_href=more)
 
 
 def search_signals(controller: Irc5, call: Call) -> Page:
@@ -296,14 +296,14 @@ def unblock_signals(controller: Irc5, call: Call) -> None:
 
 
 def get_signal(controller: Irc5, call: Call) -> Page:
-    signal = controller.signals.get(_name(call))
-    fields = {**_fields(signal), "unitnm": signal.device, **_more_fields(signal)}
+    signal = controller.signals.get(_signal_name(call))
+    fields = {**_signal_fields(signal), "unitnm": signal.device, **_physical_fields(signal)}
     links = (Link("device", f"devices/{signal.device}"),) if signal.device else ()
-    return resource("io", _BASE, f"signals/{path_of(signal)}", State("ios-signal", path_of(signal), fields, links))
+    return resource("io", _IO_BASE, f"signals/{path_of(signal)}", State("ios-signal", path_of(signal), fields, links))
 
 
 def get_signal_config(controller: Irc5, call: Call) -> Page:
-    signal = controller.signals.get(_name(call))
+    signal = controller.signals.get(_signal_name(call))
     may_write = "TRUE" if signal.access.upper() == "ALL" else "FALSE"
     fields = {
         "signalname": signal.name,
@@ -313,13 +313,15 @@ def get_signal_config(controller: Irc5, call: Call) -> Page:
         **dict.fromkeys(("localauto", "remotemanual", "remoteauto"), may_write),
         "setbydevicetransfer": "FALSE",
     }
-    return resource("io", _BASE, f"signals/{path_of(signal)}", State("ios-signal-config-runtime", signal.name, fields))
+    return resource(
+        "io", _IO_BASE, f"signals/{path_of(signal)}", State("ios-signal-config-runtime", signal.name, fields)
+    )
 
 
 def set_signal(controller: Irc5, call: Call) -> None:
     """Write a signal or simulate it; the interrupts of its edge run before the answer."""
     signals = controller.signals
-    signal = signals.get(_name(call))
+    signal = signals.get(_signal_name(call))
     if controller.mode.value != "AUTO" and call.privilege == "none":
         raise Failure(403, Code.REJECT, f"Rejected: signal {signal.name} is not written in manual mode")
     simulated = call.parameter("lstate", "")
@@ -340,13 +342,13 @@ def set_signal(controller: Irc5, call: Call) -> None:
     value = _inverted(controller, signal) if mode in ("invert", "toggle") else call.number("lvalue")
     if mode == "delay":
         signals.get(signal.name)
-        controller.jobs.later(_milliseconds(call, "Delay"), lambda: _write(controller, signal.name, value))
+        controller.jobs.later(_milliseconds(call, "Delay"), lambda: _drive(controller, signal.name, value))
         return
     signals.set(signal.name, value)
     controller.settle()
     if mode == "pulse":
         back = _inverted(controller, signals.get(signal.name))
-        controller.jobs.later(_milliseconds(call, "ActivePulse"), lambda: _write(controller, signal.name, back))
+        controller.jobs.later(_milliseconds(call, "ActivePulse"), lambda: _drive(controller, signal.name, back))
 
 
 def _pulse(controller: Irc5, call: Call, signal: Signal) -> None:
@@ -363,13 +365,13 @@ def _pulse(controller: Irc5, call: Call, signal: Signal) -> None:
     time = 0.0
     for number in range(count):
         time += on
-        controller.jobs.later(time, lambda: _write(controller, signal.name, passive))
+        controller.jobs.later(time, lambda: _drive(controller, signal.name, passive))
         time += off
         if number < count - 1:
-            controller.jobs.later(time, lambda: _write(controller, signal.name, active))
+            controller.jobs.later(time, lambda: _drive(controller, signal.name, active))
 
 
-def _write(controller: Irc5, name: str, value: float) -> None:
+def _drive(controller: Irc5, name: str, value: float) -> None:
     """The end of a delay or pulse; the signal may have gone with a restart meanwhile."""
     if name in controller.signals.names:
         controller.signals.drive(name, value)
@@ -384,17 +386,17 @@ def _inverted(controller: Irc5, signal: Signal) -> float:
 def _milliseconds(call: Call, name: str) -> float:
     """A time of the body [s]."""
     value = call.number(name) if first_value(call.form, name) is not None else 0.0
-    if not 0.0 <= value <= _LONGEST:
-        raise invalid(f"{name} is 0 to {_LONGEST:.0f} ms")
+    if not 0.0 <= value <= _LONGEST_TIME_MS:
+        raise invalid(f"{name} is 0 to {_LONGEST_TIME_MS:.0f} ms")
     return value * 1e-3
 
 
-def _name(call: Call) -> str:
+def _signal_name(call: Call) -> str:
     """The last part: network and device may be left out, and may be wrong for a virtual signal (rws.md §17)."""
     return call.names["signal"].rpartition("/")[2]
 
 
-def _fields(signal: Signal) -> dict[str, str]:
+def _signal_fields(signal: Signal) -> dict[str, str]:
     return {
         "name": signal.name,
         "type": signal.type.value,
@@ -404,7 +406,7 @@ def _fields(signal: Signal) -> dict[str, str]:
     }
 
 
-def _more_fields(signal: Signal) -> dict[str, str]:
+def _physical_fields(signal: Signal) -> dict[str, str]:
     return {
         "phstate": "valid",
         "pvalue": printed(signal.value if signal.physical is None else signal.physical),
@@ -420,7 +422,7 @@ _SIGNALS = "/rw/iosystem/signals"
 _NETWORK = "/rw/iosystem/networks/{network}"
 _DEVICE = "/rw/iosystem/devices/{device:.+}"
 _PROFINET = "/rw/iosystem/devices/{network}/{device}"
-_TYPES = ("DO", "DI", "AO", "AI", "GO", "GI")
+_SIGNAL_TYPES = ("DO", "DI", "AO", "AI", "GO", "GI")
 _CONDITIONS: Values = {
     f"{name}{suffix}": allowed
     for suffix in ("", "2")
@@ -430,7 +432,7 @@ _CONDITIONS: Values = {
         "network": (),
         "category": (),
         "category-pon": (),
-        "type": _TYPES,
+        "type": _SIGNAL_TYPES,
         "invert": ("true", "false", "TRUE", "FALSE"),
         "blocked": ("true", "false", "TRUE", "FALSE"),
     }.items()
@@ -496,9 +498,11 @@ OPERATIONS = (
 )
 
 
-_DIPC = "/rw/dipc/"
-_TITLE = "RobAPI2 DIPC"
-MOST_BYTES = 444
+# Message queues
+
+_DIPC_BASE = "/rw/dipc/"
+_DIPC_TITLE = "RobAPI2 DIPC"
+MOST_DATA_BYTES = 444
 """Of the data of a message."""
 
 MOST_QUEUES = 100
@@ -578,16 +582,16 @@ class MessageService:
         return self._queues.get(name.lower())
 
     def get_queues(self, controller: Irc5, call: Call) -> Page:
-        sizes = entry("dipc-info-li", "info", "", max_body_size=str(MOST_BYTES), max_pkg_size="5000")
+        sizes = entry("dipc-info-li", "info", "", max_body_size=str(MOST_DATA_BYTES), max_pkg_size="5000")
         queues = (entry("dipc-queue-li", queue.name, f"dipc/{queue.name}") for queue in self._queues.values())
         tasks = (entry("dipc-queue-li", f"RMQ_{name}", f"dipc/RMQ_{name}") for name in controller.tasks)
-        return resource(_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
+        return resource(_DIPC_TITLE, "/rw/", "dipc", sizes, *tasks, *queues)
 
     def create(self, controller: Irc5, call: Call) -> None:
         name = call.required("dipc-queue-name")
         size, largest = int(call.number("dipc-queue-size")), int(call.number("dipc-max-msg-size"))
-        if not name or not 1 <= size <= 32767 or not 1 <= largest <= MOST_BYTES:
-            raise invalid(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {MOST_BYTES} bytes")
+        if not name or not 1 <= size <= 32767 or not 1 <= largest <= MOST_DATA_BYTES:
+            raise invalid(f"a queue has a name, a size of 1 to 32767 and messages of 1 to {MOST_DATA_BYTES} bytes")
         if self.find(name) is not None or name.lower() in (f"rmq_{task}".lower() for task in controller.tasks):
             raise invalid(f"there is a queue {name} already")
         if len(self._queues) >= MOST_QUEUES:
@@ -621,7 +625,7 @@ class MessageService:
             "queue-max-msg-size": str(queue.largest),
             "queue-slot-id": str(queue.slot),
         }
-        return resource(_TITLE, _DIPC, queue.name, State("dipc-queue", queue.name, fields))
+        return resource(_DIPC_TITLE, _DIPC_BASE, queue.name, State("dipc-queue", queue.name, fields))
 
     def read(self, controller: Irc5, call: Call) -> Page:
         """The oldest message; an empty page when there is none: the answer does not wait for one."""
@@ -641,7 +645,7 @@ class MessageService:
                 "queue-did": str(sender.slot if sender else 0),
             }
             states.append(State("dipc-read-li", queue.name, fields))
-        return resource(_TITLE, _DIPC, queue.name, *states)
+        return resource(_DIPC_TITLE, _DIPC_BASE, queue.name, *states)
 
     def send(self, controller: Irc5, call: Call) -> None:
         task = next((name for name in controller.tasks if f"RMQ_{name}".lower() == call.names["queue"].lower()), None)

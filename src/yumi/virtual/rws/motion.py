@@ -24,7 +24,7 @@ from yumi.rws.documents import Link, Page, State, first_value
 from yumi.rws.types import Code, Grant, decode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.units import MechanicalUnit, Supervision
-from yumi.virtual.instructions.data import frame, pose_from_rapid, robtarget, wobj_from_rapid
+from yumi.virtual.instructions.data import pose_from_rapid, rapid_from_pose, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.rws.operations import (
     Call,
@@ -507,7 +507,7 @@ def get_axis_pose(controller: Irc5, call: Call) -> Page:
     position = controller.arm_of(unit).position
     last = CHAIN_AXES.index(logical)
     pose = tool0_to_body(unit.side, joints([angle if index <= last else 0.0 for index, angle in enumerate(position)]))
-    trans, rot = frame(pose)
+    trans, rot = rapid_from_pose(pose)
     fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
     fields |= {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}
     number = call.names["axis"]

@@ -1,8 +1,8 @@
-"""The operations of Robot Web Services as one table: method, path, action, handler, and what is checked before it.
+"""The operations of Robot Web Services as one table, and who may do them: users, their grants, masterships.
 
-Each service (``panel``, ``rapid``, …) is a module with its handlers and its part of the table.
-
-``/users`` and ``/rw/mastership``: who a client is, what it may do and what it holds (reference/rws.md §10).
+A line of the table is method, path, action and handler, and what is checked before it. Each service (``panel``,
+``rapid``, …) has its handlers and its part of the table; those of ``/users`` and ``/rw/mastership``
+(reference/rws.md §10) are here, since they know who a client is, what it may do and what it holds.
 """
 
 from __future__ import annotations
@@ -160,13 +160,11 @@ Answer = Page | HttpReply | None
 Handler = Callable[[Irc5, Call], Answer]
 """Answers a call; raises Failure or Refused."""
 
-
 Preparation = Callable[[Irc5, Call], Callable[[], object] | None]
 """Work that may be done while the robot goes on, and that the handler then finds done; None where nothing takes long.
 
 It reads the controller, raises Failure, and changes nothing; the work touches nothing that the robot changes.
 """
-
 
 Values = Mapping[str, tuple[str, ...]]
 """Parameters by name, each with the texts it may be; none where any text may come."""
@@ -324,8 +322,8 @@ def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> S
     return State(type, title, named, (Link("self", title if href is None else href),))
 
 
-_BASE = "/users/"
-_MASTERSHIP = "/rw/mastership/"
+_USERS_BASE = "/users/"
+_MASTERSHIP_BASE = "/rw/mastership/"
 
 Domains = Mapping[str, str]
 """What one client at a time may change: the names a client knows, by those of the table of operations."""
@@ -340,10 +338,10 @@ _POLL_LIFE = 10.0
 PENDANT_TIME = 1.0
 """The operator at the FlexPendant, whom this controller does not have, grants a request after this time [s]."""
 
-_TAKING = Grant.RAPID_DEBUG
+_MASTERSHIP_GRANT = Grant.RAPID_DEBUG
 """What a client is granted that takes a mastership."""
 
-_RESTARTS = {"restart": Grant.REMOTE_WARMSTART, "shutdown": Grant.REMOTE_WARMSTART, "bstart": Grant.RESTORE}
+_RESTART_GRANTS = {"restart": Grant.REMOTE_WARMSTART, "shutdown": Grant.REMOTE_WARMSTART, "bstart": Grant.RESTORE}
 """By the mode of a restart; all others change which system runs, or its state."""
 
 
@@ -365,7 +363,7 @@ class User:
 
 
 @dataclass(slots=True)
-class _Request:
+class _PrivilegeRequest:
     """A client's privilege, asked for or granted.
 
     Attributes:
@@ -392,7 +390,7 @@ class Users:
     def __init__(self, granted: Collection[Grant] = GRANTS) -> None:
         self._users: dict[str, User] = {}
         self._counted = 0
-        self._request: _Request | None = None
+        self._request: _PrivilegeRequest | None = None
         self._now = -inf
         self.granted = granted
         self.operations = (
@@ -490,7 +488,7 @@ class Users:
 
     def get_grants(self, controller: Irc5, call: Call) -> Page:
         names = [each.value for each in Grant if each in self.granted]
-        return resource("ROBAPI2 User", _BASE, "grants", *(State("user-grant", name, {}) for name in names))
+        return resource("ROBAPI2 User", _USERS_BASE, "grants", *(State("user-grant", name, {}) for name in names))
 
     def check(self, operation: Operation, controller: Irc5, call: Call) -> None:
         """Refuse an operation that the user is not granted.
@@ -500,7 +498,7 @@ class Users:
         """
         needed = operation.needs_grant
         if needed is Grant.REMOTE_WARMSTART:
-            needed = _RESTARTS.get(call.parameter("restart-mode", "restart"), Grant.SYSTEM_ADMINISTRATION)
+            needed = _RESTART_GRANTS.get(call.parameter("restart-mode", "restart"), Grant.SYSTEM_ADMINISTRATION)
         if needed is Grant.SPEED_DECREASE and (
             controller.mode is not OperatingMode.AUTO or controller.speed_ratio < _FULL_SPEED
         ):
@@ -530,14 +528,14 @@ class Users:
             "rmmpheldbyme": "TRUE" if self.privilege(call.session) != "none" else "FALSE",
         }
         return resource(
-            "ROBAPI2 User", _BASE, "rmmp", State("user-rmmp", "state", fields, (Link("poll", "rmmp/poll"),))
+            "ROBAPI2 User", _USERS_BASE, "rmmp", State("user-rmmp", "state", fields, (Link("poll", "rmmp/poll"),))
         )
 
     def ask(self, controller: Irc5, call: Call) -> HttpReply:
         held = self._request
         if held is not None and held.session != call.session:
             raise Failure(403, Code.RESOURCE_HELD, "another client has asked for the privilege or holds it")
-        self._request = _Request(call.session, call.required("privilege"), self._now, self._now)
+        self._request = _PrivilegeRequest(call.session, call.required("privilege"), self._now, self._now)
         return HttpReply(202, (("Location", "/users/rmmp/poll"), ("Content-Type", "application/xhtml+xml")))
 
     def grant(self, controller: Irc5, call: Call) -> None:
@@ -560,7 +558,7 @@ class Users:
         held.polled_at = self._now
         code = {"PENDING": 294914, "GRANTED": 294915, "DENIED": int(Code.DENIED)}[held.status]
         state = State("user-rmmp-poll", "poll", {"code": str(code), "status": held.status})
-        return resource("ROBAPI2 User", _BASE, "rmmp/poll", state)
+        return resource("ROBAPI2 User", _USERS_BASE, "rmmp/poll", state)
 
 
 def refuse_in_manual_mode(controller: Irc5, call: Call, what: str) -> None:
@@ -588,10 +586,10 @@ class Mastership:
         path = "/rw/mastership/{domain}"
         self.operations = (
             Operation("GET", "/rw/mastership", self.get_domains),
-            Operation("POST", "/rw/mastership", self.request_all, "request", needs_grant=_TAKING),
+            Operation("POST", "/rw/mastership", self.request_all, "request", needs_grant=_MASTERSHIP_GRANT),
             Operation("POST", "/rw/mastership", self.release_all, "release"),
             Operation("GET", path, self.get_domain),
-            Operation("POST", path, self.request, "request", needs_grant=_TAKING),
+            Operation("POST", path, self.request, "request", needs_grant=_MASTERSHIP_GRANT),
             Operation("POST", path, self.release, "release"),
         )
 
@@ -626,13 +624,15 @@ class Mastership:
             raise Failure(403, Code.RESOURCE_HELD, f"Requested resource is held by someone else: {domain}")
 
     def get_domains(self, controller: Irc5, call: Call) -> Page:
-        return resource("MasterShip", _MASTERSHIP, "", *(entry("msh-resource-li", domain) for domain in self.names))
+        return resource(
+            "MasterShip", _MASTERSHIP_BASE, "", *(entry("msh-resource-li", domain) for domain in self.names)
+        )
 
     def get_domain(self, controller: Irc5, call: Call) -> Page:
         domain = self._domain(call)
         is_own = self._holders.get(domain) == call.session
         fields = {**self.fields(domain), "mastershipheldbyme": "TRUE" if is_own else "FALSE"}
-        return resource("MasterShip", _MASTERSHIP, domain, State("msh-resource", domain, fields))
+        return resource("MasterShip", _MASTERSHIP_BASE, domain, State("msh-resource", domain, fields))
 
     def fields(self, domain: str) -> dict[str, str]:
         """Who holds a domain."""
@@ -662,7 +662,7 @@ class Mastership:
         Raises:
             Failure: 403.
         """
-        self._users.check_grant(_TAKING)
+        self._users.check_grant(_MASTERSHIP_GRANT)
         refuse_in_manual_mode(controller, call, "the mastership")
         for domain in domains:
             self._exclude_others(domain, call.session)

@@ -1,6 +1,6 @@
-"""``/rw/rapid``: execution, tasks, programs, pointers and dialogs (reference/rws.md §6); modules are in ``symbols``.
+"""``/rw/rapid``: execution, tasks, programs, pointers, questions to the operator (reference/rws.md §6).
 
-``/rw/rapid/uiinstr``: the question that a program asks the operator, and its answer (reference/rws.md §6.8).
+Modules and symbols are in ``symbols``.
 """
 
 from __future__ import annotations
@@ -729,6 +729,8 @@ OPERATIONS = (
 )
 
 
+# Questions to the operator
+
 _ANSWER = "Result"
 """The parameter of a question that is its answer."""
 
@@ -737,10 +739,12 @@ def get_dialogs(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "uiinstr", entry("rap-uiactive-li", "active", "uiinstr/active"))
 
 
-def get_active(controller: Irc5, call: Call) -> Page:
+def get_active_dialog(controller: Irc5, call: Call) -> Page:
     """The newest question without an answer."""
-    fields = dialog_fields(_active(controller))
-    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", fields))
+    found = controller.devices.pendant.active
+    if found is None:
+        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
+    return resource("rapid", f"{_BASE}uiinstr/", "active", State("rap-uiactive-li", "active", dialog_fields(found)))
 
 
 def dialog_fields(dialog: Dialog) -> dict[str, str]:
@@ -748,29 +752,29 @@ def dialog_fields(dialog: Dialog) -> dict[str, str]:
     return {
         "instr": dialog.instruction,
         "event": "POST",
-        "stack": _stack(dialog),
+        "stack": _dialog_stack(dialog),
         "execlv": "User",
         "msg": "\n".join(line for line in (dialog.header, *dialog.lines) if line),
     }
 
 
-def get_parameters(controller: Irc5, call: Call) -> Page:
+def get_dialog_parameters(controller: Irc5, call: Call) -> Page:
     """What the question shows, and the parameter that takes the answer."""
-    values = _values(_named(controller, call.names["stack"]))
+    values = _dialog_values(_dialog_at(controller, call.names["stack"]))
     states = (State("rap-uiparam-li", name, {"name": name, "value": value}) for name, value in values.items())
     return resource("rapid", f"{_BASE}uiinstr/active/", f"params/{call.names['stack']}", *states)
 
 
-def get_parameter(controller: Irc5, call: Call) -> Page:
+def get_dialog_parameter(controller: Irc5, call: Call) -> Page:
     stack, _, parameter = call.names["stack"].rpartition("/")
-    for name, value in _values(_named(controller, stack)).items():
+    for name, value in _dialog_values(_dialog_at(controller, stack)).items():
         if name.lower() == parameter.lower():
             state = State("rap-uiparam", name, {"value": value})
             return resource("rapid", f"{_BASE}uiinstr/active/", f"param/{stack}/{name}", state)
     raise Failure(404, Code.NO_SUCH_SYMBOL, f"the question has no parameter {parameter[:50]!r}")
 
 
-def _values(dialog: Dialog) -> dict[str, str]:
+def _dialog_values(dialog: Dialog) -> dict[str, str]:
     return {
         "Header": dialog.header,
         **{f"MsgLine{number}": line for number, line in enumerate(dialog.lines, 1)},
@@ -789,10 +793,10 @@ def _values(dialog: Dialog) -> dict[str, str]:
     }
 
 
-def set_parameter(controller: Irc5, call: Call) -> None:
+def answer_dialog(controller: Irc5, call: Call) -> None:
     """Answer the question."""
     stack, _, parameter = call.names["stack"].rpartition("/")
-    dialog = _named(controller, stack)
+    dialog = _dialog_at(controller, stack)
     if parameter.lower() != _ANSWER.lower():
         raise invalid(f"the answer to {dialog.instruction} is the parameter {_ANSWER}, not {parameter!r}")
     try:
@@ -801,28 +805,21 @@ def set_parameter(controller: Irc5, call: Call) -> None:
         raise invalid(str(error)) from error
 
 
-def _stack(dialog: Dialog) -> str:
+def _dialog_stack(dialog: Dialog) -> str:
     return f"RAPID/{dialog.task}/%${dialog.number}"
 
 
-def _active(controller: Irc5) -> Dialog:
-    found = controller.devices.pendant.active
-    if found is None:
-        raise Failure(404, Code.UI_NOT_ACTIVE, "no program asks anything")
-    return found
-
-
-def _named(controller: Irc5, stack: str) -> Dialog:
+def _dialog_at(controller: Irc5, stack: str) -> Dialog:
     for dialog in controller.devices.pendant.dialogs.values():
-        if _stack(dialog).lower() == stack.lower():
+        if _dialog_stack(dialog).lower() == stack.lower():
             return dialog
     raise Failure(404, Code.FAIL, f"no program asks anything at {stack!r}")
 
 
 DIALOG_OPERATIONS = (
     Operation("GET", "/rw/rapid/uiinstr", get_dialogs),
-    Operation("GET", "/rw/rapid/uiinstr/active", get_active),
-    Operation("GET", "/rw/rapid/uiinstr/active/params/{stack:.+}", get_parameters),
-    Operation("GET", "/rw/rapid/uiinstr/active/param/{stack:.+}", get_parameter),
-    Operation("POST", "/rw/rapid/uiinstr/active/param/{stack:.+}", set_parameter, "set", {"value": ()}),
+    Operation("GET", "/rw/rapid/uiinstr/active", get_active_dialog),
+    Operation("GET", "/rw/rapid/uiinstr/active/params/{stack:.+}", get_dialog_parameters),
+    Operation("GET", "/rw/rapid/uiinstr/active/param/{stack:.+}", get_dialog_parameter),
+    Operation("POST", "/rw/rapid/uiinstr/active/param/{stack:.+}", answer_dialog, "set", {"value": ()}),
 )

@@ -57,15 +57,12 @@ from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
 OPERATIONS = (
     *system.OPERATIONS,
     *ctrl.OPERATIONS,
-    *system.PANEL_OPERATIONS,
     *rapid.OPERATIONS,
     *symbols.OPERATIONS,
     *rapid.DIALOG_OPERATIONS,
     *io.OPERATIONS,
     *motion.OPERATIONS,
     *configuration.OPERATIONS,
-    *system.EVENT_LOG_OPERATIONS,
-    *configuration.FILE_OPERATIONS,
 )
 """All that depend on the controller alone; mastership and subscriptions belong to the sessions of one server."""
 

@@ -132,7 +132,7 @@ def _field(path: str, type: str, name: str, title: str, read: Callable[[], str])
 def panel_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:
     name = names["name"].lower()
     title = "collisiondetectstate" if name == "coldetstate" else name
-    return _field(path, f"pnl-{name}-ev", name, title, lambda: system.VALUES[name](controller))
+    return _field(path, f"pnl-{name}-ev", name, title, lambda: system.PANEL_VALUES[name](controller))
 
 
 def execution_source(controller: Irc5, path: str, names: Mapping[str, str]) -> Source:

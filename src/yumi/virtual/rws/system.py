@@ -1,8 +1,7 @@
-"""``/``, ``/rw``, ``/rw/system``, ``/rw/retcode`` and ``/rw/devices``: services, RobotWare, codes (rws.md §4).
+"""The controller and its state: ``/``, ``/rw/system``, ``/rw/retcode``, ``/rw/devices``, ``/rw/panel``, ``/rw/elog``.
 
-``/rw/panel``: motors, operating mode, speed ratio (reference/rws.md §5).
-
-``/rw/elog``: the event log (reference/rws.md §12).
+Services, RobotWare, options and codes (reference/rws.md §4); motors, operating mode and speed ratio (§5); the event log
+(§12).
 """
 
 from __future__ import annotations
@@ -20,8 +19,9 @@ from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, not_there, resource
 
-_ROOT = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
-_SERVICES = (
+_ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
+
+_RW_SERVICES = (
     "cfg",
     "devices",
     "dipc",
@@ -34,16 +34,50 @@ _SERVICES = (
     "retcode",
     "system",
 )
+
 _BUILD, _BUILT = "1031", "2020-01-01"  # what RobotWare says of its build; clients show it
 _NO_VISION = "integrated vision"
 
+PANEL_VALUES: Mapping[str, Callable[[Irc5], str]] = {
+    "ctrlstate": lambda controller: controller.controller_state.value,
+    "opmode": lambda controller: controller.mode.value,
+    "speedratio": lambda controller: str(controller.speed_ratio),
+    "coldetstate": lambda controller: controller.collision_state.value,
+}
+"""What the panel shows, to read and to subscribe to."""
+
+_RESTART_MODES = ("restart", "istart", "pstart", "bstart")
+_MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
+_LOG_BASE = "/rw/elog/"
+_LOG_PAGE = 50
+
+_LOG_DOMAINS: Mapping[int, str] = {
+    0: "Common",
+    1: "Operational",
+    2: "System",
+    3: "Hardware",
+    4: "Program",
+    5: "Motion",
+    7: "I/O & Communication",
+    8: "User",
+    9: "Safety",
+    10: "Internal",
+    11: "Process",
+    12: "Configuration",
+    15: "RAPID",
+    17: "Connected Services",
+}
+
+
+# Services and RobotWare
+
 
 def get_root(controller: Irc5, call: Call) -> Page:
-    return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT))
+    return resource("", "/", "", *(entry("srvlst-service-li", name) for name in _ROOT_SERVICES))
 
 
 def get_services(controller: Irc5, call: Call) -> Page:
-    return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _SERVICES))
+    return resource("rw", "/rw/", "", *(entry("rwservice-li", name) for name in _RW_SERVICES))
 
 
 def get_system(controller: Irc5, call: Call) -> Page:
@@ -153,18 +187,21 @@ def reset_energy(controller: Irc5, call: Call) -> None:
     controller.energy_reset_at = controller.time
 
 
+# Return codes and devices
+
+
 def get_codes(controller: Irc5, call: Call) -> Page:
     """All return codes, or the one that is asked for."""
     asked = call.option("code")
     if asked is None:
-        return resource("retcode", "/rw/", "retcode", *(_code("err-desc-li", code) for code in Code))
+        return resource("retcode", "/rw/", "retcode", *(_code_state("err-desc-li", code) for code in Code))
     known = next((code for code in Code if str(int(code)) == asked), None)
     if known is None:
         raise Failure(404, Code.NO_DATA, f"there is no return code {asked[:20]!r}")
-    return resource("retcode", "/rw/", f"retcode?code={asked}", _code("err-desc", known))
+    return resource("retcode", "/rw/", f"retcode?code={asked}", _code_state("err-desc", known))
 
 
-def _code(type: str, code: Code) -> State:
+def _code_state(type: str, code: Code) -> State:
     description = sentence(code) or code.name.replace("_", " ").capitalize()
     fields = {
         "name": f"SYS_CTRL_E_{code.name}",
@@ -175,7 +212,7 @@ def _code(type: str, code: Code) -> State:
     return State(type, str(int(code)), fields)
 
 
-def _devices(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
+def _device_tree(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
     """The tree of ``/rw/devices``: properties by the path of a device."""
     identity = controller.identity
     units = {f"HW_DEVICES/MECHANICAL_UNITS/{unit.name}": {"Type": unit.type} for unit in controller.units}
@@ -192,7 +229,7 @@ def _devices(controller: Irc5) -> Mapping[str, Mapping[str, str]]:
 
 def get_devices(controller: Irc5, call: Call) -> Page:
     place = call.names.get("device", "").upper().strip("/")
-    tree = _devices(controller)
+    tree = _device_tree(controller)
     if place and place not in tree:
         raise Failure(404, Code.FAIL, f"there is no device {place[:80]!r}")
     inside = [path for path in tree if path.rpartition("/")[0] == place]
@@ -205,7 +242,168 @@ def get_devices(controller: Irc5, call: Call) -> Page:
     return resource("devices", "/rw/", f"devices/{place}".rstrip("/"), state, *properties)
 
 
+# The panel
+
+
+def get_panel(controller: Irc5, call: Call) -> Page:
+    return resource(
+        "panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in PANEL_VALUES)
+    )
+
+
+def get_panel_value(controller: Irc5, call: Call) -> Page:
+    name = call.path[-1]
+    text = PANEL_VALUES[name](controller)
+    if name == "coldetstate":  # the other title and the trailing blank are ABB's
+        state = State("pnl-coldetstate", "collisiondetectstate", {"coldetstate ": text})
+    else:
+        state = State(f"pnl-{name}", name, {name: text})
+    return resource("panel", "/rw/panel/", name, state)
+
+
+def set_controller_state(controller: Irc5, call: Call) -> None:
+    controller.set_motors(call.required("ctrl-state") == "motoron")
+
+
+def set_speed_ratio(controller: Irc5, call: Call) -> None:
+    controller.set_speed_ratio(int(call.number("speed-ratio")))
+
+
+def acknowledge(controller: Irc5, call: Call) -> None:
+    what = call.required("opmode")
+    if what != "coldet":
+        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
+    controller.acknowledge_collision()
+
+
+def get_mode_lock(controller: Irc5, call: Call) -> Page:
+    fields = {"lock-state": controller.own_settings.mode_lock}
+    return resource("panel", "/rw/panel/", "opmode", State("pnl-opmode-lock", "lock-state", fields))
+
+
+def lock_mode(controller: Irc5, call: Call) -> None:
+    own, pin = controller.own_settings, call.required("pin")
+    if not re.fullmatch(r"\d{4}", pin):
+        raise invalid("pin has four digits")
+    if own.mode_lock != "unlocked":
+        raise Failure(403, Code.DENIED, "the operating mode is locked already")
+    own.pin = pin
+    own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
+
+
+def unlock_mode(controller: Irc5, call: Call) -> None:
+    own = controller.own_settings
+    if own.mode_lock == "unlocked":
+        raise invalid("the operating mode is not locked")
+    if call.required("pin") != own.pin:
+        raise Failure(403, Code.DENIED, "the pin is another one")
+    own.mode_lock, own.pin = "unlocked", ""
+
+
+def select_mode(controller: Irc5, call: Call) -> None:
+    """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
+    mode = _MODES[call.required("opmode")]
+    if not controller.identity.is_virtual:
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
+    if controller.own_settings.mode_lock != "unlocked":
+        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
+    controller.select_mode(mode)
+
+
+# The event log
+
+
+def get_logs(controller: Irc5, call: Call) -> Page:
+    states = []
+    for number, name in _LOG_DOMAINS.items():
+        fields = {} if call.option("lang") is None else {"domain-name": name}
+        if call.option("resource") == "count":
+            fields["numevts"] = str(len(controller.events.entries(number)))
+        fields["buffsize"] = "20" if number else "1000"
+        states.append(State("elog-domain-li", str(number), fields, (Link("self", str(number)),)))
+    return resource("Elog", _LOG_BASE, "", *states)
+
+
+def get_events(controller: Irc5, call: Call) -> Page:
+    """Newest first, in pages counted from 1."""
+    domain = _log_domain(call)
+    entries = controller.events.entries(domain)
+    asked, since = call.option("resource"), call.number_option("elogseqnum", -1)
+    if asked in ("count", "info"):
+        fields = {"numevts": str(len(entries))}
+        if asked == "info":
+            fields["buffsize"] = "20" if domain else "1000"
+        return resource("Elog", _LOG_BASE, str(domain), State("elog-domain", str(domain), fields))
+    if since >= 0:
+        entries = tuple(event for event in entries if event.number >= since)
+    ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
+    size = min(call.number_option("limit", _LOG_PAGE), _LOG_PAGE)
+    number = max(call.number_option("start", 1), 1)
+    shown = ordered[(number - 1) * size : number * size]
+    asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
+    more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
+    states = (_event_state("elog-message-li", domain, event, call) for event in shown)
+    return resource("Elog", _LOG_BASE, str(domain), *states, next_href=more)
+
+
+def get_event(controller: Irc5, call: Call) -> Page:
+    domain, number = _log_domain(call), call.names["number"]
+    for event in controller.events.entries(domain):
+        if str(event.number) == number:
+            state = _event_state("elog-message", domain, event, call)
+            return resource("Elog", _LOG_BASE, f"{domain}/{number}", state)
+    raise Failure(404, Code.FAIL, f"domain {domain} has no message {number}")
+
+
+def _log_domain(call: Call) -> int:
+    text = call.names["domain"]
+    if text not in map(str, _LOG_DOMAINS):
+        raise Failure(404, Code.FAIL, f"there is no event log {text!r}")
+    return int(text)
+
+
+def _event_state(type: str, domain: int, event: Event, call: Call) -> State:
+    fields = {
+        "msgtype": str(int(event.type)),
+        "code": str(event.code),
+        "src-name": "MC0",
+        "tstamp": datetime.fromtimestamp(event.time, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S"),
+        "argc": str(len(event.arguments)),
+    }
+    if call.option("lang") is not None and call.option("resource") == "title":
+        fields["title"] = event.title
+    elif call.option("lang") is not None:
+        texts = {"title": event.title, "desc": event.description}
+        fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
+    title = f"/rw/elog/{domain}/{event.number}"
+    arguments = tuple(Argument("string", text) for text in event.arguments)
+    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
+
+
+def save_events(controller: Irc5, call: Call) -> HttpReply:
+    path = path_of_file(call.required("path"))
+
+    def work() -> None:
+        events = reversed(controller.events.entries())
+        lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in events)
+        controller.files[path] = "\n".join(lines) + "\n"
+
+    job = controller.jobs.begin(work, 1.0)
+    return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
+
+
 _VISION = "/rw/vision"
+_LANG: Values = {"lang": ()}
+
+_LOG_QUERY: Values = {
+    **_LANG,
+    "resource": ("count", "info", "title"),
+    "order": ("lifo", "fifo"),
+    "elogseqnum": (),
+    "start": (),
+    "limit": (),
+}
+
 OPERATIONS = (
     Operation("GET", "/", get_root),
     Operation("GET", "/rw", get_services),
@@ -231,90 +429,14 @@ OPERATIONS = (
         for action in ("set-cameraname", "set-user-credential", "set-ip-settings")
     ),
     Operation("POST", f"{_VISION}/{{name}}", not_there, "trigger", lacks=_NO_VISION),
-)
-
-
-VALUES: Mapping[str, Callable[[Irc5], str]] = {
-    "ctrlstate": lambda controller: controller.controller_state.value,
-    "opmode": lambda controller: controller.mode.value,
-    "speedratio": lambda controller: str(controller.speed_ratio),
-    "coldetstate": lambda controller: controller.collision_state.value,
-}
-"""What the panel shows, to read and to subscribe to."""
-
-_RESTARTS = ("restart", "istart", "pstart", "bstart")
-
-
-def get_panel(controller: Irc5, call: Call) -> Page:
-    return resource("panel", "/rw/", "panel", *(entry(f"pnl-{name}-li", name, f"panel/{name}") for name in VALUES))
-
-
-def get_value(controller: Irc5, call: Call) -> Page:
-    name = call.path[-1]
-    text = VALUES[name](controller)
-    if name == "coldetstate":  # the other title and the trailing blank are ABB's
-        state = State("pnl-coldetstate", "collisiondetectstate", {"coldetstate ": text})
-    else:
-        state = State(f"pnl-{name}", name, {name: text})
-    return resource("panel", "/rw/panel/", name, state)
-
-
-def set_controller_state(controller: Irc5, call: Call) -> None:
-    controller.set_motors(call.required("ctrl-state") == "motoron")
-
-
-def set_speed_ratio(controller: Irc5, call: Call) -> None:
-    controller.set_speed_ratio(int(call.number("speed-ratio")))
-
-
-def acknowledge(controller: Irc5, call: Call) -> None:
-    what = call.required("opmode")
-    if what != "coldet":
-        raise Failure(403, Code.MODE_REJECT, f"{what} is acknowledged on the FlexPendant")
-    controller.acknowledge_collision()
-
-
-def get_lock_state(controller: Irc5, call: Call) -> Page:
-    fields = {"lock-state": controller.own_settings.mode_lock}
-    return resource("panel", "/rw/panel/", "opmode", State("pnl-opmode-lock", "lock-state", fields))
-
-
-def lock(controller: Irc5, call: Call) -> None:
-    own, pin = controller.own_settings, call.required("pin")
-    if not re.fullmatch(r"\d{4}", pin):
-        raise invalid("pin has four digits")
-    if own.mode_lock != "unlocked":
-        raise Failure(403, Code.DENIED, "the operating mode is locked already")
-    own.pin = pin
-    own.mode_lock = "permlocked" if call.required("permanent") == "1" else "locked"
-
-
-def unlock(controller: Irc5, call: Call) -> None:
-    own = controller.own_settings
-    if own.mode_lock == "unlocked":
-        raise invalid("the operating mode is not locked")
-    if call.required("pin") != own.pin:
-        raise Failure(403, Code.DENIED, "the pin is another one")
-    own.mode_lock, own.pin = "unlocked", ""
-
-
-_MODES = {"auto": OperatingMode.AUTO, "man": OperatingMode.MANUAL_REDUCED, "manfs": OperatingMode.MANUAL_FULL}
-
-
-def select_mode(controller: Irc5, call: Call) -> None:
-    """The mode is selected by a key on the controller; RobotStudio's controllers alone have none."""
-    mode = _MODES[call.required("opmode")]
-    if not controller.identity.is_virtual:
-        raise Failure(403, Code.MODE_REJECT, "the operating mode is selected by the key on the controller")
-    if controller.own_settings.mode_lock != "unlocked":
-        raise Failure(403, Code.MODE_REJECT, "the operating mode is locked")
-    controller.select_mode(mode)
-
-
-PANEL_OPERATIONS = (
     Operation("GET", "/rw/panel", get_panel),
     Operation(
-        "POST", "/rw/panel", ctrl.restart, "restart", {"restart-mode": _RESTARTS}, needs_grant=Grant.REMOTE_WARMSTART
+        "POST",
+        "/rw/panel",
+        ctrl.restart,
+        "restart",
+        {"restart-mode": _RESTART_MODES},
+        needs_grant=Grant.REMOTE_WARMSTART,
     ),
     Operation(
         "POST",
@@ -324,7 +446,7 @@ PANEL_OPERATIONS = (
         {"lang-code": ()},
         needs_grant=Grant.CONTROLLER_PROPERTIES_WRITE,
     ),
-    *(Operation("GET", f"/rw/panel/{name}", get_value) for name in VALUES),
+    *(Operation("GET", f"/rw/panel/{name}", get_panel_value) for name in PANEL_VALUES),
     Operation(
         "POST",
         "/rw/panel/ctrlstate",
@@ -334,9 +456,9 @@ PANEL_OPERATIONS = (
     ),
     Operation("POST", "/rw/panel/opmode", select_mode, values={"opmode": tuple(_MODES)}, status=403),
     Operation("POST", "/rw/panel/opmode", acknowledge, "acknowledge", {"opmode": ("auto", "manf", "coldet")}),
-    Operation("GET", "/rw/panel/opmode", get_lock_state, resource="lock-state"),
-    Operation("POST", "/rw/panel/opmode", lock, "lock", {"pin": (), "permanent": ("0", "1")}),
-    Operation("POST", "/rw/panel/opmode", unlock, "unlock", {"pin": ()}),
+    Operation("GET", "/rw/panel/opmode", get_mode_lock, resource="lock-state"),
+    Operation("POST", "/rw/panel/opmode", lock_mode, "lock", {"pin": (), "permanent": ("0", "1")}),
+    Operation("POST", "/rw/panel/opmode", unlock_mode, "unlock", {"pin": ()}),
     Operation(
         "POST",
         "/rw/panel/speedratio",
@@ -345,119 +467,7 @@ PANEL_OPERATIONS = (
         {"speed-ratio": ()},
         needs_grant=Grant.SPEED_DECREASE,
     ),
-)
-
-
-_BASE = "/rw/elog/"
-_PAGE = 50
-_DOMAINS: Mapping[int, str] = {
-    0: "Common",
-    1: "Operational",
-    2: "System",
-    3: "Hardware",
-    4: "Program",
-    5: "Motion",
-    7: "I/O & Communication",
-    8: "User",
-    9: "Safety",
-    10: "Internal",
-    11: "Process",
-    12: "Configuration",
-    15: "RAPID",
-    17: "Connected Services",
-}
-
-
-def get_domains(controller: Irc5, call: Call) -> Page:
-    states = []
-    for number, name in _DOMAINS.items():
-        fields = {} if call.option("lang") is None else {"domain-name": name}
-        if call.option("resource") == "count":
-            fields["numevts"] = str(len(controller.events.entries(number)))
-        fields["buffsize"] = "20" if number else "1000"
-        states.append(State("elog-domain-li", str(number), fields, (Link("self", str(number)),)))
-    return resource("Elog", _BASE, "", *states)
-
-
-def get_messages(controller: Irc5, call: Call) -> Page:
-    """Newest first, in pages counted from 1."""
-    domain = _number(call)
-    entries = controller.events.entries(domain)
-    asked, since = call.option("resource"), call.number_option("elogseqnum", -1)
-    if asked in ("count", "info"):
-        fields = {"numevts": str(len(entries))}
-        if asked == "info":
-            fields["buffsize"] = "20" if domain else "1000"
-        return resource("Elog", _BASE, str(domain), State("elog-domain", str(domain), fields))
-    if since >= 0:
-        entries = tuple(event for event in entries if event.number >= since)
-    ordered = tuple(reversed(entries)) if call.option("order") == "fifo" else entries
-    size = min(call.number_option("limit", _PAGE), _PAGE)
-    number = max(call.number_option("start", 1), 1)
-    shown = ordered[(number - 1) * size : number * size]
-    asked_for = "".join(f"{name}={text}&" for name, text in call.query if name in ("lang", "order", "resource"))
-    more = f"{domain}?{asked_for}start={number + 1}&limit={size}" if number * size < len(ordered) else None
-    states = (_message("elog-message-li", domain, event, call) for event in shown)
-    return resource("Elog", _BASE, str(domain), *states, next_href=more)
-
-
-def get_message(controller: Irc5, call: Call) -> Page:
-    domain, number = _number(call), call.names["number"]
-    for event in controller.events.entries(domain):
-        if str(event.number) == number:
-            state = _message("elog-message", domain, event, call)
-            return resource("Elog", _BASE, f"{domain}/{number}", state)
-    raise Failure(404, Code.FAIL, f"domain {domain} has no message {number}")
-
-
-def _number(call: Call) -> int:
-    text = call.names["domain"]
-    if text not in map(str, _DOMAINS):
-        raise Failure(404, Code.FAIL, f"there is no event log {text!r}")
-    return int(text)
-
-
-def _message(type: str, domain: int, event: Event, call: Call) -> State:
-    fields = {
-        "msgtype": str(int(event.type)),
-        "code": str(event.code),
-        "src-name": "MC0",
-        "tstamp": datetime.fromtimestamp(event.time, timezone.utc).strftime("%Y-%m-%d T %H:%M:%S"),
-        "argc": str(len(event.arguments)),
-    }
-    if call.option("lang") is not None and call.option("resource") == "title":
-        fields["title"] = event.title
-    elif call.option("lang") is not None:
-        texts = {"title": event.title, "desc": event.description}
-        fields |= {**texts, "conseqs": "", "causes": "", "actions": ""}
-    title = f"/rw/elog/{domain}/{event.number}"
-    arguments = tuple(Argument("string", text) for text in event.arguments)
-    return State(type, title, fields, (Link("self", f"{domain}/{event.number}"),), arguments=arguments)
-
-
-def save_raw(controller: Irc5, call: Call) -> HttpReply:
-    path = path_of_file(call.required("path"))
-
-    def work() -> None:
-        events = reversed(controller.events.entries())
-        lines = (f"{e.number} {e.time:.3f} {int(e.type)} {e.code} {e.title} {e.description}" for e in events)
-        controller.files[path] = "\n".join(lines) + "\n"
-
-    job = controller.jobs.begin(work, 1.0)
-    return HttpReply(202, (("Location", f"/progress/{job.number}"), ("Content-Type", Form.XHTML.value)))
-
-
-_LANG: Values = {"lang": ()}
-_DOMAIN_QUERY: Values = {
-    **_LANG,
-    "resource": ("count", "info", "title"),
-    "order": ("lifo", "fifo"),
-    "elogseqnum": (),
-    "start": (),
-    "limit": (),
-}
-EVENT_LOG_OPERATIONS = (
-    Operation("GET", "/rw/elog", get_domains, query={**_LANG, "resource": ("count",)}),
+    Operation("GET", "/rw/elog", get_logs, query={**_LANG, "resource": ("count",)}),
     Operation(
         "POST",
         "/rw/elog",
@@ -465,14 +475,14 @@ EVENT_LOG_OPERATIONS = (
         "clearall",
         needs_grant=Grant.EVENTLOG_CLEAR,
     ),
-    Operation("POST", "/rw/elog", save_raw, "saveraw", {"path": ()}, status=202, needs_grant=Grant.FTP_WRITE),
-    Operation("GET", "/rw/elog/{domain}", get_messages, query=_DOMAIN_QUERY),
+    Operation("POST", "/rw/elog", save_events, "saveraw", {"path": ()}, status=202, needs_grant=Grant.FTP_WRITE),
+    Operation("GET", "/rw/elog/{domain}", get_events, query=_LOG_QUERY),
     Operation(
         "POST",
         "/rw/elog/{domain}",
-        lambda controller, call: controller.events.clear(_number(call)),
+        lambda controller, call: controller.events.clear(_log_domain(call)),
         "clear",
         needs_grant=Grant.EVENTLOG_CLEAR,
     ),
-    Operation("GET", "/rw/elog/{domain}/{number}", get_message, query=_LANG),
+    Operation("GET", "/rw/elog/{domain}/{number}", get_event, query=_LANG),
 )

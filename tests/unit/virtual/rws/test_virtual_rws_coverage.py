@@ -12,7 +12,7 @@ import pytest
 
 from rws_examples import EXAMPLES, Example, Session, content_type, operation_of
 from yumi.rws.documents import Link, State, read_page, read_status
-from yumi.virtual.rws.http import _FIELD_NAMES, _TYPES, HttpReply
+from yumi.virtual.rws.http import _JSON_FIELD_NAMES, _JSON_TYPES, HttpReply
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +44,9 @@ def in_xhtml(reply: HttpReply) -> list[tuple[str, str, list[str]]]:
     page = read_page(content_type(reply), reply.body)
     return [
         (
-            _TYPES.get(state.type, state.type),
+            _JSON_TYPES.get(state.type, state.type),
             re.sub(r"/\d+$", "", state.title),
-            sorted(_FIELD_NAMES.get(state.type, {}).get(name, name) for name in state.fields),
+            sorted(_JSON_FIELD_NAMES.get(state.type, {}).get(name, name) for name in state.fields),
         )
         for state in page.states
     ]

@@ -7,7 +7,7 @@ import pytest
 
 from digest_client import authorization
 from yumi.errors import ProtocolError
-from yumi.virtual.rws import http as digest
+from yumi.virtual.rws import http
 
 NONCE = "MGY0Yjc2MGY2Y2QyZjAwNzp2YWxpZHVzZXJzQHJvYmFwaS5hYmI6MTkwMjg5NjRlNGE6MA=="
 USER, PASSWORD = "Default User", "robotics"
@@ -20,17 +20,17 @@ CAPTURED = (
 )
 
 
-def answered(method: str, uri: str, user: str = USER) -> digest.Credentials:
+def answered(method: str, uri: str, user: str = USER) -> http.Credentials:
     """What httpx answers to the challenge of a controller."""
-    return digest.read_credentials(authorization(CAPTURED, user=user, password=PASSWORD, method=method, uri=uri))
+    return http.read_credentials(authorization(CAPTURED, user=user, password=PASSWORD, method=method, uri=uri))
 
 
-def is_genuine(credentials: digest.Credentials, target: str = "/rw", method: str = "GET") -> bool:
-    return digest.is_genuine(credentials, user=USER, password=PASSWORD, method=method, target=target)
+def is_genuine(credentials: http.Credentials, target: str = "/rw", method: str = "GET") -> bool:
+    return http.is_genuine(credentials, user=USER, password=PASSWORD, method=method, target=target)
 
 
 def test_challenge_is_the_one_a_controller_sends() -> None:
-    assert digest.Challenge(NONCE).header() == CAPTURED
+    assert http.Challenge(NONCE).header() == CAPTURED
 
 
 @pytest.mark.parametrize(
@@ -41,13 +41,13 @@ def test_challenge_is_the_one_a_controller_sends() -> None:
     ],
 )
 def test_response_is_that_of_the_test_vector(method: str, uri: str, response: str) -> None:
-    captured = digest.Credentials(USER, digest.REALM, NONCE, uri, response, "00000001", "0a4f113b")
+    captured = http.Credentials(USER, http.REALM, NONCE, uri, response, "00000001", "0a4f113b")
     assert is_genuine(captured, uri, method)
 
 
 def test_credentials_are_read_with_what_is_escaped_in_them() -> None:
     fields = 'realm="r", nonce="n", uri="/", response="x", nc=1, cnonce="c"'
-    assert digest.read_credentials(f'Digest username="a \\"quoted\\" \\\\ user", {fields}').user == 'a "quoted" \\ user'
+    assert http.read_credentials(f'Digest username="a \\"quoted\\" \\\\ user", {fields}').user == 'a "quoted" \\ user'
 
 
 def test_credentials_are_genuine_for_their_request() -> None:
@@ -76,22 +76,22 @@ def test_credentials_of_another_user_with_the_right_password_are_not_genuine() -
 
 def test_basic_login_is_refused_with_a_sentence() -> None:
     with pytest.raises(ProtocolError, match="logs in with HTTP digest, not with 'Basic'"):
-        digest.read_credentials("Basic dTpw")
+        http.read_credentials("Basic dTpw")
 
 
 def test_credentials_without_a_field_are_refused_with_its_name() -> None:
     with pytest.raises(ProtocolError, match="lacks uri, response"):
-        digest.read_credentials('Digest username="u", realm="r", nonce="n", nc=1, cnonce="c"')
+        http.read_credentials('Digest username="u", realm="r", nonce="n", nc=1, cnonce="c"')
 
 
 def test_nonce_tells_its_age_to_its_maker() -> None:
-    nonce = digest.make_nonce(SECRET, now=1000.0, count=3)
-    assert digest.nonce_age(nonce, SECRET, now=1007.5) == 7.5
+    nonce = http.make_nonce(SECRET, now=1000.0, count=3)
+    assert http.nonce_age(nonce, SECRET, now=1007.5) == 7.5
 
 
-@pytest.mark.parametrize("nonce", [NONCE.lower(), "no base64", "", digest.make_nonce("0" * 16, 1.0, 1)])
+@pytest.mark.parametrize("nonce", [NONCE.lower(), "no base64", "", http.make_nonce("0" * 16, 1.0, 1)])
 def test_nonce_of_another_maker_has_no_age(nonce: str) -> None:
-    assert digest.nonce_age(nonce, SECRET, now=1000.0) is None
+    assert http.nonce_age(nonce, SECRET, now=1000.0) is None
 
 
 @pytest.mark.parametrize("field", ["user", "response", "uri", "cnonce", "nc", "nonce"])
@@ -102,5 +102,5 @@ def test_credentials_that_are_no_text_are_not_genuine(field: str) -> None:
 
 
 def test_nonce_of_a_time_without_end_is_not_ours() -> None:
-    nonce = b64encode(f"secret:{digest.REALM}:{'f' * 400}:1".encode()).decode()
-    assert digest.nonce_age(nonce, "secret", 0.0) is None
+    nonce = b64encode(f"secret:{http.REALM}:{'f' * 400}:1".encode()).decode()
+    assert http.nonce_age(nonce, "secret", 0.0) is None
