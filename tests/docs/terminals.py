@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -16,6 +15,7 @@ from pathlib import Path
 
 from doc_pages import ROOT, Fence, read
 
+from free_ports import free_tcp_port
 from yumi.egm.udp import free_port
 from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY
 
@@ -42,7 +42,7 @@ class Clone:
         ignored = shutil.ignore_patterns(".venv", ".git", "build", "__pycache__", ".*_cache", ".hypothesis", "*.mcap")
         shutil.copytree(ROOT, self.root, ignore=ignored, ignore_dangling_symlinks=True)
         (self.root / ".venv").symlink_to(sys.prefix)
-        self.ports = {"8080": str(_free_tcp_port()), **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
+        self.ports = {"8080": str(free_tcp_port()), **{port: str(free_port()) for port in ("6510", "6511", "6512")}}
         usual = re.compile(rf"\b({'|'.join(self.ports)})\b")
         for part in ("src", "config", "examples", "docs", "README.md"):
             files = [self.root / part] if (self.root / part).is_file() else (self.root / part).rglob("*")
@@ -281,9 +281,3 @@ def until(is_so: Callable[[], bool], timeout: float, what: str) -> None:
     while not is_so():
         assert time.monotonic() < end, f"{what} did not come within {timeout:g} s"
         time.sleep(0.05)
-
-
-def _free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

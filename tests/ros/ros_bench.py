@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -18,6 +17,7 @@ from rcl_interfaces.msg import Log
 from rclpy.executors import Executor, SingleThreadedExecutor
 from std_srvs.srv import Trigger
 
+from free_ports import free_tcp_port
 from yumi.egm.udp import free_port
 from yumi.process.supervision import Command
 
@@ -28,7 +28,7 @@ class Robot:
     """The virtual controller; can be killed and started again at the same address."""
 
     def __init__(self, folder: Path) -> None:
-        self.rws_port = _free_tcp_port()
+        self.rws_port = free_tcp_port()
         self.ports = {"--left-egm-port": free_port(), "--right-egm-port": free_port()}
         self._folder = folder
         self._command: Command | None = None
@@ -130,9 +130,3 @@ def begin_egm(client: Client) -> None:
     if client.call(Trigger, "yumi_robot_manager/robot_is_ready").message != "ready, EGM runs":
         answer = client.call(Trigger, "yumi_robot_manager/start_egm")
         assert answer.success, answer.message
-
-
-def _free_tcp_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

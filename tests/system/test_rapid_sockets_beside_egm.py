@@ -14,6 +14,7 @@ from pathlib import Path
 
 import pytest
 
+from free_ports import free_tcp_port
 from held_arm import HeldArm
 from rapid_servers import CONNECTIONS
 from soak import long, short, tell
@@ -26,7 +27,7 @@ SCRIPT = Path(__file__).parents[1] / "rapid_servers.py"
 
 @pytest.mark.parametrize("seconds", [short(4.0), long(60.0, 180.0)])
 def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) -> None:
-    ports = [free_port() for _ in range(4)]
+    ports = [free_port(), free_port(), free_tcp_port(), free_tcp_port()]
     command = [sys.executable, str(SCRIPT), *map(str, ports)]
     with ExitStack() as stack:
         arms = [HeldArm(port) for port in ports[:2]]

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 from rapid_bench import Bench, started
 
-from yumi.egm.udp import free_port
+from free_ports import free_tcp_port
 from yumi.virtual.server import ProgramNetwork
 
 SERVER = """
@@ -23,7 +23,7 @@ class Served:
     """A program that has executed up to its first wait, and the clients that connect to its port."""
 
     def __init__(self, body: str) -> None:
-        self.port = free_port()
+        self.port = free_tcp_port()
         self.bench = Bench(body.replace("%d", str(self.port)), SERVER).start()
         self.clients: list[socket.socket] = []
 

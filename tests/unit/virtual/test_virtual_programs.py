@@ -21,7 +21,7 @@ from pathlib import Path
 
 import pytest
 
-from yumi.egm.udp import free_port
+from free_ports import free_tcp_port
 from yumi.virtual.server import ProgramNetwork
 from yumi.virtual.world import World
 
@@ -34,7 +34,7 @@ class Outside:
     """The virtual robot with one program, and who deals with it."""
 
     def __init__(self, text: str) -> None:
-        self.port = free_port()
+        self.port = free_tcp_port()
         self.clients: dict[str, socket.socket] = {}
         self.world = World()
         controller = self.world.controller
