@@ -64,7 +64,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
 if TYPE_CHECKING:
-    from yumi.recording.tables import What
+    from yumi.recording.tables import TableName
     from yumi.ros.driver import RosDriver
     from yumi.web.server import ViewSettings
 
@@ -615,7 +615,7 @@ def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None) 
     show_default=True,
     help="Which table of the recording.",
 )
-def export_record(file: Path, output: Path, table: What) -> None:
+def export_record(file: Path, output: Path, table: TableName) -> None:
     """Write a table of a recording as CSV or Parquet; OUTPUT's ending says which.
 
     \b
