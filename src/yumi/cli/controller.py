@@ -222,6 +222,8 @@ def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:
     return programs
 
 
+# ---- yumi fault
+
 _FAULT_WIDTH = 120
 
 
@@ -285,6 +287,8 @@ def fault(
     inject_fault(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
     click.echo(f"{name}: done")
 
+
+# ---- yumi rws
 
 _SYMBOL_PARTS = 3  # task, module, name
 _PANEL_RESOURCES = ("ctrlstate", "opmode", "speedratio", "coldetstate")

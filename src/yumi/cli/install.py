@@ -306,6 +306,8 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
     }
 
 
+# ---- yumi doctor
+
 _EXAMINED_TIME = 5.0  # [s] for which `yumi doctor --stream` receives datagrams
 _TABLE_WIDTH = 110
 
@@ -415,6 +417,9 @@ def _show(findings: Sequence[Finding], console: Console) -> None:
     problems, notes = counts[Verdict.PROBLEM], counts[Verdict.NOTE]
     summary = f"{problems} problem{'s' * (problems != 1)}" if problems else "No problems found"
     console.print(f"{summary}, {notes} note{'s' * (notes != 1)}.")
+
+
+# ---- of all of them
 
 
 def _controller_of(config: Path | None, options: Mapping[str, Any]) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:

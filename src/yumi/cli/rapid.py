@@ -133,6 +133,8 @@ def answer(value: str | None, robot: str, rws_port: int, user: str, password: st
             ) from error
 
 
+# ---- yumi rapid check
+
 _MOST_SYNTAX_ERRORS = 20  # of one file
 _ROUTINE_BEGINS = re.compile(r"^\s*(?:LOCAL\s+)?(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
 _ROUTINE_HEAD = re.compile(r"^\s*(?:LOCAL\s+)?(?:TRAP\s+\w+|(?:PROC|FUNC)\b.*\))\s*(?:!.*)?$", re.IGNORECASE)
@@ -237,6 +239,8 @@ def _fault(error: RapidReferenceError) -> ProgramFault:
     kind = "missing" if isinstance(error, NotProvided) else "unknown" if isinstance(error, Unresolved) else "reference"
     return ProgramFault(error.filename, max(error.line, 1), max(error.column, 1), kind, error.sentence)
 
+
+# ---- yumi rapid debug
 
 _STEP_TIMEOUT = 30.0  # [s]: a step that takes longer, such as a wait, goes on while others are entered
 _CONTINUE_TIMEOUT = 1.0  # [s]: then `stop` can be entered

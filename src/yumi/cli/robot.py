@@ -481,6 +481,8 @@ def speed_scale(driver: RunningDriver, value: float | None) -> object:
 DRIVER_COMMANDS = (state, controllers, mode, start, stop, recover, calibrate, grip, move, switch, speed_scale)
 
 
+# ---- yumi shell, yumi completion
+
 _HISTORY = Path.home() / ".yumi_history"
 
 
@@ -547,6 +549,8 @@ def completion(context: click.Context, name: str) -> None:
     assert kind is not None, "these are click's own"
     click.echo(kind(context.find_root().command, {}, "yumi", "_YUMI_COMPLETE").source())
 
+
+# ---- the ROS 2 graph
 
 _DISCOVERY = 5.0
 """What is in the ROS 2 graph is found within this time [s]."""

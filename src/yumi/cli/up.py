@@ -422,6 +422,8 @@ def end_by_force(is_over: Flag) -> None:
     start_thread(Thread(target=end, name="forced-end", daemon=True))
 
 
+# ---- yumi view
+
 _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` starts
 
 
@@ -564,6 +566,9 @@ def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -
     command: Any = Command(name, arguments, logs / f"{name.replace(' ', '_')}.log")
     with command:
         yield command.wait_until_ready(_READY_TIMEOUT, check, show)
+
+
+# ---- yumi record
 
 
 @click.group()

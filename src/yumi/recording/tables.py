@@ -10,10 +10,6 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
-
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
 from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, frame_from_message, recorded_messages
@@ -21,6 +17,8 @@ from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
+    from rich.table import Table
 
 TableName = Literal["cycles", "events", "grippers", "state"]
 
@@ -187,6 +185,9 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
     Of the commands it shows the joint that is farthest ahead; the picture shows all. Where ``width`` characters have no
     room for seven measured positions beside them, it shows that of this joint.
     """
+    from rich.console import Group  # noqa: PLC0415 - who reads a table has no need of it
+    from rich.text import Text  # noqa: PLC0415
+
     frames = recording.frames.get(side, ())
     if not frames:
         return Text(f"No cycle of the {side.word} arm is recorded.")
@@ -206,6 +207,8 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
 
 
 def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
+    from rich.table import Table  # noqa: PLC0415 - as above
+
     table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
     has_room = width >= _ALL_AXES
     measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}" if has_room else "measured (axis)"
@@ -228,6 +231,8 @@ def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
 
 
 def _stages_table(frames: Sequence[Frame]) -> Table:
+    from rich.table import Table  # noqa: PLC0415 - as above
+
     table = Table(title="Stages of a cycle in µs", title_justify="left")
     for name in ("stage", "p50", "p99", "max"):
         table.add_column(name, justify="left" if name == "stage" else "right")
