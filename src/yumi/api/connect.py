@@ -206,6 +206,9 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
     return tuple(known[word] for word in words)
 
 
+# ---- the same for asyncio
+
+
 async def _in_thread(call: Callable[[], T]) -> T:
     """The result of ``call``; a task that is cancelled meanwhile waits for its end: a request cannot be half done."""
     task = asyncio.ensure_future(asyncio.to_thread(call))

@@ -168,6 +168,17 @@ def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
     return lines
 
 
+class _Table(dict[str, Any]):
+    """A mapping that is shown as lines."""
+
+    def __init__(self, values: Mapping[str, Any], lines: Sequence[str]) -> None:
+        super().__init__(values)
+        self._lines = lines
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines)
+
+
 @click.command()
 @of_driver
 def controllers(driver: RunningDriver) -> object:
@@ -186,17 +197,6 @@ def controllers(driver: RunningDriver) -> object:
             for each in reports
         ],
     )
-
-
-class _Table(dict[str, Any]):
-    """A mapping that is shown as lines."""
-
-    def __init__(self, values: Mapping[str, Any], lines: Sequence[str]) -> None:
-        super().__init__(values)
-        self._lines = lines
-
-    def __str__(self) -> str:
-        return "\n".join(self._lines)
 
 
 @click.command()
