@@ -16,7 +16,7 @@ from make_robot import Link, Solid, links_of, render
 from numpy.typing import NDArray
 from PIL import Image
 
-from yumi.api.tool import FINGERTIPS, boxes_from, posture_for
+from yumi.api.tool import boxes_from, posture_for
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal, twist_goal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
@@ -24,7 +24,7 @@ from yumi.control.shared_state import ControllerReport
 from yumi.control.tool_path import Waypoint, plan_path
 from yumi.planning.planner import Plan, Planner
 from yumi.robot.collision import Obstacle
-from yumi.robot.description import robot_description
+from yumi.robot.description import FINGERTIPS, robot_description
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Pose, Side, finger_names, joint_names, joints, named_pose
 from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
 from yumi_evaluation.virtual_time import VirtualArmRig

@@ -10,8 +10,7 @@ import pytest
 from doc_pages import ROOT
 
 from mesh_judge import MeshJudge
-from yumi.api.tool import FINGERTIPS
-from yumi.robot.description import robot_description
+from yumi.robot.description import FINGERTIPS, robot_description
 from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names, joints
 from yumi.robot.kinematics import tool0_to_body
 

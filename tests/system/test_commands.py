@@ -18,7 +18,6 @@ from click.testing import CliRunner
 from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
-from yumi.cli import robot as graph_commands
 from yumi.cli import robot as robot_commands
 from yumi.cli.main import main
 from yumi.errors import RobotNotReady
@@ -119,7 +118,7 @@ def examples_of(commands: Sequence[click.Command]) -> Iterator[list[str]]:
 
 def test_examples_of_help_work(driver: Command) -> None:
     ran = []
-    for words in examples_of(robot_commands.COMMANDS):
+    for words in examples_of(robot_commands.DRIVER_COMMANDS):
         if words[0] in ("move", "switch"):
             run("start")
         ran.append(run(*words))
@@ -189,4 +188,4 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     node = "r/joint_position_controller"
     assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
     assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
-    assert len([apart(*words) for words in examples_of(graph_commands.GRAPH_COMMANDS)]) > 5
+    assert len([apart(*words) for words in examples_of(robot_commands.GRAPH_COMMANDS)]) > 5

@@ -487,7 +487,7 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     yumi = with_another_task()
-    monkeypatch.setattr("yumi.clock.SystemClock", lambda: yumi)
+    monkeypatch.setattr("yumi.cli.install.SystemClock", lambda: yumi)
     monkeypatch.setattr("yumi.driver.commissioning.doctor.listen", lambda *_: listen(yumi.egm, yumi, 0.1))
     with yumi.client() as client:
         refuse_switching_on(client, monkeypatch)

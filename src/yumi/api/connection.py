@@ -1,6 +1,7 @@
-"""A connection of a script to a robot: what is opened in this order, and closed in the other.
+"""What a script is connected to: a robot, whose driver it is then itself, or the driver that another program runs.
 
-A second program beside a running driver: it looks and asks over the driver's local endpoint, and drives nothing.
+A :class:`Connection` opens the parts of a driver in one order, and closes them in the other. A :class:`RunningDriver`
+looks and asks over the local endpoint of a driver, and drives nothing.
 """
 
 from __future__ import annotations
@@ -44,6 +45,8 @@ from yumi.process.supervision import Failures
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, joints
 
 log = logging.getLogger(__name__)
+T = TypeVar("T")
+Arms = wire.Arm | Sequence[wire.Arm]
 
 
 class Connection:
@@ -293,10 +296,6 @@ class Connection:
                 motion.wait(LAST_STOP)
 
 
-T = TypeVar("T")
-Arms = wire.Arm | Sequence[wire.Arm]
-
-
 def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: None) -> RunningDriver:
     """The driver that runs on this machine, of ``yumi up`` or of a script's ``yumi.connect``.
 
@@ -373,7 +372,7 @@ class RunningDriver:
 
     def start_egm(self, arms: Arms = ()) -> str:
         """Start EGM on ``"right"``, ``"left"`` or the arms that are configured, with the controllers on top."""
-        return self._ask(wire.StartEgm(arms=_several(arms)), str)
+        return self._ask(wire.StartEgm(arms=_arms(arms)), str)
 
     def stop_egm(self) -> str:
         """Bring the arms to rest and end EGM; waits for nothing else that the driver does."""
@@ -389,7 +388,7 @@ class RunningDriver:
 
     def calibrate(self, arms: Arms = ("right", "left")) -> str:
         """Close the fingers of grippers and call that zero."""
-        return self._ask(wire.Calibrate(arms=_several(arms)), str)
+        return self._ask(wire.Calibrate(arms=_arms(arms)), str)
 
     def open_gripper(self, arm: wire.Arm, width: float | None = None) -> GripReport:
         """Open a gripper to ``width`` [m], or as far as it goes."""
@@ -440,7 +439,7 @@ class RunningDriver:
             GoalNotReached: a motion ended elsewhere.
         """
         goals = {
-            side: _position(position)
+            side: _as_sent(position)
             for side, position in ((Side.RIGHT, right), (Side.LEFT, left))
             if position is not None
         }
@@ -473,7 +472,7 @@ class RunningDriver:
             CommandRefused: the speeds are no seven finite numbers, or another client or motion moves the arm.
             RobotNotReady: EGM does not run on the arm.
         """
-        values = _position(speeds)
+        values = _as_sent(speeds)
         if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
             raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} speeds in chain order.")
         self._ask(wire.Jog(arm=arm, speeds=joints(values)), str)
@@ -496,7 +495,7 @@ class RunningDriver:
             elbow: speed of the arm angle [rad/s].
             frame: from where they are seen: the robot's base, or the tool.
         """
-        values = _position([*linear, *angular, elbow])
+        values = _as_sent([*linear, *angular, elbow])
         if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
             raise CommandRefused("Jog refused: expected three numbers each for linear and angular.")
         x, y, z, about_x, about_y, about_z, turn = values
@@ -507,12 +506,12 @@ class RunningDriver:
         return self._client.ask(request, result, self._on_step, timeout=None)
 
 
-def _several(arms: Arms) -> tuple[wire.Arm, ...]:
+def _arms(arms: Arms) -> tuple[wire.Arm, ...]:
     return (arms,) if isinstance(arms, str) else tuple(arms)
 
 
-def _position(position: Position) -> wire.Position:
-    """As it is sent. JSON has finite numbers only; all else is for the driver, which knows the names of its joints."""
+def _as_sent(position: Position) -> wire.Position:
+    """A position as it is sent. JSON has finite numbers only; all else is for the driver, which knows its joints."""
     if isinstance(position, str):
         return position
     try:

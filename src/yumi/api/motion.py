@@ -21,7 +21,7 @@ from math import dist, isfinite, radians
 from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
-from yumi.api.tool import Path, planned, pose_from, posture_for
+from yumi.api.tool import ToolMotion, pose_from, posture_for, tool_planner
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
@@ -555,7 +555,7 @@ class MotionExecutor:
             return self.move(positions, speed_scale, acceleration, check=check)
         scale = checked_scale("speed_scale", speed_scale) or 1.0
         paths = {
-            side: Path(
+            side: ToolMotion(
                 tools[side],
                 (Waypoint(pose),),
                 scale * (line_speed or SPEED),
@@ -564,7 +564,7 @@ class MotionExecutor:
             )
             for side, pose in poses.items()
         }
-        return self.follow_path(tuple(paths), planned(paths, self.limits, self.tool_limits), check)
+        return self.follow_path(tuple(paths), tool_planner(paths, self.limits, self.tool_limits), check)
 
     def follow(
         self,

@@ -19,17 +19,17 @@ from yumi.api.tool import (
     TOOL0,
     Frames,
     Gripper,
-    Path,
     PoseLike,
+    ToolMotion,
     boxes_from,
     checked_angle,
     numbers_from,
-    planned,
     pose_from,
     poses_from,
     posture_for,
     postures_of,
-    way_points,
+    tool_planner,
+    waypoints_from,
 )
 from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
@@ -411,9 +411,9 @@ class Arm:
             The motion; over, unless ``wait`` is False. Raises as :meth:`move_linear`.
         """
         executor = self.executor
-        points = way_points(self._frames, poses, work_object, arm_angle)
-        path = Path(self._tool(tool), points, speed, turning, zone, acceleration)
-        plan = planned({self.side: path}, executor.limits, executor.tool_limits)
+        points = waypoints_from(self._frames, poses, work_object, arm_angle)
+        path = ToolMotion(self._tool(tool), points, speed, turning, zone, acceleration)
+        plan = tool_planner({self.side: path}, executor.limits, executor.tool_limits)
         (motion,) = executor.follow_path((self.side,), plan)
         if wait:
             wait_for((motion,), timeout, executor)
@@ -753,9 +753,9 @@ class Robot:
         arms, executor = {Side.RIGHT: self.right, Side.LEFT: self.left}, self.executor
         poses: dict[Side, PoseLike | Sequence[PoseLike]] = _named(right, left)
         paths = {
-            side: Path(
+            side: ToolMotion(
                 arms[side]._tool(None),
-                way_points(self._frames, poses_from(given), work_object, None),
+                waypoints_from(self._frames, poses_from(given), work_object, None),
                 speed,
                 turning,
                 zone,
@@ -763,7 +763,7 @@ class Robot:
             )
             for side, given in poses.items()
         }
-        motions = executor.follow_path(tuple(paths), planned(paths, executor.limits, executor.tool_limits))
+        motions = executor.follow_path(tuple(paths), tool_planner(paths, executor.limits, executor.tool_limits))
         if wait:
             wait_for(motions, timeout, executor)
         return motions

@@ -1,21 +1,18 @@
-"""The tool's motions, as a script asks for them: poses, tools and work objects by name, lines and streams.
-
-One gripper, as a script sees it.
-"""
+"""The tool of an arm, as a script sees it: its gripper, and the poses, frames, postures and lines of its motions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
-from typing import Any, SupportsFloat
+from typing import TYPE_CHECKING, Any, SupportsFloat
 
 from yumi.control.motion import largest_difference
 from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
-from yumi.driver import gripper as driver
 from yumi.errors import CommandRefused, GoalNotReached, YumiError
 from yumi.robot.collision import Obstacle
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
 from yumi.robot.inverse_kinematics import (
     Configuration,
@@ -30,249 +27,10 @@ from yumi.robot.inverse_kinematics import (
 from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
 from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
 
-PoseLike = Pose | Sequence[SupportsFloat]
-"""A pose: a :class:`yumi.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
+if TYPE_CHECKING:  # yumi.pose takes no more than poses need
+    from yumi.driver import gripper as driver
 
-TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
-FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
-"""The tips of ABB's own fingers, seen from tool0 (reference/yumi.md §2.2)."""
-
-_FURTHER_ANGLES = tuple(sign * number * 0.2618 for number in range(1, 12) for sign in (1.0, -1.0))  # [rad] 15° apart
-
-
-def pose(
-    x: float,
-    y: float,
-    z: float,
-    quaternion: Sequence[SupportsFloat] | None = None,
-    *,
-    rpy: Sequence[SupportsFloat] | None = None,
-) -> Pose:
-    """A pose: ``yumi.pose(0.4, -0.2, 0.2, rpy=(math.pi, 0, 0))`` is a tool that points down.
-
-    Args:
-        x: the place [m].
-        y: see x.
-        z: see x.
-        quaternion: the orientation as w, x, y, z; it need not have the length 1.
-        rpy: the orientation as roll, pitch, yaw about x, y, z [rad], as in URDF.
-
-    Raises:
-        CommandRefused: both or a wrong number of values are given, or one is not finite.
-    """
-    if quaternion is not None and rpy is not None:
-        raise CommandRefused("Pose refused: give its orientation as quaternion= or as rpy=, not both.")
-    orientation: Quaternion = IDENTITY
-    if rpy is not None:
-        roll, pitch, yaw = numbers_from(rpy, 3, "rpy")
-        orientation = quaternion_from_euler_zyx((roll, pitch, yaw))
-    elif quaternion is not None:
-        w, i, j, k = numbers_from(quaternion, 4, "quaternion")
-        length = (w * w + i * i + j * j + k * k) ** 0.5
-        if not 1e-6 < length < 1e6:
-            raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
-        orientation = (w / length, i / length, j / length, k / length)
-    x, y, z = numbers_from((x, y, z), 3, "its place")
-    return checked_pose(Pose((x, y, z), orientation))
-
-
-def pose_from(given: PoseLike) -> Pose:
-    """A pose as this package has it; raises CommandRefused when it is none."""
-    if isinstance(given, Pose):
-        return checked_pose(given)
-    x, y, z, *quaternion = numbers_from(given, 7, "pose")
-    return checked_pose(Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])))
-
-
-def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
-    """One pose or several as several."""
-    if isinstance(given, Pose) or (len(given) and isinstance(given[0], SupportsFloat)):
-        return [given]  # type: ignore[list-item]
-    return given  # type: ignore[return-value]
-
-
-def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) -> tuple[Obstacle, ...]:
-    """Boxes by name, each with the pose of its centre and its edges [m], as obstacles.
-
-    Raises:
-        CommandRefused: a pose or a size is none.
-    """
-    found = []
-    for name, (centre, size) in given.items():
-        length, width, height = numbers_from(size, 3, f"the size of box {name[:40]!r}")
-        if min(length, width, height) <= 0.0:
-            raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
-        found.append(Obstacle(name, pose_from(centre), (length, width, height)))
-    return tuple(found)
-
-
-def numbers_from(values: Any, count: int, name: str) -> list[float]:
-    """So many finite numbers as they are; raises CommandRefused when they are not."""
-    try:
-        numbers = [float(each) for each in values]
-    except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} numbers.") from error
-    if len(numbers) != count or not all(map(isfinite, numbers)):
-        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} finite numbers.")
-    return numbers
-
-
-@dataclass
-class Frames:
-    """Tools and work objects of a robot by name; scripts add their own.
-
-    Attributes:
-        tools: frames of tools in tool0, RAPID's ``tframe``.
-        work_objects: frames in the robot's body, in which poses may be given.
-    """
-
-    tools: dict[str, PoseLike] = field(default_factory=lambda: {"tool0": TOOL0, "fingertips": FINGERTIPS})
-    work_objects: dict[str, PoseLike] = field(default_factory=lambda: {"wobj0": TOOL0})
-
-    def tool(self, given: PoseLike | str) -> Pose:
-        """The frame of a tool, by name or given itself."""
-        return _named(given, self.tools, "tool")
-
-    def work_object(self, given: PoseLike | str | None) -> Pose:
-        """The frame of a work object; None is the body's."""
-        return TOOL0 if given is None else _named(given, self.work_objects, "work object")
-
-
-def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> Pose:
-    if not isinstance(given, str):
-        return pose_from(given)
-    if given not in known:
-        raise CommandRefused(f"There is no {kind} {given[:60]!r}; there are {', '.join(known)}.")
-    return pose_from(known[given])
-
-
-# ---- postures
-
-
-def postures_of(side: Side, tool0: Pose, angle: float | None, now: Joints, limits: JointLimits) -> tuple[Joints, ...]:
-    """All postures of a pose of tool0 with an arm angle, None for the present one; the nearest to ``now`` first."""
-    found = postures(side, tool0, arm_angle(side, now) if angle is None else checked_angle(angle), limits)
-    return tuple(sorted(found, key=lambda each: largest_difference(each, now)))
-
-
-def posture_for(
-    side: Side,
-    tool0: Pose,
-    angle: float | None,
-    desired: Configuration | Sequence[int] | None,
-    now: Joints,
-    limits: JointLimits,
-) -> Joints:
-    """The posture to go to: with the configuration, or the nearest.
-
-    Raises:
-        Unreachable: there is none; where no arm angle was asked for, with none of those tried.
-    """
-    with_angle = arm_angle(side, now) if angle is None else checked_angle(angle)
-    wanted = None if desired is None else _checked_configuration(desired)
-    if wanted is None:
-        try:
-            near = nearest_posture(side, tool0, with_angle, now, limits)
-        except Unreachable:
-            near = None
-        if near is not None and largest_difference(near, now) < 1.0:
-            return near
-    for angles in ([with_angle], [with_angle + turn for turn in _FURTHER_ANGLES] if angle is None else []):
-        for own in postures_of_each(side, [tool0] * len(angles), angles, limits):
-            found = [each for each in own if wanted is None or configuration(each) == wanted]
-            if found:
-                return min(found, key=lambda each: largest_difference(each, now))
-    x, y, z = tool0.position
-    which = "" if wanted is None else f" with configuration {wanted}"
-    how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
-    reason = (
-        f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
-        f"its orientation, with {how}. Choose a pose within reach{advice}."
-    )
-    if wanted is None:
-        raise unreachable(side, tool0, reason, now, limits)
-    raise Unreachable(f"{reason} Or leave the configuration out: it takes the nearest posture then.")
-
-
-def checked_angle(angle: SupportsFloat) -> float:
-    """An arm angle as a number [rad]; raises CommandRefused when it is none."""
-    try:
-        number = float(angle)
-    except (TypeError, ValueError):
-        number = nan
-    if not isfinite(number):
-        raise CommandRefused(f"Pose refused: the arm angle is {repr(angle)[:100]}; give radians.")
-    return number
-
-
-def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
-    values = numbers_from(given, 4, "configuration")
-    if any(each != int(each) for each in values):
-        raise CommandRefused(f"Pose refused: configuration is {given}; give the whole numbers cf1, cf4, cf6 and cfx.")
-    return tuple(map(int, values))
-
-
-# ---- lines
-
-
-@dataclass(frozen=True)
-class Path:
-    """What one arm's tool does.
-
-    Attributes:
-        tool: its frame in tool0.
-        waypoints: where it goes, in the body frame.
-        speed: of the tool [m/s].
-        turning: of its orientation [rad/s].
-        zone: corners are rounded from so far before them [m].
-        acceleration: share of the highest accelerations and jerks.
-    """
-
-    tool: Pose
-    waypoints: tuple[Waypoint, ...]
-    speed: float = SPEED
-    turning: float = TURNING
-    zone: float = ZONE
-    acceleration: float = 1.0
-
-
-def planned(
-    paths: Mapping[Side, Path], limits: JointLimits, within: ToolLimits
-) -> Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]:
-    """Plans paths from where the arms stand, within what tools keep; several end at the same time."""
-
-    def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
-        plans = {
-            side: plan_path(
-                side,
-                starts[side],
-                path.waypoints,
-                limits,
-                tool=path.tool,
-                speed=path.speed,
-                turning=path.turning,
-                zone=path.zone,
-                acceleration=path.acceleration,
-                within=within,
-            )
-            for side, path in paths.items()
-        }
-        longest = max(each.spline.end for each in plans.values())
-        return {side: stretched(each, longest) for side, each in plans.items()}
-
-    return plan
-
-
-def way_points(
-    frames: Frames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
-) -> tuple[Waypoint, ...]:
-    """Poses given in a work object as waypoints in the body frame; the arm angle is that of the last."""
-    base = frames.work_object(work_object)
-    points = [Waypoint(compose(base, pose_from(each))) for each in poses]
-    if points and angle is not None:
-        points[-1] = replace(points[-1], angle=checked_angle(angle))
-    return tuple(points)
-
+# ---- the gripper
 
 PICKED_PRESSURE = 70_000.0
 """The usual pressure below which a cup holds something [Pa]."""
@@ -473,3 +231,247 @@ class Gripper:
 
 def _mm(width: float) -> str:
     return f"{width * 1e3:.1f} mm"
+
+
+# ---- poses
+
+PoseLike = Pose | Sequence[SupportsFloat]
+"""A pose: a :class:`yumi.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
+
+TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
+
+
+def pose(
+    x: float,
+    y: float,
+    z: float,
+    quaternion: Sequence[SupportsFloat] | None = None,
+    *,
+    rpy: Sequence[SupportsFloat] | None = None,
+) -> Pose:
+    """A pose: ``yumi.pose(0.4, -0.2, 0.2, rpy=(math.pi, 0, 0))`` is a tool that points down.
+
+    Args:
+        x: the place [m].
+        y: see x.
+        z: see x.
+        quaternion: the orientation as w, x, y, z; it need not have the length 1.
+        rpy: the orientation as roll, pitch, yaw about x, y, z [rad], as in URDF.
+
+    Raises:
+        CommandRefused: both or a wrong number of values are given, or one is not finite.
+    """
+    if quaternion is not None and rpy is not None:
+        raise CommandRefused("Pose refused: give its orientation as quaternion= or as rpy=, not both.")
+    orientation: Quaternion = IDENTITY
+    if rpy is not None:
+        roll, pitch, yaw = numbers_from(rpy, 3, "rpy")
+        orientation = quaternion_from_euler_zyx((roll, pitch, yaw))
+    elif quaternion is not None:
+        w, i, j, k = numbers_from(quaternion, 4, "quaternion")
+        length = (w * w + i * i + j * j + k * k) ** 0.5
+        if not 1e-6 < length < 1e6:
+            raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
+        orientation = (w / length, i / length, j / length, k / length)
+    x, y, z = numbers_from((x, y, z), 3, "its place")
+    return checked_pose(Pose((x, y, z), orientation))
+
+
+def pose_from(given: PoseLike) -> Pose:
+    """A pose as this package has it; raises CommandRefused when it is none."""
+    if isinstance(given, Pose):
+        return checked_pose(given)
+    x, y, z, *quaternion = numbers_from(given, 7, "pose")
+    return checked_pose(Pose((x, y, z), (quaternion[0], quaternion[1], quaternion[2], quaternion[3])))
+
+
+def poses_from(given: PoseLike | Sequence[PoseLike]) -> Sequence[PoseLike]:
+    """One pose or several as several."""
+    if isinstance(given, Pose) or (len(given) and isinstance(given[0], SupportsFloat)):
+        return [given]  # type: ignore[list-item]
+    return given  # type: ignore[return-value]
+
+
+def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) -> tuple[Obstacle, ...]:
+    """Boxes by name, each with the pose of its centre and its edges [m], as obstacles.
+
+    Raises:
+        CommandRefused: a pose or a size is none.
+    """
+    found = []
+    for name, (centre, size) in given.items():
+        length, width, height = numbers_from(size, 3, f"the size of box {name[:40]!r}")
+        if min(length, width, height) <= 0.0:
+            raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
+        found.append(Obstacle(name, pose_from(centre), (length, width, height)))
+    return tuple(found)
+
+
+def numbers_from(values: Any, count: int, name: str) -> list[float]:
+    """So many finite numbers as they are; raises CommandRefused when they are not."""
+    try:
+        numbers = [float(each) for each in values]
+    except (TypeError, ValueError) as error:
+        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} numbers.") from error
+    if len(numbers) != count or not all(map(isfinite, numbers)):
+        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} finite numbers.")
+    return numbers
+
+
+@dataclass
+class Frames:
+    """Tools and work objects of a robot by name; scripts add their own.
+
+    Attributes:
+        tools: frames of tools in tool0, RAPID's ``tframe``.
+        work_objects: frames in the robot's body, in which poses may be given.
+    """
+
+    tools: dict[str, PoseLike] = field(default_factory=lambda: {"tool0": TOOL0, "fingertips": FINGERTIPS})
+    work_objects: dict[str, PoseLike] = field(default_factory=lambda: {"wobj0": TOOL0})
+
+    def tool(self, given: PoseLike | str) -> Pose:
+        """The frame of a tool, by name or given itself."""
+        return _named(given, self.tools, "tool")
+
+    def work_object(self, given: PoseLike | str | None) -> Pose:
+        """The frame of a work object; None is the body's."""
+        return TOOL0 if given is None else _named(given, self.work_objects, "work object")
+
+
+def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> Pose:
+    if not isinstance(given, str):
+        return pose_from(given)
+    if given not in known:
+        raise CommandRefused(f"There is no {kind} {given[:60]!r}; there are {', '.join(known)}.")
+    return pose_from(known[given])
+
+
+# ---- postures
+
+_FURTHER_ANGLES = tuple(sign * number * 0.2618 for number in range(1, 12) for sign in (1.0, -1.0))  # [rad] 15° apart
+
+
+def postures_of(side: Side, tool0: Pose, angle: float | None, now: Joints, limits: JointLimits) -> tuple[Joints, ...]:
+    """All postures of a pose of tool0 with an arm angle, None for the present one; the nearest to ``now`` first."""
+    found = postures(side, tool0, arm_angle(side, now) if angle is None else checked_angle(angle), limits)
+    return tuple(sorted(found, key=lambda each: largest_difference(each, now)))
+
+
+def posture_for(
+    side: Side,
+    tool0: Pose,
+    angle: float | None,
+    desired: Configuration | Sequence[int] | None,
+    now: Joints,
+    limits: JointLimits,
+) -> Joints:
+    """The posture to go to: with the configuration, or the nearest.
+
+    Raises:
+        Unreachable: there is none; where no arm angle was asked for, with none of those tried.
+    """
+    with_angle = arm_angle(side, now) if angle is None else checked_angle(angle)
+    wanted = None if desired is None else _checked_configuration(desired)
+    if wanted is None:
+        try:
+            near = nearest_posture(side, tool0, with_angle, now, limits)
+        except Unreachable:
+            near = None
+        if near is not None and largest_difference(near, now) < 1.0:
+            return near
+    for angles in ([with_angle], [with_angle + turn for turn in _FURTHER_ANGLES] if angle is None else []):
+        for own in postures_of_each(side, [tool0] * len(angles), angles, limits):
+            found = [each for each in own if wanted is None or configuration(each) == wanted]
+            if found:
+                return min(found, key=lambda each: largest_difference(each, now))
+    x, y, z = tool0.position
+    which = "" if wanted is None else f" with configuration {wanted}"
+    how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
+    reason = (
+        f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
+        f"its orientation, with {how}. Choose a pose within reach{advice}."
+    )
+    if wanted is None:
+        raise unreachable(side, tool0, reason, now, limits)
+    raise Unreachable(f"{reason} Or leave the configuration out: it takes the nearest posture then.")
+
+
+def checked_angle(angle: SupportsFloat) -> float:
+    """An arm angle as a number [rad]; raises CommandRefused when it is none."""
+    try:
+        number = float(angle)
+    except (TypeError, ValueError):
+        number = nan
+    if not isfinite(number):
+        raise CommandRefused(f"Pose refused: the arm angle is {repr(angle)[:100]}; give radians.")
+    return number
+
+
+def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
+    values = numbers_from(given, 4, "configuration")
+    if any(each != int(each) for each in values):
+        raise CommandRefused(f"Pose refused: configuration is {given}; give the whole numbers cf1, cf4, cf6 and cfx.")
+    return tuple(map(int, values))
+
+
+# ---- lines
+
+
+@dataclass(frozen=True)
+class ToolMotion:
+    """What one arm's tool does, along straight lines.
+
+    Attributes:
+        tool: its frame in tool0.
+        waypoints: where it goes, in the body frame.
+        speed: of the tool [m/s].
+        turning: of its orientation [rad/s].
+        zone: corners are rounded from so far before them [m].
+        acceleration: share of the highest accelerations and jerks.
+    """
+
+    tool: Pose
+    waypoints: tuple[Waypoint, ...]
+    speed: float = SPEED
+    turning: float = TURNING
+    zone: float = ZONE
+    acceleration: float = 1.0
+
+
+def tool_planner(
+    paths: Mapping[Side, ToolMotion], limits: JointLimits, within: ToolLimits
+) -> Callable[[Mapping[Side, Joints]], Mapping[Side, ArmPlan]]:
+    """Plans paths from where the arms stand, within what tools keep; several end at the same time."""
+
+    def plan(starts: Mapping[Side, Joints]) -> Mapping[Side, ArmPlan]:
+        plans = {
+            side: plan_path(
+                side,
+                starts[side],
+                path.waypoints,
+                limits,
+                tool=path.tool,
+                speed=path.speed,
+                turning=path.turning,
+                zone=path.zone,
+                acceleration=path.acceleration,
+                within=within,
+            )
+            for side, path in paths.items()
+        }
+        longest = max(each.spline.end for each in plans.values())
+        return {side: stretched(each, longest) for side, each in plans.items()}
+
+    return plan
+
+
+def waypoints_from(
+    frames: Frames, poses: Sequence[PoseLike], work_object: PoseLike | str | None, angle: float | None
+) -> tuple[Waypoint, ...]:
+    """Poses given in a work object as waypoints in the body frame; the arm angle is that of the last."""
+    base = frames.work_object(work_object)
+    points = [Waypoint(compose(base, pose_from(each))) for each in poses]
+    if points and angle is not None:
+        points[-1] = replace(points[-1], angle=checked_angle(angle))
+    return tuple(points)

@@ -1,8 +1,6 @@
-"""``yumi controller``: a virtual controller with a virtual YuMi.
+"""Commands for controllers: ``yumi controller`` runs a virtual one with a virtual YuMi, ``yumi fault`` injects faults.
 
-The command ``yumi fault``: injects a fault into a running virtual controller.
-
-``yumi rws``: Robot Web Services of a controller by hand.
+``yumi rws`` uses the Robot Web Services of any controller by hand.
 """
 
 from __future__ import annotations
@@ -10,17 +8,20 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from yumi.cli.options import (
+    FILE,
+    GRIPPER_MODULES,
     PORT,
+    ROBOT_MODEL,
     Measure,
+    config_option,
     end_flag,
     password_options,
     robot_options,
@@ -32,18 +33,21 @@ from yumi.errors import CommandRefused
 from yumi.process.supervision import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
+from yumi.rws.client import (
+    EXECUTION,
+    Change,
+    Resource,
+    RwsClient,
+    event_log,
+    signal_state,
+    variable_value,
+)
+from yumi.rws.documents import Page, State, decode_form
 from yumi.rws.types import GRANTS
 from yumi.virtual.controller.events import Fault, FaultKind, Way
 
-if TYPE_CHECKING:
-    from yumi.rws.client import Resource, RwsClient
-    from yumi.rws.documents import Page, State
-
-
 _WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = Measure("leak", 0.0, 1.0, is_open=False)
-_MODULES = click.Choice([modules.value for modules in GripperModules])
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 _SPEED = Measure("factor", 0.01, 100.0, is_open=False)
 _ARM_TASKS = {side.word: side.task for side in Side}
 
@@ -65,7 +69,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 )
 @click.option(
     "--robot",
-    type=click.Choice(["yumi", "irb14050", "irb120"]),
+    type=ROBOT_MODEL,
     default="yumi",
     show_default=True,
     help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1).",
@@ -87,8 +91,10 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 )
 @click.option("--left-object", type=_WIDTH, help="Width of an object between the left fingers [m].")
 @click.option("--right-object", type=_WIDTH, help="Width of an object between the right fingers [m].")
-@click.option("--left-gripper", type=_MODULES, default="servo", show_default=True, help="Modules of the left gripper.")
-@click.option("--right-gripper", type=_MODULES, default="servo", show_default=True, help="And of the right one.")
+@click.option(
+    "--left-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="Modules of the left gripper."
+)
+@click.option("--right-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="And of the right one.")
 @click.option("--left-leak", type=_LEAK, help="An object lies under the left gripper's cups; 0 is tight, 1 as if none.")
 @click.option("--right-leak", type=_LEAK, help="And under the right one's.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
@@ -103,7 +109,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="Your RAPID modules (.mod, .sys) or program (.pgf) instead of ours, in the task of an arm (left, right) or of "
     "another name; may be given for several tasks.",
 )
-@click.option("--cfg", multiple=True, type=_FILE, help="System parameters to add, such as an EIO.cfg of your own.")
+@click.option("--cfg", multiple=True, type=FILE, help="System parameters to add, such as an EIO.cfg of your own.")
 @click.option(
     "--system",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -216,21 +222,23 @@ def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:
     return programs
 
 
+# ---- yumi fault
+
 _FAULT_WIDTH = 120
 
 
-def _table(kinds: list[FaultKind]) -> str:
+def _fault_table(kinds: list[FaultKind]) -> str:
     """The faults, one a line; the width of the names is that of the longest. Choices that do not fit go below."""
     width = max(len(kind.name) for kind in kinds)
     lines = []
     for kind in kinds:
-        line, choices = f"  {kind.name:<{width}}  {kind.meaning}", _choices(kind)
+        line, choices = f"  {kind.name:<{width}}  {kind.meaning}", _options_of(kind)
         fits = len(line + choices) < _FAULT_WIDTH
         lines.append(line + choices if fits else f"{line}\n{' ' * (width + 3)}{choices}")
     return "\n".join(lines)
 
 
-def _choices(kind: FaultKind) -> str:
+def _options_of(kind: FaultKind) -> str:
     limit = "for ever" if kind.default_duration is None else f"{kind.default_duration:g} s"
     choices = ["--side"] * kind.has_side + [f"--duration, else {limit}"] * kind.has_duration
     if kind.amount is not None:
@@ -240,15 +248,15 @@ def _choices(kind: FaultKind) -> str:
     return f" ({'; '.join(choices)})" if choices else ""
 
 
-_LIST = _table([fault.value for fault in Fault])
+_FAULTS = _fault_table([fault.value for fault in Fault])
 
 
 @click.command(
-    epilog="\b\nFaults:\n" + _LIST,
+    epilog="\b\nFaults:\n" + _FAULTS,
     context_settings={"max_content_width": _FAULT_WIDTH},
 )
 @click.argument("name", required=False, type=click.Choice([fault.value.name for fault in Fault]), metavar="[NAME]")
-@click.option("--rws-port", type=click.IntRange(1, 65535), default=8080, show_default=True, help="Its HTTP port.")
+@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
 @click.option("--side", type=click.Choice([side.word for side in Side]), help="One arm; both without it.")
 @click.option("--duration", type=float, help="How long it lasts [s].")
 @click.option("--by", type=float, help="Its strength, in the unit of the list below.")
@@ -270,7 +278,7 @@ def fault(
       yumi fault warm-restart --rws-port 8080
     """
     if name is None:
-        click.echo(_LIST)
+        click.echo(_FAULTS)
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
@@ -280,8 +288,28 @@ def fault(
     click.echo(f"{name}: done")
 
 
+# ---- yumi rws
+
 _SYMBOL_PARTS = 3  # task, module, name
-_NAMED = ("ctrlstate", "opmode", "speedratio", "coldetstate")
+_PANEL_RESOURCES = ("ctrlstate", "opmode", "speedratio", "coldetstate")
+
+_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON, for programs.")
+
+
+def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Options that say which controller; the command gets a connected client first."""
+
+    @robot_options("Address of the controller; else as in the settings.")
+    @config_option
+    @wraps(command)
+    def with_client(config: Path | None, **options: Any) -> Any:
+        names = ("robot", "rws_port", "left_egm_port", "right_egm_port", "user", "password")
+        where = settings_of(config, {name: options.pop(name) for name in names}).robot
+        address = f"{where.address}:{where.rws_port}"
+        with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
+            return command(client, **options)
+
+    return with_client
 
 
 @click.group()
@@ -299,45 +327,12 @@ def rws() -> None:
     """
 
 
-@contextmanager
-def _client(config: Path | None, options: dict[str, Any]) -> Iterator[RwsClient]:
-    from yumi.rws.client import RwsClient  # noqa: PLC0415 - a quick --help
-
-    where = settings_of(config, options).robot
-    address = f"{where.address}:{where.rws_port}"
-    with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
-        yield client
-
-
-_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON, for programs.")
-
-
-def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Options that say which controller; the command gets a connected client first."""
-
-    @robot_options("Address of the controller; else as in the settings.")
-    @click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
-    @wraps(command)
-    def with_client(config: Path | None, **options: Any) -> Any:
-        names = ("robot", "rws_port", "left_egm_port", "right_egm_port", "user", "password")
-        given = {name: options.pop(name) for name in names}
-        with _client(config, given) as client:
-            return command(client, **options)
-
-    return with_client
-
-
-def _symbol_of(target: str) -> tuple[str, str, str] | None:
-    parts = target.split("/")
-    return (parts[0], parts[1], parts[2]) if len(parts) == _SYMBOL_PARTS and all(parts) else None
-
-
 @rws.command("get")
 @click.argument("target")
 @click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), help="Write a file there.")
 @_as_json
 @of_controller
-def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> None:
+def rws_get(client: RwsClient, target: str, output: Path | None, is_json: bool) -> None:
     """Read TARGET.
 
     A resource is printed as JSON in any case. With --json a signal is a number, and a RAPID symbol a number, bool,
@@ -353,8 +348,6 @@ def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> 
     device, colon, _ = target.partition(":/")
     if target.startswith("/"):
         path, _, query = target.partition("?")
-        from yumi.rws.documents import decode_form  # noqa: PLC0415 - a quick --help
-
         _print(client.call("GET", path, decode_form(query)))
     elif target.startswith("signal:"):
         found = client.signal(target.removeprefix("signal:"))
@@ -369,14 +362,14 @@ def get_(client: RwsClient, target: str, output: Path | None, is_json: bool) -> 
     elif symbol := _symbol_of(target):
         click.echo(json.dumps(client.value(*symbol), ensure_ascii=False) if is_json else client.symbol(*symbol))
     else:
-        raise _unknown(target)
+        raise _unknown_target(target)
 
 
 @rws.command("set")
 @click.argument("target")
 @click.argument("value")
 @of_controller
-def set_(client: RwsClient, target: str, value: str) -> None:
+def rws_set(client: RwsClient, target: str, value: str) -> None:
     """Write VALUE to TARGET, a signal or a RAPID symbol.
 
     \b
@@ -393,14 +386,14 @@ def set_(client: RwsClient, target: str, value: str) -> None:
     elif symbol := _symbol_of(target):
         client.set_symbol(*symbol, value)
     else:
-        raise _unknown(target)
+        raise _unknown_target(target)
 
 
 @rws.command("ls")
 @click.argument("path", default="HOME:/")
 @_as_json
 @of_controller
-def ls(client: RwsClient, path: str, is_json: bool) -> None:
+def rws_ls(client: RwsClient, path: str, is_json: bool) -> None:
     """List the directory PATH of the controller, or the entries of a resource, on all its pages.
 
     \b
@@ -426,10 +419,10 @@ def ls(client: RwsClient, path: str, is_json: bool) -> None:
 
 
 @rws.command("put")
-@click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
+@click.argument("file", type=FILE)
 @click.argument("path")
 @of_controller
-def put(client: RwsClient, file: Path, path: str) -> None:
+def rws_put(client: RwsClient, file: Path, path: str) -> None:
     """Write FILE of this machine to PATH on the controller.
 
     \b
@@ -446,7 +439,7 @@ def put(client: RwsClient, file: Path, path: str) -> None:
 @click.option("--count", type=click.IntRange(1), help="End after so many lines.")
 @_as_json
 @of_controller
-def watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_json: bool) -> None:
+def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_json: bool) -> None:
     """Print the values of TARGETS and each change; it subscribes again after a break, and says so.
 
     With --json each line is an object.
@@ -457,9 +450,7 @@ def watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_jso
       yumi rws watch ctrlstate opmode execution
       yumi rws watch --json signal:EGM_STOP
     """
-    from yumi.rws.client import Change  # noqa: PLC0415 - a quick --help
-
-    for number, item in enumerate(client.watch([_resource(target) for target in targets]), 1):
+    for number, item in enumerate(client.watch([_resource_of(target) for target in targets]), 1):
         if is_json:
             line = {"interrupted": item.reason} if not isinstance(item, Change) else {"path": item.path, **item.fields}
             click.echo(json.dumps(line, ensure_ascii=False))
@@ -471,10 +462,29 @@ def watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_jso
             return
 
 
-def _resource(target: str) -> Resource:
-    from yumi.rws.client import EXECUTION, Resource, event_log, signal_state, variable_value  # noqa: PLC0415
+@rws.command("call")
+@click.argument("method", type=click.Choice(["GET", "POST", "PUT", "DELETE", "HEAD"], case_sensitive=False))
+@click.argument("path")
+@click.argument("fields", nargs=-1)
+@of_controller
+def rws_call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> None:
+    """Send any request; FIELDS are NAME=VALUE in its body.
 
-    if target in _NAMED:
+    \b
+    Examples:
+      yumi rws call POST '/rw/panel/speedratio?action=setspeedratio' speed-ratio=50
+      yumi rws call POST '/rw/rapid/symbols?action=search-symbols' view=block blockurl=RAPID/T_ROB_R symtyp=per
+    """
+    wrong = [field for field in fields if "=" not in field]
+    if wrong:
+        raise CommandRefused(f"{wrong[0]!r} is not NAME=VALUE.")
+    where, _, query = path.partition("?")
+    form = tuple((name, value) for name, _, value in (field.partition("=") for field in fields))
+    _print(client.call(method, where, decode_form(query), form or None))
+
+
+def _resource_of(target: str) -> Resource:
+    if target in _PANEL_RESOURCES:
         return Resource(f"/rw/panel/{target}")
     if target == "execution":
         return EXECUTION
@@ -486,30 +496,19 @@ def _resource(target: str) -> Resource:
         return Resource(target)
     if symbol := _symbol_of(target):
         return variable_value(*symbol)
-    raise _unknown(target)
+    raise _unknown_target(target)
 
 
-@rws.command("call")
-@click.argument("method", type=click.Choice(["GET", "POST", "PUT", "DELETE", "HEAD"], case_sensitive=False))
-@click.argument("path")
-@click.argument("fields", nargs=-1)
-@of_controller
-def call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> None:
-    """Send any request; FIELDS are NAME=VALUE in its body.
+def _symbol_of(target: str) -> tuple[str, str, str] | None:
+    parts = target.split("/")
+    return (parts[0], parts[1], parts[2]) if len(parts) == _SYMBOL_PARTS and all(parts) else None
 
-    \b
-    Examples:
-      yumi rws call POST '/rw/panel/speedratio?action=setspeedratio' speed-ratio=50
-      yumi rws call POST '/rw/rapid/symbols?action=search-symbols' view=block blockurl=RAPID/T_ROB_R symtyp=per
-    """
-    from yumi.rws.documents import decode_form  # noqa: PLC0415 - a quick --help
 
-    wrong = [field for field in fields if "=" not in field]
-    if wrong:
-        raise CommandRefused(f"{wrong[0]!r} is not NAME=VALUE.")
-    where, _, query = path.partition("?")
-    form = tuple((name, value) for name, _, value in (field.partition("=") for field in fields))
-    _print(client.call(method, where, decode_form(query), form or None))
+def _unknown_target(target: str) -> CommandRefused:
+    return CommandRefused(
+        f"{target!r} is not a target: give a resource (/rw/panel/opmode), signal:NAME, TASK/MODULE/NAME or a file "
+        "(HOME:/pick.mod)."
+    )
 
 
 def _print(page: Page | None) -> None:
@@ -518,18 +517,11 @@ def _print(page: Page | None) -> None:
 
 
 def _print_states(states: Sequence[State]) -> None:
-    click.echo(json.dumps([_as_value(state) for state in states], indent=2, ensure_ascii=False))
+    click.echo(json.dumps([_as_object(state) for state in states], indent=2, ensure_ascii=False))
 
 
-def _as_value(state: State) -> dict[str, object]:
+def _as_object(state: State) -> dict[str, object]:
     value: dict[str, object] = {"type": state.type, "title": state.title, **state.fields}
     if state.children:
-        value["items"] = [_as_value(child) for child in state.children]
+        value["items"] = [_as_object(child) for child in state.children]
     return value
-
-
-def _unknown(target: str) -> CommandRefused:
-    return CommandRefused(
-        f"{target!r} is not a target: give a resource (/rw/panel/opmode), signal:NAME, TASK/MODULE/NAME or a file "
-        "(HOME:/pick.mod)."
-    )

@@ -1,6 +1,6 @@
-"""``yumi install`` and ``yumi uninstall``: the robot's side of this package, onto a controller and off it again.
+"""Commands that set up a robot: ``yumi install``, ``yumi uninstall``, and ``yumi doctor``, which lists what is missing.
 
-``yumi doctor``: lists what is missing before a robot can be driven; without --stream it only reads.
+The first one and the last one can see whether the EGM datagrams of both arms arrive.
 """
 
 from __future__ import annotations
@@ -10,296 +10,44 @@ import json
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from yumi.cli.options import robot_options, settings_of
+from yumi.cli.options import config_option, robot_options, settings_of
+from yumi.clock import SystemClock
+from yumi.driver.bringup import EgmAddress
+from yumi.egm.udp import UdpServer, address_towards, network_cards, resolve
 from yumi.errors import NoConnection, RobotNotReady, YumiError
-from yumi.robot.joints import Side
+from yumi.robot.joints import Joints, Side
+from yumi.rws.client import RwsClient
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
     from rich.console import Console
 
-    from yumi.driver.bringup import EgmAddress
-    from yumi.driver.commissioning.doctor import Finding
+    from yumi.driver.commissioning.doctor import ArmStream, Finding
     from yumi.driver.commissioning.installation import Installation, Plan
-    from yumi.rws.client import RwsClient
     from yumi.rws.documents import SystemInfo
 
-
-_TABLE_WIDTH = 110
-_DOCTORED_TIME = 5.0
-
-
-@click.command()
-@robot_options("Address of the controller; else as in the settings.")
-@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
-@click.option("--stream", is_flag=True, help="Also receive both arms' positions over EGM for 5 s; it asks first.")
-@click.option("--yes", is_flag=True, help="Do not ask before that.")
-@click.option(
-    "--json",
-    "report",
-    type=click.Path(dir_okay=False, allow_dash=True),
-    help="Also write the findings to this file; - prints them, and nothing else.",
+_as_json = click.option(
+    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
 )
-@click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Also write the page to this file.")
-def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, html: Path | None, **options: Any) -> None:
-    """List what is missing before a robot can be driven, with the remedy; nothing moves.
-
-    Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
-    datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
-    program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
-    have begun anew. It starts nothing where a task has another program, or its modules are a problem. Other tasks that
-    would start, too, are switched off meanwhile: it says which.
-
-    Exit code 0: no problems; 1: there are problems.
-
-    \b
-    Examples:
-      yumi doctor --robot 192.168.125.1
-      yumi doctor --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
-      yumi doctor --robot 192.168.125.1 --json -
-      yumi doctor --robot 192.168.125.1 --stream --html robot.html
-    """
-    from yumi.driver.bringup import EgmAddress  # noqa: PLC0415
-    from yumi.driver.commissioning.doctor import (  # noqa: PLC0415 - a quick --help
-        Verdict,
-        examine_controller,
-        examine_machine,
-        obstacle_to_stream,
-    )
-    from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
-    from yumi.rws.client import RwsClient  # noqa: PLC0415
-
-    settings = settings_of(config, options)
-    where = settings.robot
-    remote = resolve(where.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
-    addresses = {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
-    client = RwsClient(
-        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
-    )
-    try:
-        findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
-        if stream and (obstacle := obstacle_to_stream(findings)) is not None:
-            findings.append(obstacle)
-        elif stream:
-            if not yes:
-                click.confirm(
-                    "Receive the arms' positions now? The motors go on, the program starts at main; nothing moves",
-                    abort=True,
-                )
-            findings += _examine_stream(client, addresses)
-    finally:
-        client.close()
-    if report is not None:
-        rows = [
-            {**asdict(each), "verdict": each.verdict.value, "why": each.why, "where": each.where} for each in findings
-        ]
-        text = json.dumps({"robot": client.address, "findings": rows}, indent=2)
-        if report == "-":
-            click.echo(text)
-        else:
-            Path(report).write_text(f"{text}\n", encoding="utf-8")
-    if report != "-":
-        from rich.console import Console  # noqa: PLC0415
-
-        console = Console(highlight=False)
-        if not console.is_terminal:
-            console.width = max(console.width, _TABLE_WIDTH)
-        _show(findings, console)
-    if html is not None:
-        from rich.console import Console  # noqa: PLC0415
-
-        page = Console(highlight=False, record=True, file=io.StringIO(), width=160)
-        page.print(f"yumi doctor, robot {client.address}")
-        _show(findings, page)
-        html.write_text(page.export_html(), encoding="utf-8")
-    sys.exit(1 if any(each.verdict is Verdict.PROBLEM for each in findings) else 0)
-
-
-def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> list[Finding]:
-    """What comes of both arms' position streams, or why none can be started."""
-    from contextlib import ExitStack  # noqa: PLC0415 - a quick --help
-
-    from yumi.clock import SystemClock  # noqa: PLC0415
-    from yumi.driver.commissioning.doctor import (  # noqa: PLC0415
-        examine_stream,
-        listen,
-        problem,
-        streaming,
-    )
-    from yumi.egm.udp import UdpServer  # noqa: PLC0415
-
-    clock = SystemClock()
-    try:
-        with ExitStack() as stack:
-            links = {
-                side: stack.enter_context(UdpServer(address.host, address.port)) for side, address in addresses.items()
-            }
-            with streaming(client, clock, lambda text: click.echo(f"  {text}", err=True)):
-                streams = listen(links, clock, _DOCTORED_TIME)
-            stands = {side: client.joint_target(side.unit) for side in Side}
-    except YumiError as error:
-        return [problem("EGM stream", error)]
-    return list(examine_stream(streams, stands, addresses))
-
-
-def _show(findings: Sequence[Finding], console: Console) -> None:
-    """One line a requirement; below, what is behind those that are not met."""
-    from rich.table import Table  # noqa: PLC0415 - a quick --help
-    from rich.text import Text  # noqa: PLC0415
-
-    from yumi.driver.commissioning.doctor import Verdict  # noqa: PLC0415
-
-    style = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
-    table = Table("", "requirement", "found", "what to do", box=None, pad_edge=False)
-    for each in findings:
-        mark = Text(each.verdict.value, style[each.verdict])
-        remedy = f"{each.remedy} (FlexPendant: {each.where})" if each.remedy and each.where else each.remedy
-        found = f"{each.found}; {each.why}" if each.verdict is Verdict.PROBLEM and each.why else each.found
-        table.add_row(mark, Text(each.requirement), Text(found), Text(remedy))
-    console.print(table)
-    counts = Counter(each.verdict for each in findings)
-    problems, notes = counts[Verdict.PROBLEM], counts[Verdict.NOTE]
-    said = f"{problems} problem{'s' * (problems != 1)}" if problems else "No problems found"
-    console.print(f"{said}, {notes} note{'s' * (notes != 1)}.")
-
-
-_STREAM_TIME = 2.0
-_PROGRESS_PERIOD = 5.0  # [s]
-_WORST_LOSS = 0.01
-
-
-class _Session:
-    """What both commands work with: the client, the installation on it, and how they report.
-
-    Attributes:
-        client: connected.
-        system: its controller's.
-        remote: the controller's IP address.
-        addresses: where each arm's datagrams are awaited.
-        installation: on it.
-        is_json: whether the result is printed as JSON, and nothing else.
-    """
-
-    def __init__(
-        self,
-        client: RwsClient,
-        system: SystemInfo,
-        remote: str,
-        addresses: dict[Side, EgmAddress],
-        installation: Installation,
-        is_json: bool,
-    ) -> None:
-        self.client = client
-        self.system = system
-        self.remote = remote
-        self.addresses = addresses
-        self.installation = installation
-        self.is_json = is_json
-
-    def say(self, text: str) -> None:
-        if not self.is_json:
-            click.echo(text)
-
-    def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
-        """Print the result."""
-        if self.is_json:
-            value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
-            if plan is not None:
-                value |= {
-                    "changes": [str(change) for change in plan.changes],
-                    "refusals": plan.refusals,
-                    "notes": plan.notes,
-                    "needs_restart": plan.needs_restart,
-                }
-            click.echo(json.dumps(value | more, indent=2))
-        else:
-            click.echo(outcome)
-
-    def show_route(self) -> None:
-        """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
-        from yumi.driver.commissioning.doctor import Verdict, examine_route  # noqa: PLC0415
-        from yumi.egm.udp import network_cards  # noqa: PLC0415
-
-        for finding in examine_route(self.remote, self.addresses, network_cards()):
-            if finding.verdict is not Verdict.OK:
-                self.say(f"Note: {finding.found}; {finding.remedy}.")
-
-    def show(self, plan: Plan) -> None:
-        """The plan, like a diff."""
-        colours = {"+": "green", "-": "red", "~": "yellow"}
-        for note in plan.notes:
-            self.say(f"Note: {note}.")
-        for change in plan.changes:
-            self.say(click.style(str(change), colours[change.sign]))
-        for refusal in plan.refusals:
-            self.say(click.style(f"Not possible now: {refusal}.", "red"))
-
-
-@contextmanager
-def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Iterator[_Session]:
-    from yumi.driver.bringup import EgmAddress  # noqa: PLC0415 - a quick --help
-    from yumi.driver.commissioning.installation import Installation, Record  # noqa: PLC0415
-    from yumi.egm.udp import address_towards, resolve  # noqa: PLC0415
-    from yumi.rws.client import RwsClient  # noqa: PLC0415
-
-    settings = settings_of(config, options)
-    where = settings.robot
-    remote = resolve(where.address)
-    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
-    addresses = {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
-    client = RwsClient(
-        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
-    )
-    try:
-        system = client.connect()
-        identity = client.identity()
-        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
-        session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
-        version = ".".join(map(str, system.robotware))
-        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
-        yield session
-    finally:
-        client.close()
-
-
-class _Progress:
-    """Prints each step; of one that goes on, a line in five seconds."""
-
-    def __init__(self, is_quiet: bool) -> None:
-        self._is_quiet = is_quiet
-        self._last = ""
-        self._next = 0.0
-
-    def __call__(self, text: str) -> None:
-        kind, now = text.partition(",")[0], time.monotonic()
-        if self._is_quiet or (kind == self._last and now < self._next):
-            return
-        self._last, self._next = kind, now + _PROGRESS_PERIOD
-        click.echo(f"  {text}")
 
 
 @click.command()
 @robot_options("Address of the controller; else as in the settings.")
-@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@config_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
 @click.option("--roll-back", is_flag=True, help="Make everything as it was before the first installation.")
 @click.option("--replace-main", is_flag=True, help="Unload modules of others that have a main; --roll-back loads them.")
 @click.option("--backup/--no-backup", default=True, help="Have the controller make a backup first, and download it.")
 @click.option("--stream/--no-stream", default=True, help="See at the end that EGM datagrams of both arms arrive.")
-@click.option(
-    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
-)
+@_as_json
 def install(
     config: Path | None,
     yes: bool,
@@ -365,80 +113,12 @@ def install(
         session.finish(outcome, plan, stream=_check_stream(session))
 
 
-def _stop_at_refusals(session: _Session, plan: Plan) -> None:
-    """End with code 1 where the plan cannot be carried out now."""
-    if plan.refusals:
-        session.finish("Nothing was changed.", plan)
-        sys.exit(1)
-
-
-def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
-    """Receive both arms' positions for a moment.
-
-    Raises:
-        NoConnection: an arm's datagrams do not arrive.
-        RobotNotReady: they are those of the other arm, or many are lost.
-    """
-    from contextlib import ExitStack  # noqa: PLC0415 - a quick --help
-
-    from yumi.clock import SystemClock  # noqa: PLC0415
-    from yumi.driver.commissioning.doctor import listen, streaming  # noqa: PLC0415
-    from yumi.egm.udp import UdpServer  # noqa: PLC0415
-
-    clock = SystemClock()
-    with ExitStack() as stack:
-        links = {
-            side: stack.enter_context(UdpServer(address.host, address.port))
-            for side, address in session.addresses.items()
-        }
-        with streaming(session.client, clock, lambda text: session.say(f"  {text}")):
-            streams = listen(links, clock, _STREAM_TIME)
-        stands = {side: session.client.joint_target(side.unit) for side in Side}
-    for side, stream in streams.items():
-        address = session.addresses[side]
-        if stream.position is None:
-            raise NoConnection(
-                f"No datagram of the {side.word} arm came to {address.host}:{address.port}; open the port in this "
-                "machine's firewall, and see `yumi doctor --stream`."
-            )
-        if not stream.is_of(stands[side]):
-            raise RobotNotReady(
-                f"The datagrams at port {address.port} are not the {side.word} arm's; exchange the ports."
-            )
-        if stream.loss > _WORST_LOSS:
-            raise RobotNotReady(f"{stream.loss:.0%} of the {side.word} arm's datagrams are lost; use a cable.")
-        session.say(
-            f"{side.word} arm: {stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost"
-        )
-    return {
-        side.word: {"received": stream.received, "lost": stream.lost, "period": stream.period}
-        for side, stream in streams.items()
-    }
-
-
-@contextmanager
-def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
-    """Say after a failure or Ctrl-C how everything becomes as it was."""
-    try:
-        yield
-    except (YumiError, KeyboardInterrupt, OSError):
-        if not installation.can_roll_back:
-            raise
-        click.echo(
-            "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
-            err=True,
-        )
-        raise
-
-
 @click.command()
 @robot_options("Address of the controller; else as in the settings.")
-@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@config_option
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
-@click.option(
-    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
-)
+@_as_json
 def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **options: Any) -> None:
     """Take away what `yumi install` has brought; the controller restarts, nothing moves.
 
@@ -468,4 +148,303 @@ def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **op
         )
 
 
-COMMANDS = (install, uninstall)
+def _stop_at_refusals(session: _Session, plan: Plan) -> None:
+    """End with code 1 where the plan cannot be carried out now."""
+    if plan.refusals:
+        session.finish("Nothing was changed.", plan)
+        sys.exit(1)
+
+
+@contextmanager
+def _rolling_back_is_possible(installation: Installation) -> Iterator[None]:
+    """Say after a failure or Ctrl-C how everything becomes as it was."""
+    try:
+        yield
+    except (YumiError, KeyboardInterrupt, OSError):
+        if not installation.can_roll_back:
+            raise
+        click.echo(
+            "It was interrupted: `yumi install` goes on from here, `yumi install --roll-back` makes all as it was.",
+            err=True,
+        )
+        raise
+
+
+class _Session:
+    """What `install` and `uninstall` work with: the client, the installation on it, and how they report.
+
+    Attributes:
+        client: connected.
+        system: its controller's.
+        remote: the controller's IP address.
+        addresses: where each arm's datagrams are awaited.
+        installation: on it.
+        is_json: whether the result is printed as JSON, and nothing else.
+    """
+
+    def __init__(
+        self,
+        client: RwsClient,
+        system: SystemInfo,
+        remote: str,
+        addresses: dict[Side, EgmAddress],
+        installation: Installation,
+        is_json: bool,
+    ) -> None:
+        self.client = client
+        self.system = system
+        self.remote = remote
+        self.addresses = addresses
+        self.installation = installation
+        self.is_json = is_json
+
+    def say(self, text: str) -> None:
+        if not self.is_json:
+            click.echo(text)
+
+    def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
+        """Print the result."""
+        if self.is_json:
+            value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
+            if plan is not None:
+                value |= {
+                    "changes": [str(change) for change in plan.changes],
+                    "refusals": plan.refusals,
+                    "notes": plan.notes,
+                    "needs_restart": plan.needs_restart,
+                }
+            click.echo(json.dumps(value | more, indent=2))
+        else:
+            click.echo(outcome)
+
+    def show_route(self) -> None:
+        """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
+        from yumi.driver.commissioning.doctor import Verdict, examine_route  # noqa: PLC0415 - a quick --help
+
+        for finding in examine_route(self.remote, self.addresses, network_cards()):
+            if finding.verdict is not Verdict.OK:
+                self.say(f"Note: {finding.found}; {finding.remedy}.")
+
+    def show(self, plan: Plan) -> None:
+        """The plan, like a diff."""
+        colours = {"+": "green", "-": "red", "~": "yellow"}
+        for note in plan.notes:
+            self.say(f"Note: {note}.")
+        for change in plan.changes:
+            self.say(click.style(str(change), colours[change.sign]))
+        for refusal in plan.refusals:
+            self.say(click.style(f"Not possible now: {refusal}.", "red"))
+
+
+@contextmanager
+def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Iterator[_Session]:
+    from yumi.driver.commissioning.installation import Installation, Record  # noqa: PLC0415 - a quick --help
+
+    client, remote, addresses = _controller_of(config, options)
+    try:
+        system = client.connect()
+        identity = client.identity()
+        record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
+        session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
+        version = ".".join(map(str, system.robotware))
+        session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
+        yield session
+    finally:
+        client.close()
+
+
+_PROGRESS_PERIOD = 5.0  # [s]
+
+
+class _Progress:
+    """Prints each step; of one that goes on, a line in five seconds."""
+
+    def __init__(self, is_quiet: bool) -> None:
+        self._is_quiet = is_quiet
+        self._last = ""
+        self._next = 0.0
+
+    def __call__(self, text: str) -> None:
+        kind, now = text.partition(",")[0], time.monotonic()
+        if self._is_quiet or (kind == self._last and now < self._next):
+            return
+        self._last, self._next = kind, now + _PROGRESS_PERIOD
+        click.echo(f"  {text}")
+
+
+_INSTALLED_TIME = 2.0  # [s] for which datagrams are received after an installation
+_WORST_LOSS = 0.01
+
+
+def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
+    """Receive both arms' positions for a moment.
+
+    Raises:
+        NoConnection: an arm's datagrams do not arrive.
+        RobotNotReady: they are those of the other arm, or many are lost.
+    """
+    streams, stands = _receive(session.client, session.addresses, _INSTALLED_TIME, session.say)
+    for side, stream in streams.items():
+        address = session.addresses[side]
+        if stream.position is None:
+            raise NoConnection(
+                f"No datagram of the {side.word} arm came to {address.host}:{address.port}; open the port in this "
+                "machine's firewall, and see `yumi doctor --stream`."
+            )
+        if not stream.is_of(stands[side]):
+            raise RobotNotReady(
+                f"The datagrams at port {address.port} are not the {side.word} arm's; exchange the ports."
+            )
+        if stream.loss > _WORST_LOSS:
+            raise RobotNotReady(f"{stream.loss:.0%} of the {side.word} arm's datagrams are lost; use a cable.")
+        session.say(
+            f"{side.word} arm: {stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost"
+        )
+    return {
+        side.word: {"received": stream.received, "lost": stream.lost, "period": stream.period}
+        for side, stream in streams.items()
+    }
+
+
+# ---- yumi doctor
+
+_EXAMINED_TIME = 5.0  # [s] for which `yumi doctor --stream` receives datagrams
+_TABLE_WIDTH = 110
+
+
+@click.command()
+@robot_options("Address of the controller; else as in the settings.")
+@config_option
+@click.option("--stream", is_flag=True, help="Also receive both arms' positions over EGM for 5 s; it asks first.")
+@click.option("--yes", is_flag=True, help="Do not ask before that.")
+@click.option(
+    "--json",
+    "report",
+    type=click.Path(dir_okay=False, allow_dash=True),
+    help="Also write the findings to this file; - prints them, and nothing else.",
+)
+@click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Also write the page to this file.")
+def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, html: Path | None, **options: Any) -> None:
+    """List what is missing before a robot can be driven, with the remedy; nothing moves.
+
+    Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
+    datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
+    program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
+    have begun anew. It starts nothing where a task has another program, or its modules are a problem. Other tasks that
+    would start, too, are switched off meanwhile: it says which.
+
+    Exit code 0: no problems; 1: there are problems.
+
+    \b
+    Examples:
+      yumi doctor --robot 192.168.125.1
+      yumi doctor --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
+      yumi doctor --robot 192.168.125.1 --json -
+      yumi doctor --robot 192.168.125.1 --stream --html robot.html
+    """
+    from rich.console import Console  # noqa: PLC0415 - a quick --help
+
+    from yumi.driver.commissioning.doctor import (  # noqa: PLC0415
+        Verdict,
+        examine_controller,
+        examine_machine,
+        obstacle_to_stream,
+    )
+
+    client, remote, addresses = _controller_of(config, options)
+    try:
+        findings = [*examine_controller(client, addresses), *examine_machine(remote, addresses)]
+        if stream and (obstacle := obstacle_to_stream(findings)) is not None:
+            findings.append(obstacle)
+        elif stream:
+            if not yes:
+                click.confirm(
+                    "Receive the arms' positions now? The motors go on, the program starts at main; nothing moves",
+                    abort=True,
+                )
+            findings += _examine_stream(client, addresses)
+    finally:
+        client.close()
+    if report is not None:
+        rows = [
+            {**asdict(each), "verdict": each.verdict.value, "why": each.why, "where": each.where} for each in findings
+        ]
+        text = json.dumps({"robot": client.address, "findings": rows}, indent=2)
+        if report == "-":
+            click.echo(text)
+        else:
+            Path(report).write_text(f"{text}\n", encoding="utf-8")
+    if report != "-":
+        console = Console(highlight=False)
+        if not console.is_terminal:
+            console.width = max(console.width, _TABLE_WIDTH)
+        _show(findings, console)
+    if html is not None:
+        page = Console(highlight=False, record=True, file=io.StringIO(), width=160)
+        page.print(f"yumi doctor, robot {client.address}")
+        _show(findings, page)
+        html.write_text(page.export_html(), encoding="utf-8")
+    sys.exit(1 if any(each.verdict is Verdict.PROBLEM for each in findings) else 0)
+
+
+def _examine_stream(client: RwsClient, addresses: Mapping[Side, EgmAddress]) -> list[Finding]:
+    """What comes of both arms' position streams, or why none can be started."""
+    from yumi.driver.commissioning.doctor import examine_stream, problem  # noqa: PLC0415 - a quick --help
+
+    try:
+        streams, stands = _receive(client, addresses, _EXAMINED_TIME, lambda text: click.echo(text, err=True))
+    except YumiError as error:
+        return [problem("EGM stream", error)]
+    return list(examine_stream(streams, stands, addresses))
+
+
+def _show(findings: Sequence[Finding], console: Console) -> None:
+    """One line a requirement; below, what is behind those that are not met."""
+    from rich.table import Table  # noqa: PLC0415 - a quick --help
+    from rich.text import Text  # noqa: PLC0415
+
+    from yumi.driver.commissioning.doctor import Verdict  # noqa: PLC0415
+
+    style = {Verdict.OK: "green", Verdict.NOTE: "yellow", Verdict.PROBLEM: "bold red"}
+    table = Table("", "requirement", "found", "what to do", box=None, pad_edge=False)
+    for each in findings:
+        mark = Text(each.verdict.value, style[each.verdict])
+        remedy = f"{each.remedy} (FlexPendant: {each.where})" if each.remedy and each.where else each.remedy
+        found = f"{each.found}; {each.why}" if each.verdict is Verdict.PROBLEM and each.why else each.found
+        table.add_row(mark, Text(each.requirement), Text(found), Text(remedy))
+    console.print(table)
+    counts = Counter(each.verdict for each in findings)
+    problems, notes = counts[Verdict.PROBLEM], counts[Verdict.NOTE]
+    summary = f"{problems} problem{'s' * (problems != 1)}" if problems else "No problems found"
+    console.print(f"{summary}, {notes} note{'s' * (notes != 1)}.")
+
+
+# ---- of all of them
+
+
+def _controller_of(config: Path | None, options: Mapping[str, Any]) -> tuple[RwsClient, str, dict[Side, EgmAddress]]:
+    """A client, not connected yet; the controller's IP address; and where each arm's datagrams are awaited."""
+    settings = settings_of(config, options)
+    where = settings.robot
+    remote = resolve(where.address)
+    listen = address_towards(remote) if settings.egm.listen == "auto" else settings.egm.listen
+    client = RwsClient(
+        f"{where.address}:{where.rws_port}", user=where.user, password=where.password, timeout=where.timeout
+    )
+    return client, remote, {side: EgmAddress(listen, settings.egm.port(side)) for side in Side}
+
+
+def _receive(
+    client: RwsClient, addresses: Mapping[Side, EgmAddress], seconds: float, report: Callable[[str], None]
+) -> tuple[Mapping[Side, ArmStream], Mapping[Side, Joints]]:
+    """What comes of both arms' position streams, and where the controller says that the arms stand."""
+    from yumi.driver.commissioning.doctor import listen, streaming  # noqa: PLC0415 - a quick --help
+
+    clock = SystemClock()
+    with ExitStack() as stack:
+        links = {
+            side: stack.enter_context(UdpServer(address.host, address.port)) for side, address in addresses.items()
+        }
+        with streaming(client, clock, lambda text: report(f"  {text}")):
+            streams = listen(links, clock, seconds)
+        return streams, {side: client.joint_target(side.unit) for side in Side}

@@ -16,13 +16,13 @@ from typing import Any
 import click
 
 from yumi import __version__
-from yumi.cli import install, robot
 from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
-from yumi.cli.install import doctor
+from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
 from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.rapid import answer, rapid
+from yumi.cli.robot import DRIVER_COMMANDS, GRAPH_COMMANDS, completion, shell
 from yumi.cli.up import record, up, view
 from yumi.errors import MissingPrerequisite, SettingsError, YumiError
 
@@ -149,6 +149,9 @@ def main() -> None:
         logging.getLogger(noisy).setLevel(logging.WARNING)
 
 
-_COMMANDS = (answer, controller, demo, doctor, fault, moveit_config, rapid, record, rws, up, view)
-for _command in (*_COMMANDS, *install.COMMANDS, *robot.COMMANDS):
+_COMMANDS = (
+    *(answer, completion, controller, demo, doctor, fault, install, moveit_config, rapid, record, rws, shell),
+    *(uninstall, up, view, *DRIVER_COMMANDS, *GRAPH_COMMANDS),
+)
+for _command in _COMMANDS:
     main.add_command(_command)

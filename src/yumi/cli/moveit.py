@@ -1,6 +1,4 @@
-"""``yumi moveit-config``: files for MoveIt.
-
-``yumi moveit-config``: a MoveIt configuration package of this robot, as files to copy and change.
+"""``yumi moveit-config``: a MoveIt configuration package of this robot, as files to copy and change.
 
 MoveIt plans, this driver executes: each group of the SRDF has a ``FollowJointTrajectory`` action of the driver, and the
 grippers their ``GripperCommand``.
@@ -15,11 +13,29 @@ from typing import Any
 import click
 import yaml
 
+from yumi.cli.options import GRIPPER_MODULES
 from yumi.errors import SettingsError
-from yumi.planning.planner import GROUPS, semantic_description
 from yumi.robot.description import FINGER_SPEED, robot_description
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side, finger_names, joint_names
+
+
+@click.command("moveit-config")
+@click.argument("folder", type=click.Path(path_type=Path))
+@click.option("--right-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="Its modules.")
+@click.option("--left-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="And of the left one.")
+def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
+    """Write a MoveIt configuration package of this robot into FOLDER.
+
+    \b
+    Examples:
+      yumi moveit-config ~/ros2_ws/src/yumi_moveit_config
+      yumi moveit-config yumi_moveit_config --right-gripper servo+vacuum
+    """
+    write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
+    click.echo(f"Written: {folder}. Copy it into a workspace with MoveIt, build it there, start yumi up, then")
+    click.echo("ros2 launch yumi_moveit_config move_group.launch.py")
+
 
 PACKAGE = "yumi_moveit_config"
 
@@ -80,6 +96,20 @@ _SETUP_ASSISTANT = """moveit_setup_assistant_config:
 """
 
 
+def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
+    """Write the package into ``folder``, which must be new or empty.
+
+    Raises:
+        SettingsError: there is something in the folder.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SettingsError(f"{folder} is not empty; nothing was written. Name a new folder.")
+    for path, text in moveit_files(grippers).items():
+        file = folder / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8")
+
+
 def moveit_files(
     grippers: Mapping[Side, GripperModules] | None = None, limits: JointLimits = YUMI_LIMITS
 ) -> Mapping[str, str]:
@@ -89,6 +119,8 @@ def moveit_files(
         grippers: the modules of each arm's gripper.
         limits: of the joints; MoveIt plans with them.
     """
+    from yumi.planning.planner import GROUPS, semantic_description  # noqa: PLC0415 - a quick --help
+
     modules = grippers or dict.fromkeys(Side, GripperModules.SERVO)
     joint_limits: dict[str, Any] = {}
     for side in Side:
@@ -164,39 +196,5 @@ def moveit_files(
     }
 
 
-def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | None = None) -> None:
-    """Write the package into ``folder``, which must be new or empty.
-
-    Raises:
-        SettingsError: there is something in the folder.
-    """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsError(f"{folder} is not empty; nothing was written. Name a new folder.")
-    for path, text in moveit_files(grippers).items():
-        file = folder / path
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(text, encoding="utf-8")
-
-
 def _yaml(content: Mapping[str, Any]) -> str:
     return yaml.safe_dump(dict(content), sort_keys=False)
-
-
-_MODULES = click.Choice([modules.value for modules in GripperModules])
-
-
-@click.command("moveit-config")
-@click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--right-gripper", type=_MODULES, default="servo", show_default=True, help="Its modules.")
-@click.option("--left-gripper", type=_MODULES, default="servo", show_default=True, help="And of the left one.")
-def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
-    """Write a MoveIt configuration package of this robot into FOLDER.
-
-    \b
-    Examples:
-      yumi moveit-config ~/ros2_ws/src/yumi_moveit_config
-      yumi moveit-config yumi_moveit_config --right-gripper servo+vacuum
-    """
-    write_moveit_config(folder, {Side.RIGHT: GripperModules(right_gripper), Side.LEFT: GripperModules(left_gripper)})
-    click.echo(f"Written: {folder}. Copy it into a workspace with MoveIt, build it there, start yumi up, then")
-    click.echo("ros2 launch yumi_moveit_config move_group.launch.py")

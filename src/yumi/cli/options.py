@@ -19,6 +19,7 @@ import click
 
 from yumi.driver.settings import MAX_PORT, PASSWORD_VARIABLE, Settings, override, password_of_environment, read_settings
 from yumi.errors import MissingPrerequisite, SettingsError
+from yumi.robot.gripper import GripperModules
 
 ROS_ARGUMENTS = "yumi.ros_arguments"
 """Where a command's context has what came after ``--ros-args``."""
@@ -43,8 +44,14 @@ class Measure(click.FloatRange):
         return number
 
 
+FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+GRIPPER_MODULES = click.Choice([modules.value for modules in GripperModules])
 PORT = click.IntRange(1, MAX_PORT)
+ROBOT_MODEL = click.Choice(["yumi", "irb14050", "irb120"])
 SCALE = Measure("factor", 0.01, 1.0, is_open=False)
+config_option = click.option(
+    "--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml."
+)
 until_stdin_closes_option = click.option(
     "--until-stdin-closes", is_flag=True, help="End when standard input does (for a parent process)."
 )

@@ -1,8 +1,7 @@
 """``yumi rapid``: RAPID programs, checked here or stepped through on a controller; ``yumi answer``: their questions.
 
-``yumi rapid debug``: steps, breakpoints, call stack and data of a RAPID task, over Robot Web Services.
-
-Checks RAPID programs against the language and against what the virtual controller provides.
+A check finds what the language does not allow, and what the virtual controller does not provide. The debugger has
+steps, breakpoints, call stack and data of one task, over Robot Web Services.
 """
 
 from __future__ import annotations
@@ -19,24 +18,233 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from yumi.cli.controller import of_controller
-from yumi.cli.options import PORT, password_options
-from yumi.clock import Clock, comes_true
+from yumi.cli.options import FILE, PORT, ROBOT_MODEL, password_options
+from yumi.clock import Clock, SystemClock, comes_true
+from yumi.driver.settings import RobotSettings
 from yumi.errors import CommandRefused, ControllerRefused, RapidError, SettingsError, YumiError
-from yumi.rapid.parser import parse_module
-from yumi.rapid.types import NotProvided, RapidReferenceError, RapidSyntaxError, Unresolved
+from yumi.rws.client import RwsClient
 from yumi.rws.services.rapid import RunCycle, Step
 from yumi.rws.types import ExecutionState
-from yumi.virtual.controller.files import decoded
-from yumi.virtual.controller.system import ROBOTS, YUMI, delivered_system, factory_system, with_programs
-from yumi.virtual.world import World, WorldSettings
 
 if TYPE_CHECKING:
-    from yumi.rws.client import RwsClient
+    from yumi.rapid.types import RapidReferenceError
 
+
+@click.group()
+def rapid() -> None:
+    """Work on RAPID programs.
+
+    \b
+    Example:
+      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
+    """
+
+
+@rapid.command()
+@click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILE…")
+@click.option("--cfg", multiple=True, type=FILE, help="System parameters the program needs, such as your EIO.cfg.")
+@click.option(
+    "--robot",
+    type=ROBOT_MODEL,
+    default="yumi",
+    show_default=True,
+    help="Whose program it is: of a YuMi, or of a robot with ROB_1 and T_ROB1, as yumi controller --robot has them.",
+)
+@click.option("--json", "as_json", is_flag=True, help="A JSON list, for editors.")
+def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: bool) -> None:
+    """List syntax errors, type errors and unknown names of modules, which are checked as one program.
+
+    One line each: file, line, column, and what is expected. "unknown" is what nothing declares (an error where it is
+    executed, once all modules are there), "missing" what RobotWare has and this package has not. Exit code 1 with any.
+
+    \b
+    Examples:
+      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
+      yumi rapid check --json src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
+    """
+    faults = check_program(files, cfg, robot)
+    if as_json:
+        click.echo(json.dumps([asdict(fault) for fault in faults], indent=2))
+    else:
+        for fault in faults:
+            click.echo(f"{fault.file}:{fault.line}:{fault.column}: {fault.kind}: {fault.sentence}")
+        if not faults:
+            click.echo(f"{len(files)} {'file' if len(files) == 1 else 'files'}: nothing found")
+    if faults:
+        sys.exit(1)
+
+
+@rapid.command("debug")
+@click.argument("task")
+@click.option("--yes", is_flag=True, help="Do not ask before the first start.")
+@of_controller
+def debug(client: RwsClient, task: str, yes: bool) -> None:
+    """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
+
+    Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
+    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. All tasks that are selected on the task panel
+    start, and arms move: it asks before the first start; commands that are not typed need --yes for it. Ctrl-C stops
+    what was started.
+
+    \b
+    Examples:
+      yumi rapid debug T_ROB_R --robot 192.168.125.1
+      printf "main\\nstep\\nwhere\\n" | yumi rapid debug T_ROB_R --yes
+    """
+    commands = None if sys.stdin.isatty() else sys.stdin
+
+    def confirm(question: str) -> bool:
+        return yes or (commands is None and click.confirm(question))
+
+    debugger = Debugger(client, task, SystemClock(), sys.stdout, confirm, commands)
+    if commands is not None:
+        debugger.prompt = ""
+    try:
+        debugger.cmdloop()
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+@click.command()
+@click.argument("value", required=False)
+@click.option("--robot", default="127.0.0.1", show_default=True, help="Address of the controller.")
+@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
+@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@password_options
+def answer(value: str | None, robot: str, rws_port: int, user: str, password: str | None) -> None:
+    """Answer the question that a RAPID program asks the operator; without VALUE, show it.
+
+    VALUE is a button's or an item's text, the value that the program gets for it, a number, or a text.
+    """
+    own = RobotSettings()
+    with RwsClient(f"{robot}:{rws_port}", user=user, password=password or own.password, timeout=own.timeout) as client:
+        dialog = client.dialog()
+        if dialog is None:
+            raise CommandRefused("No program asks anything.")
+        asked = [f"{name}: {text}" for name, text in client.dialog_parameters(dialog.stack).items() if text]
+        if value is None:
+            click.echo("\n".join([f"{dialog.instruction} of {dialog.stack.split('/')[1]}", *asked]))
+            return
+        try:
+            client.answer_dialog(dialog.stack, value)
+        except ControllerRefused as error:
+            raise CommandRefused(
+                f"The controller refuses {value!r} as an answer to {dialog.instruction} ({', '.join(asked)})."
+            ) from error
+
+
+# ---- yumi rapid check
+
+_MOST_SYNTAX_ERRORS = 20  # of one file
+_ROUTINE_BEGINS = re.compile(r"^\s*(?:LOCAL\s+)?(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
+_ROUTINE_HEAD = re.compile(r"^\s*(?:LOCAL\s+)?(?:TRAP\s+\w+|(?:PROC|FUNC)\b.*\))\s*(?:!.*)?$", re.IGNORECASE)
+_ROUTINE_ENDS = re.compile(r"^\s*END(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramFault:
+    """Something in a program that does not fit.
+
+    Attributes:
+        file: where it is.
+        line, column: counted from 1.
+        kind: "syntax", "reference" (a type, an argument, a name used twice), "unknown" or "missing".
+        sentence: what was found and what is expected.
+    """
+
+    file: str
+    line: int
+    column: int
+    kind: str
+    sentence: str
+
+
+def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = "yumi") -> list[ProgramFault]:
+    """All that does not fit in modules that make one program, in the order of files and lines.
+
+    Args:
+        files: its modules.
+        cfg: system parameters that it needs.
+        robot: name of the robot it is written for, one of those of the virtual controller.
+
+    Raises:
+        SettingsError: a file cannot be read, or the system parameters are not what they should be.
+    """
+    from yumi.rapid.types import RapidReferenceError  # noqa: PLC0415 - a quick --help
+    from yumi.virtual.controller.files import decoded  # noqa: PLC0415
+    from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs  # noqa: PLC0415
+    from yumi.virtual.world import World, WorldSettings  # noqa: PLC0415
+
+    model = ROBOTS[robot]
+    system = delivered_system() if model.is_yumi else factory_system(model)
+    name = model.units[0].task
+    world = World(WorldSettings(system=with_programs(system, {name: ()}, cfg)))
+    task = world.controller.tasks[name]
+    faults = []
+    for path in files:
+        try:
+            text = decoded(path.read_bytes())
+        except OSError as error:
+            raise SettingsError(f"{path} cannot be read: {error.strerror or error}.") from error
+        parsable, found = _parsable(text, str(path))
+        faults += found
+        if parsable is None:
+            continue
+        try:
+            task.load(parsable, str(path))
+        except RapidReferenceError as error:
+            faults.append(_fault(error))
+        except RapidError as error:
+            faults.append(ProgramFault(str(path), 1, 1, "reference", str(error)))
+    faults += [_fault(error) for error in task.faults()]
+    order = {str(path): index for index, path in enumerate(files)}
+    return sorted(dict.fromkeys(faults), key=lambda each: (order.get(each.file, 0), each.line, each.column))
+
+
+def _parsable(text: str, filename: str) -> tuple[str | None, list[ProgramFault]]:
+    """The text without the routines that have syntax errors, None when it is none of RAPID's, and those errors."""
+    from yumi.rapid.parser import parse_module  # noqa: PLC0415 - a quick --help
+    from yumi.rapid.types import RapidSyntaxError  # noqa: PLC0415
+
+    faults: list[ProgramFault] = []
+    while len(faults) < _MOST_SYNTAX_ERRORS:
+        try:
+            parse_module(text, filename)
+        except RapidSyntaxError as error:
+            sentence = str(error).removeprefix(f"{filename}:{error.line}:{error.column}: ")
+            faults.append(ProgramFault(filename, error.line, error.column, "syntax", sentence))
+            lines = text.split("\n")
+            first = min(error.line, len(lines)) - 1
+            while first >= 0 and not _ROUTINE_BEGINS.match(lines[first]):
+                if _ROUTINE_ENDS.match(lines[first]) and first < error.line - 1:
+                    return None, faults  # between routines: there is nothing to leave out
+                first -= 1
+            last = next((i for i in range(max(first, 0), len(lines)) if _ROUTINE_ENDS.match(lines[i])), None)
+            if first < 0 or last is None:
+                return None, faults
+            # Its head stays, so that calls of it are no errors, too.
+            keeps_head = first < error.line - 1 and _ROUTINE_HEAD.match(lines[first])
+            lines[first + 1 : last] = [""] * (last - first - 1)
+            if not keeps_head:
+                lines[first] = lines[last] = ""
+            text = "\n".join(lines)
+        else:
+            return text, faults
+    return None, faults
+
+
+def _fault(error: RapidReferenceError) -> ProgramFault:
+    from yumi.rapid.types import NotProvided, Unresolved  # noqa: PLC0415 - a quick --help
+
+    kind = "missing" if isinstance(error, NotProvided) else "unknown" if isinstance(error, Unresolved) else "reference"
+    return ProgramFault(error.filename, max(error.line, 1), max(error.column, 1), kind, error.sentence)
+
+
+# ---- yumi rapid debug
 
 _STEP_TIMEOUT = 30.0  # [s]: a step that takes longer, such as a wait, goes on while others are entered
 _CONTINUE_TIMEOUT = 1.0  # [s]: then `stop` can be entered
-_AROUND = 4  # lines shown before and behind the program pointer
+_LINES_AROUND = 4  # shown before and behind the program pointer
 _MOST_DATA = 100  # of a module that are listed
 
 
@@ -101,7 +309,7 @@ class Debugger(cmd.Cmd):
     def default(self, line: str) -> None:
         raise CommandRefused(f"There is no command {line.split(maxsplit=1)[0]!r}; help lists them.")
 
-    # Execution ----------------------------------------------------------------------------------------------------
+    # ---- execution
 
     def do_step(self, argument: str) -> None:
         """step: execute one statement, and enter the routine it calls."""
@@ -150,7 +358,7 @@ class Debugger(cmd.Cmd):
         self._client.move_pp_to_main()
         self._say(self._here())
 
-    # Where it is --------------------------------------------------------------------------------------------------
+    # ---- where it is
 
     def _frames(self) -> Iterator[tuple[str, str, int]]:
         """Module, routine and line of each routine under way, the innermost first."""
@@ -188,11 +396,11 @@ class Debugger(cmd.Cmd):
         except ControllerRefused:  # some controllers do not tell, and answer 404
             marks = set()
         lines = self._client.module_text(self._task, module).splitlines()
-        for number in range(max(row - _AROUND, 1), min(row + _AROUND, len(lines)) + 1):
+        for number in range(max(row - _LINES_AROUND, 1), min(row + _LINES_AROUND, len(lines)) + 1):
             mark = "->" if number == row else " *" if number in marks else "  "
             self._say(f"{number:5d} {mark} {lines[number - 1]}")
 
-    # Breakpoints --------------------------------------------------------------------------------------------------
+    # ---- breakpoints
 
     def do_break(self, argument: str) -> None:
         """Break MODULE:LINE: stop before that line, or no more where there is a breakpoint; alone, it lists them."""
@@ -204,7 +412,7 @@ class Debugger(cmd.Cmd):
         found = [f"{name}:{at.row}" for name, at in self._client.breakpoints(self._task)]
         self._say("breakpoints: " + (", ".join(found) or "none"))
 
-    # Data ---------------------------------------------------------------------------------------------------------
+    # ---- data
 
     def do_print(self, argument: str) -> None:
         """Print [NAME]: the value of a datum of the module that is executed (or MODULE/NAME), or of all of them."""
@@ -237,212 +445,3 @@ class Debugger(cmd.Cmd):
 
     def do_EOF(self, argument: str) -> bool:  # noqa: N802 - the end of the commands
         return True
-
-
-_MOST_SYNTAX_ERRORS = 20  # of one file
-_BEGIN = re.compile(r"^\s*(?:LOCAL\s+)?(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
-_HEAD = re.compile(r"^\s*(?:LOCAL\s+)?(?:TRAP\s+\w+|(?:PROC|FUNC)\b.*\))\s*(?:!.*)?$", re.IGNORECASE)
-_END = re.compile(r"^\s*END(?:PROC|FUNC|TRAP)\b", re.IGNORECASE)
-
-
-@dataclass(frozen=True, slots=True)
-class ProgramFault:
-    """Something in a program that does not fit.
-
-    Attributes:
-        file: where it is.
-        line, column: counted from 1.
-        kind: "syntax", "reference" (a type, an argument, a name used twice), "unknown" or "missing".
-        sentence: what was found and what is expected.
-    """
-
-    file: str
-    line: int
-    column: int
-    kind: str
-    sentence: str
-
-    def as_dict(self) -> dict[str, str | int]:
-        return asdict(self)
-
-
-def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = YUMI.name) -> list[ProgramFault]:
-    """All that does not fit in modules that make one program, in the order of files and lines.
-
-    Args:
-        files: its modules.
-        cfg: system parameters that it needs.
-        robot: name of the robot it is written for, one of `ROBOTS`.
-
-    Raises:
-        SettingsError: a file cannot be read, or the system parameters are not what they should be.
-    """
-    model = ROBOTS[robot]
-    system = delivered_system() if model.is_yumi else factory_system(model)
-    name = model.units[0].task
-    world = World(WorldSettings(system=with_programs(system, {name: ()}, cfg)))
-    task = world.controller.tasks[name]
-    faults = []
-    for path in files:
-        try:
-            text = decoded(path.read_bytes())
-        except OSError as error:
-            raise SettingsError(f"{path} cannot be read: {error.strerror or error}.") from error
-        parsable, found = _parsable(text, str(path))
-        faults += found
-        if parsable is None:
-            continue
-        try:
-            task.load(parsable, str(path))
-        except RapidReferenceError as error:
-            faults.append(_fault(error))
-        except RapidError as error:
-            faults.append(ProgramFault(str(path), 1, 1, "reference", str(error)))
-    faults += [_fault(error) for error in task.faults()]
-    order = {str(path): index for index, path in enumerate(files)}
-    return sorted(dict.fromkeys(faults), key=lambda each: (order.get(each.file, 0), each.line, each.column))
-
-
-def _parsable(text: str, filename: str) -> tuple[str | None, list[ProgramFault]]:
-    """The text without the routines that have syntax errors, None when it is none of RAPID's, and those errors."""
-    faults: list[ProgramFault] = []
-    while len(faults) < _MOST_SYNTAX_ERRORS:
-        try:
-            parse_module(text, filename)
-        except RapidSyntaxError as error:
-            sentence = str(error).removeprefix(f"{filename}:{error.line}:{error.column}: ")
-            faults.append(ProgramFault(filename, error.line, error.column, "syntax", sentence))
-            lines = text.split("\n")
-            first = min(error.line, len(lines)) - 1
-            while first >= 0 and not _BEGIN.match(lines[first]):
-                if _END.match(lines[first]) and first < error.line - 1:  # between routines: nothing to leave out
-                    return None, faults
-                first -= 1
-            last = next((i for i in range(max(first, 0), len(lines)) if _END.match(lines[i])), None)
-            if first < 0 or last is None:
-                return None, faults
-            # Its head stays, so that calls of it are no errors, too.
-            keeps_head = first < error.line - 1 and _HEAD.match(lines[first])
-            lines[first + 1 : last] = [""] * (last - first - 1)
-            if not keeps_head:
-                lines[first] = lines[last] = ""
-            text = "\n".join(lines)
-        else:
-            return text, faults
-    return None, faults
-
-
-def _fault(error: RapidReferenceError) -> ProgramFault:
-    kind = "missing" if isinstance(error, NotProvided) else "unknown" if isinstance(error, Unresolved) else "reference"
-    return ProgramFault(error.filename, max(error.line, 1), max(error.column, 1), kind, error.sentence)
-
-
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-
-
-@click.group()
-def rapid() -> None:
-    """Work on RAPID programs.
-
-    \b
-    Example:
-      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
-    """
-
-
-@rapid.command()
-@click.argument("files", nargs=-1, required=True, type=_FILE, metavar="FILE…")
-@click.option("--cfg", multiple=True, type=_FILE, help="System parameters the program needs, such as your EIO.cfg.")
-@click.option(
-    "--robot",
-    type=click.Choice(["yumi", "irb14050", "irb120"]),
-    default="yumi",
-    show_default=True,
-    help="Whose program it is: of a YuMi, or of a robot with ROB_1 and T_ROB1, as yumi controller --robot has them.",
-)
-@click.option("--json", "as_json", is_flag=True, help="A JSON list, for editors.")
-def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: bool) -> None:
-    """List syntax errors, type errors and unknown names of modules, which are checked as one program.
-
-    One line each: file, line, column, and what is expected. "unknown" is what nothing declares (an error where it is
-    executed, once all modules are there), "missing" what RobotWare has and this package has not. Exit code 1 with any.
-
-    \b
-    Examples:
-      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
-      yumi rapid check --json src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
-    """
-    faults = check_program(files, cfg, robot)
-    if as_json:
-        click.echo(json.dumps([fault.as_dict() for fault in faults], indent=2))
-    else:
-        for fault in faults:
-            click.echo(f"{fault.file}:{fault.line}:{fault.column}: {fault.kind}: {fault.sentence}")
-        if not faults:
-            click.echo(f"{len(files)} {'file' if len(files) == 1 else 'files'}: nothing found")
-    if faults:
-        sys.exit(1)
-
-
-@rapid.command("debug")
-@click.argument("task")
-@click.option("--yes", is_flag=True, help="Do not ask before the first start.")
-@of_controller
-def debug_(client: RwsClient, task: str, yes: bool) -> None:
-    """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
-
-    Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
-    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. All tasks that are selected on the task panel
-    start, and arms move: it asks before the first start; commands that are not typed need --yes for it. Ctrl-C stops
-    what was started.
-
-    \b
-    Examples:
-      yumi rapid debug T_ROB_R --robot 192.168.125.1
-      printf "main\\nstep\\nwhere\\n" | yumi rapid debug T_ROB_R --yes
-    """
-    from yumi.clock import SystemClock  # noqa: PLC0415
-
-    commands = None if sys.stdin.isatty() else sys.stdin
-
-    def confirm(question: str) -> bool:
-        return yes or (commands is None and click.confirm(question))
-
-    debugger = Debugger(client, task, SystemClock(), sys.stdout, confirm, commands)
-    if commands is not None:
-        debugger.prompt = ""
-    try:
-        debugger.cmdloop()
-    except KeyboardInterrupt:
-        sys.exit(130)
-
-
-@click.command()
-@click.argument("value", required=False)
-@click.option("--robot", default="127.0.0.1", show_default=True, help="Address of the controller.")
-@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
-@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
-@password_options
-def answer(value: str | None, robot: str, rws_port: int, user: str, password: str | None) -> None:
-    """Answer the question that a RAPID program asks the operator; without VALUE, show it.
-
-    VALUE is a button's or an item's text, the value that the program gets for it, a number, or a text.
-    """
-    from yumi.driver.settings import RobotSettings  # noqa: PLC0415 - a quick --help
-    from yumi.rws.client import RwsClient  # noqa: PLC0415
-
-    own = RobotSettings()
-    with RwsClient(f"{robot}:{rws_port}", user=user, password=password or own.password, timeout=own.timeout) as client:
-        dialog = client.dialog()
-        if dialog is None:
-            raise CommandRefused("No program asks anything.")
-        asked = [f"{name}: {text}" for name, text in client.dialog_parameters(dialog.stack).items() if text]
-        if value is None:
-            click.echo("\n".join([f"{dialog.instruction} of {dialog.stack.split('/')[1]}", *asked]))
-            return
-        try:
-            client.answer_dialog(dialog.stack, value)
-        except ControllerRefused as error:
-            raise CommandRefused(
-                f"The controller refuses {value!r} as an answer to {dialog.instruction} ({', '.join(asked)})."
-            ) from error

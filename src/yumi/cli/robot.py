@@ -1,10 +1,8 @@
-"""Commands for a running driver, over its local endpoint: what its robot does, and what it is asked to do.
+"""Commands for a robot whose driver runs: what it does, and what it is asked to do.
 
-``yumi shell``, a Python prompt that is connected; and the completion of commands in the user's own shell.
-
-Commands for the ROS 2 graph, for those who have no ``ros2``: topics, services and parameters of any node.
-
-They use rclpy alone. A message is shown, and given, as JSON with the names of its fields.
+Most of them use the driver's local endpoint, such as ``yumi state`` and ``yumi move``; ``yumi shell`` is a prompt of
+Python that is connected to it. ``yumi topics``, ``echo``, ``call`` and ``param`` are for those who have no ``ros2``:
+they use rclpy alone, for any node of the ROS 2 graph, and show and take messages as JSON with the names of the fields.
 """
 
 from __future__ import annotations
@@ -35,336 +33,20 @@ from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
 
-HISTORY = Path.home() / ".yumi_history"
+_ARM = click.Choice(["right", "left"])
+_ARMS = click.Choice(["right", "left", "both"])
+_MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
 
-
-@click.command()
-@robot_options("Address of the controller to connect to; else the running driver is used.")
-@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
-def shell(**options: Any) -> None:
-    """A Python prompt with completion: ``driver`` where a driver runs, or ``robot`` at an address.
-
-    \b
-    Examples:
-      yumi shell                            driver.state, driver.move_to(right="home")
-      yumi shell --robot 192.168.125.1      robot.right.position, robot.right.move_to("home")
-    """
-    if options["robot"] is None:
-        if any(value is not None for value in options.values()):
-            raise click.UsageError("These options need --robot; without it the running driver is used as it is.")
-        try:
-            driver = attach()
-        except RobotNotReady as error:
-            if str(error) != HOW_TO_START:
-                raise
-            raise RobotNotReady(f"{error} Or connect the prompt to a robot: yumi shell --robot <address>.") from None
-        with driver:
-            prompt({"driver": driver, "yumi": yumi}, f"{driver!r}: driver.state, driver.move_to(right='home') …")
-        return
-    with yumi.connect(options.pop("robot"), **options) as robot:
-        prompt({"robot": robot, "yumi": yumi}, f"{robot!r}: robot.right.move_to('home') …")
-
-
-def prompt(names: dict[str, object], banner: str) -> None:
-    """Read and carry out Python until the end of input, with completion and history where there is readline."""
-    with suppress(ImportError):
-        import readline  # noqa: PLC0415 - not every Python has it
-        import rlcompleter  # noqa: PLC0415
-
-        readline.set_completer(rlcompleter.Completer(names).complete)
-        readline.parse_and_bind("tab: complete")
-        with suppress(OSError):  # there is none yet
-            readline.read_history_file(HISTORY)
-        readline.set_history_length(1000)
-    sys.ps1 = "yumi> "
-    try:
-        code.interact(banner, local=names, exitmsg="")
-    finally:
-        with suppress(ImportError, OSError):
-            import readline  # noqa: PLC0415
-
-            readline.write_history_file(HISTORY)
-
-
-@click.command()
-@click.argument("name", metavar="SHELL", type=click.Choice(["bash", "zsh", "fish"]))
-@click.pass_context
-def completion(context: click.Context, name: str) -> None:
-    """Print what makes SHELL complete the commands, options, controllers and poses of yumi.
-
-    \b
-    Examples:
-      eval "$(yumi completion bash)"               in ~/.bashrc; zsh likewise
-      yumi completion fish | source                in ~/.config/fish/config.fish
-    """
-    kind = get_completion_class(name)
-    assert kind is not None, "these are click's own"
-    click.echo(kind(context.find_root().command, {}, "yumi", "_YUMI_COMPLETE").source())
-
-
-DISCOVERY = 5.0
-"""What is in the graph is found within this time [s]."""
-
-SETTLED = 0.5
-"""Nothing more is expected when no new name has come for this time: participants are announced every 0.2 s [s]."""
-
-_POLL = 0.05  # [s]
-
-
-@contextmanager
-def graph() -> Iterator[Any]:
-    """A node that looks at the graph, with the discovery that the driver has by default."""
-    demand_ros()
-    limit_discovery()
-    import rclpy  # noqa: PLC0415 - yumi works without ROS
-    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
-
-    is_ours = not rclpy.ok()  # in a program that uses ROS itself, its context serves
-    if is_ours:
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(f"yumi_command_{time.monotonic_ns()}", start_parameter_services=False)
-    try:
-        yield node
-    finally:
-        node.destroy_node()
-        if is_ours:
-            rclpy.try_shutdown()
-
-
-def _spin(node: Any, until: Callable[[], bool], timeout: float | None) -> bool:
-    """Serve the node until something is so; whether it was in time."""
-    import rclpy  # noqa: PLC0415
-
-    end = None if timeout is None else time.monotonic() + timeout
-    while not until():
-        if end is not None and time.monotonic() > end:
-            return False
-        rclpy.spin_once(node, timeout_sec=_POLL)
-    return True
-
-
-def _found(node: Any, name: str, known: Callable[[], Sequence[tuple[str, Sequence[str]]]], what: str) -> Any:
-    """The type of a topic or service by its name, as a Python class."""
-    full, kinds = f"/{name.lstrip('/')}", dict[str, Sequence[str]]()
-
-    def is_there() -> bool:
-        kinds.update(known())
-        return full in kinds
-
-    if not _spin(node, is_there, DISCOVERY):
-        near = ", ".join(sorted(each for each in kinds if name.rpartition("/")[2] in each)[:5])
-        raise RobotNotReady(
-            f"There is no {what} {full} in the ROS 2 graph{f'; similar: {near}' if near else ''}. Does a driver run, "
-            "with the same ROS_DOMAIN_ID?"
-        )
-    package, folder, kind = kinds[full][0].split("/")
-    try:
-        return getattr(import_module(f"{package}.{folder}"), kind)
-    except (ImportError, AttributeError) as error:
-        raise RobotNotReady(f"{full} has the type {package}/{folder}/{kind}, which is not installed here.") from error
-
-
-def values_of(message: Any) -> Any:
-    """A message as dictionaries, lists and plain values; NaN and infinities stay, as Python's JSON writes them."""
-    if hasattr(message, "get_fields_and_field_types"):
-        return {name: values_of(getattr(message, name)) for name in message.get_fields_and_field_types()}
-    if isinstance(message, bytes | bytearray):
-        return list(message)
-    if isinstance(message, list | tuple | array) or hasattr(message, "tolist"):
-        return [values_of(each) for each in message]
-    return message
-
-
-def fill(message: Any, values: object) -> Any:
-    """Give a message's fields the values of a dictionary; lists of messages come from lists of dictionaries.
-
-    Raises:
-        SettingsError: a field is unknown, or a value does not fit.
-    """
-    fields: Mapping[str, str] = message.get_fields_and_field_types()
-    message._check_fields = True  # else a message takes anything, and the middleware fails with it
-    if not isinstance(values, Mapping):
-        raise SettingsError(f"{values!r} is no JSON object; the fields are {', '.join(fields) or 'none'}.")
-    for name, value in values.items():
-        if name not in fields:
-            raise SettingsError(f"There is no field {name!r}; the fields are {', '.join(fields) or 'none'}.")
-        now = getattr(message, name)
-        try:
-            if hasattr(now, "get_fields_and_field_types"):
-                fill(now, value)
-            elif isinstance(value, list) and "/" in fields[name]:
-                package, kind = fields[name].partition("<")[2].rstrip(">").partition(",")[0].split("/")
-                made = getattr(import_module(f"{package}.msg"), kind)
-                setattr(message, name, [fill(made(), each) for each in value])
-            elif isinstance(value, str) and "string" not in fields[name].partition("<")[0]:
-                raise TypeError("a text")
-            elif isinstance(now, float):
-                setattr(message, name, float(value))
-            else:
-                setattr(message, name, value)
-        except (AssertionError, TypeError, ValueError) as error:
-            raise SettingsError(f"{name} is {value!r}; it takes {fields[name]}.") from error
-    return message
-
-
-@click.command()
-@click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-def topics(is_json: bool) -> None:
-    """The topics of the ROS 2 graph with their types.
-
-    \b
-    Examples:
-      yumi topics
-    """
-    with graph() as node:
-        found: dict[str, list[str]] = {}
-        own = {name for name, _ in node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())}
-
-        grown = time.monotonic()
-
-        def is_settled() -> bool:  # the names come one participant after another
-            nonlocal grown
-            before = len(found)
-            found.update((name, list(kinds)) for name, kinds in node.get_topic_names_and_types() if name not in own)
-            grown = time.monotonic() if len(found) > before else grown
-            return bool(found) and time.monotonic() - grown > SETTLED
-
-        _spin(node, is_settled, DISCOVERY)
-    click.echo(json.dumps(found) if is_json else "\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
-
-
-@click.command()
-@click.argument("topic")
-@click.option("--count", type=click.IntRange(1), default=1, help="Print so many messages.")
-@click.option("--once", is_flag=True, expose_value=False, help="One message, as without --count.")
-@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=10.0, help="Longest wait for each [s].")
-@click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
-def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
-    """Print messages of TOPIC.
-
-    \b
-    Examples:
-      yumi echo r/joint_states              one message, as with --once
-      yumi echo yumi_robot_manager/state --json
-    """
-    with graph() as node:
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
-
-        kind = _found(node, topic, node.get_topic_names_and_types, "topic")
-        infos = node.get_publishers_info_by_topic(f"/{topic.lstrip('/')}")
-        is_latched = bool(infos) and all(it.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for it in infos)
-        quality = QoSProfile(
-            depth=100,
-            reliability=ReliabilityPolicy.BEST_EFFORT if not is_latched else ReliabilityPolicy.RELIABLE,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
-        )
-        received: list[Any] = []
-        node.create_subscription(kind, f"/{topic.lstrip('/')}", received.append, quality)
-        for _ in range(count):
-            if not _spin(node, lambda: bool(received), timeout):
-                raise RobotNotReady(f"No message came on {topic} within {timeout:g} s.")
-            values = values_of(received.pop(0))
-            click.echo(json.dumps(values) if is_json else yaml.safe_dump(values, sort_keys=False) + "---")
-
-
-@click.command()
-@click.argument("service")
-@click.argument("request", default="{}")
-@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=60.0, help="Longest wait [s].")
-@click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-def call(service: str, request: str, timeout: float, is_json: bool) -> None:
-    """Call SERVICE with REQUEST, a JSON object or YAML of its fields; the exit code is 1 where it says "no success".
-
-    \b
-    Examples:
-      yumi call yumi_robot_manager/get_state
-      yumi call yumi_robot_manager/set_speed_ratio '{percent: 50}'
-    """
-    with graph() as node:
-        kind = _found(node, service, node.get_service_names_and_types, "service")
-        try:
-            values = yaml.safe_load(request)
-        except yaml.YAMLError as error:
-            raise SettingsError(f"{request!r} is neither JSON nor YAML: {error}.") from error
-        asked = fill(kind.Request(), values if values is not None else {})
-        answer = _ask(node, kind, f"/{service.lstrip('/')}", asked, timeout)
-    shown = values_of(answer)
-    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
-    if getattr(answer, "success", True) is False or getattr(answer, "ok", True) is False:
-        raise click.exceptions.Exit(1)
-
-
-def _ask(node: Any, kind: Any, name: str, request: Any, timeout: float = DISCOVERY) -> Any:
-    client = node.create_client(kind, name)
-    if not client.wait_for_service(DISCOVERY):
-        raise RobotNotReady(f"The service {name} does not answer. Does the node run, with the same ROS_DOMAIN_ID?")
-    future = client.call_async(request)
-    if not _spin(node, future.done, timeout):
-        raise RobotNotReady(f"The service {name} did not answer within {timeout:g} s.")
-    return future.result()
-
-
-_VERBS = {"list": "NODE", "get": "NODE NAME", "set": "NODE NAME VALUE"}
-"""Of ``ros2 param``, and what each takes."""
-
-
-@click.command(context_settings={"ignore_unknown_options": True})  # negative numbers are none
-@click.argument("words", nargs=-1, required=True, metavar="[list|get|set] NODE [NAME [VALUE]]")
-@click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-def param(words: Sequence[str], is_json: bool) -> None:
-    """List the parameters of NODE, show one, or set it to VALUE.
-
-    The verbs of `ros2 param` may be left out.
-
-    \b
-    Examples:
-      yumi param r/joint_position_controller
-      yumi param r/joint_position_controller p
-      yumi param r/joint_position_controller p 1.3
-    """
-    if words[0] in _VERBS:  # none may do what another one is for, as set what was only to be read
-        verb, *words = words
-        if len(words) != len(_VERBS[verb].split()):
-            raise click.UsageError(f"{verb} takes {_VERBS[verb]}, not {' '.join(words) or 'nothing'}.")
-    if len(words) > 3:
-        raise click.UsageError(f"Give NODE, NAME and VALUE, not {' '.join(words)}.")
-    node_name = words[0]
-    name, value = (words[at] if at < len(words) else None for at in (1, 2))
-    with graph() as node:
-        from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters  # noqa: PLC0415
-        from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: PLC0415
-
-        base = f"/{node_name.strip('/')}"
-        if name is not None and value is not None:
-            given = yaml.safe_load(value)
-            try:
-                message = Parameter(name, value=given).to_parameter_msg()
-            except (TypeError, AttributeError) as error:
-                raise SettingsError(f"{value!r} is no value of a parameter.") from error
-            answer = _ask(node, SetParameters, f"{base}/set_parameters", SetParameters.Request(parameters=[message]))
-            if not answer.results[0].successful:
-                raise CommandRefused(f"{name} of {base} was not set: {answer.results[0].reason}")
-        names = [name] if name is not None else None
-        if names is None:
-            listed = _ask(node, ListParameters, f"{base}/list_parameters", ListParameters.Request())
-            names = sorted(listed.result.names)
-        answer = _ask(node, GetParameters, f"{base}/get_parameters", GetParameters.Request(names=names))
-        shown = {each: values_of(parameter_value_to_python(it)) for each, it in zip(names, answer.values, strict=False)}
-        if name is not None and shown.get(name) is None:
-            raise CommandRefused(f"{base} has no parameter {name!r}; `yumi param {node_name}` lists them.")
-    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
-
-
-ARM = click.Choice(["right", "left"])
-ARMS = click.Choice(["right", "left", "both"])
-MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
+_which_robot = click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
+_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON.")
+_as_json_lines = click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
 
 
 def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the driver that runs, and print what it returns: a sentence, or JSON with ``--json``."""
 
-    @click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
-    @click.option("--json", "is_json", is_flag=True, help="Print JSON.")
+    @_which_robot
+    @_as_json
     @wraps(command)
     def with_driver(*args: Any, robot: str, is_json: bool, **options: Any) -> None:
         def report(step: str) -> None:
@@ -405,14 +87,11 @@ def _arms(word: str) -> tuple[Arm, ...]:
     return ("right", "left") if word == "both" else (cast("Arm", word),)
 
 
-# ---- looking
-
-
 @click.command()
 @click.option("--watch", is_flag=True, help="Print it again and again, until Ctrl-C.")
 @click.option("--rate", type=Measure("rate", 0.1, 60.0, is_open=False), default=1.0, help="So often a second.")
-@click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
-@click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
+@_which_robot
+@_as_json_lines
 def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
     """What the robot of the running driver does, why it does not move, and what stopped it.
 
@@ -489,6 +168,17 @@ def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
     return lines
 
 
+class _Table(dict[str, Any]):
+    """A mapping that is shown as lines."""
+
+    def __init__(self, values: Mapping[str, Any], lines: Sequence[str]) -> None:
+        super().__init__(values)
+        self._lines = lines
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines)
+
+
 @click.command()
 @of_driver
 def controllers(driver: RunningDriver) -> object:
@@ -509,22 +199,8 @@ def controllers(driver: RunningDriver) -> object:
     )
 
 
-class _Table(dict[str, Any]):
-    """A mapping that is shown as lines."""
-
-    def __init__(self, values: Mapping[str, Any], lines: Sequence[str]) -> None:
-        super().__init__(values)
-        self._lines = lines
-
-    def __str__(self) -> str:
-        return "\n".join(self._lines)
-
-
-# ---- asking
-
-
 @click.command()
-@click.argument("name", type=MODES, required=False)
+@click.argument("name", type=_MODES, required=False)
 @of_driver
 def mode(driver: RunningDriver, name: str | None) -> object:
     """Show the robot's mode, or bring it to NAME.
@@ -543,7 +219,7 @@ def mode(driver: RunningDriver, name: str | None) -> object:
 
 
 @click.command()
-@click.argument("arms", type=ARMS, required=False)
+@click.argument("arms", type=_ARMS, required=False)
 @of_driver
 def start(driver: RunningDriver, arms: str | None) -> object:
     """Start EGM on ARMS, or on those that are configured; makes the robot ready first if need be.
@@ -601,7 +277,7 @@ def recover(driver: RunningDriver, confirm: str) -> object:
 
 
 @click.command()
-@click.argument("arms", type=ARMS, default="both")
+@click.argument("arms", type=_ARMS, default="both")
 @of_driver
 def calibrate(driver: RunningDriver, arms: str) -> object:
     """Close the fingers of the grippers of ARMS (both) and call that zero; EGM must not run.
@@ -614,7 +290,7 @@ def calibrate(driver: RunningDriver, arms: str) -> object:
 
 
 @click.command()
-@click.argument("arm", type=ARM)
+@click.argument("arm", type=_ARM)
 @click.argument("action", type=click.Choice(["open", "close"]))
 @click.option(
     "--width", type=Measure("width", 0.0, 2.0 * TRAVEL, is_open=True), help="Open so far [m]; else all the way."
@@ -643,7 +319,7 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("arm", type=ARMS)
+@click.argument("arm", type=_ARMS)
 @click.argument("goal", nargs=-1, required=True, shell_complete=_complete_goal)
 @click.option("--degrees", "in_degrees", is_flag=True, help="Angles are degrees; without, radians.")
 @click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
@@ -769,7 +445,7 @@ def _complete_controller(context: click.Context, parameter: click.Parameter, inc
 
 
 @click.command()
-@click.argument("arm", type=ARM)
+@click.argument("arm", type=_ARM)
 @click.argument("activate", nargs=-1, shell_complete=_complete_controller)
 @click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
 @of_driver
@@ -802,8 +478,335 @@ def speed_scale(driver: RunningDriver, value: float | None) -> object:
     return f"speed_scale is {driver.speed_scale:g}"
 
 
-COMMANDS = (
-    *(state, controllers, mode, start, stop, recover, calibrate, grip, move, switch, speed_scale),
-    *(topics, echo, call, param),
-    *(shell, completion),
-)
+DRIVER_COMMANDS = (state, controllers, mode, start, stop, recover, calibrate, grip, move, switch, speed_scale)
+
+
+# ---- yumi shell, yumi completion
+
+_HISTORY = Path.home() / ".yumi_history"
+
+
+@click.command()
+@robot_options("Address of the controller to connect to; else the running driver is used.")
+@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
+def shell(**options: Any) -> None:
+    """A Python prompt with completion: ``driver`` where a driver runs, or ``robot`` at an address.
+
+    \b
+    Examples:
+      yumi shell                            driver.state, driver.move_to(right="home")
+      yumi shell --robot 192.168.125.1      robot.right.position, robot.right.move_to("home")
+    """
+    if options["robot"] is None:
+        if any(value is not None for value in options.values()):
+            raise click.UsageError("These options need --robot; without it the running driver is used as it is.")
+        try:
+            driver = attach()
+        except RobotNotReady as error:
+            if str(error) != HOW_TO_START:
+                raise
+            raise RobotNotReady(f"{error} Or connect the prompt to a robot: yumi shell --robot <address>.") from None
+        with driver:
+            prompt({"driver": driver, "yumi": yumi}, f"{driver!r}: driver.state, driver.move_to(right='home') …")
+        return
+    with yumi.connect(options.pop("robot"), **options) as robot:
+        prompt({"robot": robot, "yumi": yumi}, f"{robot!r}: robot.right.move_to('home') …")
+
+
+def prompt(names: dict[str, object], banner: str) -> None:
+    """Read and carry out Python until the end of input, with completion and history where there is readline."""
+    with suppress(ImportError):
+        import readline  # noqa: PLC0415 - not every Python has it
+        import rlcompleter  # noqa: PLC0415
+
+        readline.set_completer(rlcompleter.Completer(names).complete)
+        readline.parse_and_bind("tab: complete")
+        with suppress(OSError):  # there is none yet
+            readline.read_history_file(_HISTORY)
+        readline.set_history_length(1000)
+    sys.ps1 = "yumi> "
+    try:
+        code.interact(banner, local=names, exitmsg="")
+    finally:
+        with suppress(ImportError, OSError):
+            import readline  # noqa: PLC0415
+
+            readline.write_history_file(_HISTORY)
+
+
+@click.command()
+@click.argument("name", metavar="SHELL", type=click.Choice(["bash", "zsh", "fish"]))
+@click.pass_context
+def completion(context: click.Context, name: str) -> None:
+    """Print what makes SHELL complete the commands, options, controllers and poses of yumi.
+
+    \b
+    Examples:
+      eval "$(yumi completion bash)"               in ~/.bashrc; zsh likewise
+      yumi completion fish | source                in ~/.config/fish/config.fish
+    """
+    kind = get_completion_class(name)
+    assert kind is not None, "these are click's own"
+    click.echo(kind(context.find_root().command, {}, "yumi", "_YUMI_COMPLETE").source())
+
+
+# ---- the ROS 2 graph
+
+_DISCOVERY = 5.0
+"""What is in the ROS 2 graph is found within this time [s]."""
+
+_SETTLED = 0.5
+"""Nothing more is expected when no new name has come for this time: participants are announced every 0.2 s [s]."""
+
+_SPIN_PERIOD = 0.05  # [s]
+
+
+@click.command()
+@_as_json
+def topics(is_json: bool) -> None:
+    """The topics of the ROS 2 graph with their types.
+
+    \b
+    Examples:
+      yumi topics
+    """
+    with _graph_node() as node:
+        found: dict[str, list[str]] = {}
+        own = {name for name, _ in node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())}
+
+        grown = time.monotonic()
+
+        def is_settled() -> bool:  # the names come one participant after another
+            nonlocal grown
+            before = len(found)
+            found.update((name, list(kinds)) for name, kinds in node.get_topic_names_and_types() if name not in own)
+            grown = time.monotonic() if len(found) > before else grown
+            return bool(found) and time.monotonic() - grown > _SETTLED
+
+        _spin_until(node, is_settled, _DISCOVERY)
+    click.echo(json.dumps(found) if is_json else "\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
+
+
+@click.command()
+@click.argument("topic")
+@click.option("--count", type=click.IntRange(1), default=1, help="Print so many messages.")
+@click.option("--once", is_flag=True, expose_value=False, help="One message, as without --count.")
+@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=10.0, help="Longest wait for each [s].")
+@_as_json_lines
+def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
+    """Print messages of TOPIC.
+
+    \b
+    Examples:
+      yumi echo r/joint_states              one message, as with --once
+      yumi echo yumi_robot_manager/state --json
+    """
+    with _graph_node() as node:
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy  # noqa: PLC0415
+
+        kind = _type_of(node, topic, node.get_topic_names_and_types, "topic")
+        infos = node.get_publishers_info_by_topic(f"/{topic.lstrip('/')}")
+        is_latched = bool(infos) and all(it.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for it in infos)
+        quality = QoSProfile(
+            depth=100,
+            reliability=ReliabilityPolicy.BEST_EFFORT if not is_latched else ReliabilityPolicy.RELIABLE,
+            durability=DurabilityPolicy.TRANSIENT_LOCAL if is_latched else DurabilityPolicy.VOLATILE,
+        )
+        received: list[Any] = []
+        node.create_subscription(kind, f"/{topic.lstrip('/')}", received.append, quality)
+        for _ in range(count):
+            if not _spin_until(node, lambda: bool(received), timeout):
+                raise RobotNotReady(f"No message came on {topic} within {timeout:g} s.")
+            values = message_values(received.pop(0))
+            click.echo(json.dumps(values) if is_json else yaml.safe_dump(values, sort_keys=False) + "---")
+
+
+@click.command()
+@click.argument("service")
+@click.argument("request", default="{}")
+@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=60.0, help="Longest wait [s].")
+@_as_json
+def call(service: str, request: str, timeout: float, is_json: bool) -> None:
+    """Call SERVICE with REQUEST, a JSON object or YAML of its fields; the exit code is 1 where it says "no success".
+
+    \b
+    Examples:
+      yumi call yumi_robot_manager/get_state
+      yumi call yumi_robot_manager/set_speed_ratio '{percent: 50}'
+    """
+    with _graph_node() as node:
+        kind = _type_of(node, service, node.get_service_names_and_types, "service")
+        try:
+            values = yaml.safe_load(request)
+        except yaml.YAMLError as error:
+            raise SettingsError(f"{request!r} is neither JSON nor YAML: {error}.") from error
+        asked = fill_message(kind.Request(), values if values is not None else {})
+        answer = _call_service(node, kind, f"/{service.lstrip('/')}", asked, timeout)
+    shown = message_values(answer)
+    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
+    if getattr(answer, "success", True) is False or getattr(answer, "ok", True) is False:
+        raise click.exceptions.Exit(1)
+
+
+_PARAM_VERBS = {"list": "NODE", "get": "NODE NAME", "set": "NODE NAME VALUE"}
+"""What ``ros2 param`` can do, and what each takes."""
+
+
+@click.command(context_settings={"ignore_unknown_options": True})  # negative numbers are none
+@click.argument("words", nargs=-1, required=True, metavar="[list|get|set] NODE [NAME [VALUE]]")
+@_as_json
+def param(words: Sequence[str], is_json: bool) -> None:
+    """List the parameters of NODE, show one, or set it to VALUE.
+
+    The verbs of `ros2 param` may be left out.
+
+    \b
+    Examples:
+      yumi param r/joint_position_controller
+      yumi param r/joint_position_controller p
+      yumi param r/joint_position_controller p 1.3
+    """
+    if words[0] in _PARAM_VERBS:  # none may do what another one is for, as set what was only to be read
+        verb, *words = words
+        if len(words) != len(_PARAM_VERBS[verb].split()):
+            raise click.UsageError(f"{verb} takes {_PARAM_VERBS[verb]}, not {' '.join(words) or 'nothing'}.")
+    if len(words) > 3:
+        raise click.UsageError(f"Give NODE, NAME and VALUE, not {' '.join(words)}.")
+    node_name = words[0]
+    name, value = (words[at] if at < len(words) else None for at in (1, 2))
+    with _graph_node() as node:
+        from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters  # noqa: PLC0415
+        from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: PLC0415
+
+        base = f"/{node_name.strip('/')}"
+        if name is not None and value is not None:
+            given = yaml.safe_load(value)
+            try:
+                message = Parameter(name, value=given).to_parameter_msg()
+            except (TypeError, AttributeError) as error:
+                raise SettingsError(f"{value!r} is no value of a parameter.") from error
+            answer = _call_service(
+                node, SetParameters, f"{base}/set_parameters", SetParameters.Request(parameters=[message])
+            )
+            if not answer.results[0].successful:
+                raise CommandRefused(f"{name} of {base} was not set: {answer.results[0].reason}")
+        names = [name] if name is not None else None
+        if names is None:
+            listed = _call_service(node, ListParameters, f"{base}/list_parameters", ListParameters.Request())
+            names = sorted(listed.result.names)
+        answer = _call_service(node, GetParameters, f"{base}/get_parameters", GetParameters.Request(names=names))
+        shown = {
+            each: message_values(parameter_value_to_python(it)) for each, it in zip(names, answer.values, strict=False)
+        }
+        if name is not None and shown.get(name) is None:
+            raise CommandRefused(f"{base} has no parameter {name!r}; `yumi param {node_name}` lists them.")
+    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
+
+
+GRAPH_COMMANDS = (topics, echo, call, param)
+
+
+@contextmanager
+def _graph_node() -> Iterator[Any]:
+    """A node that looks at the graph, with the discovery that the driver has by default."""
+    demand_ros()
+    limit_discovery()
+    import rclpy  # noqa: PLC0415 - yumi works without ROS
+    from rclpy.signals import SignalHandlerOptions  # noqa: PLC0415
+
+    is_ours = not rclpy.ok()  # in a program that uses ROS itself, its context serves
+    if is_ours:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(f"yumi_command_{time.monotonic_ns()}", start_parameter_services=False)
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        if is_ours:
+            rclpy.try_shutdown()
+
+
+def _spin_until(node: Any, until: Callable[[], bool], timeout: float | None) -> bool:
+    """Serve the node until something is so; whether it was in time."""
+    import rclpy  # noqa: PLC0415
+
+    end = None if timeout is None else time.monotonic() + timeout
+    while not until():
+        if end is not None and time.monotonic() > end:
+            return False
+        rclpy.spin_once(node, timeout_sec=_SPIN_PERIOD)
+    return True
+
+
+def _type_of(node: Any, name: str, known: Callable[[], Sequence[tuple[str, Sequence[str]]]], what: str) -> Any:
+    """The type of a topic or service by its name, as a Python class."""
+    full, kinds = f"/{name.lstrip('/')}", dict[str, Sequence[str]]()
+
+    def is_there() -> bool:
+        kinds.update(known())
+        return full in kinds
+
+    if not _spin_until(node, is_there, _DISCOVERY):
+        near = ", ".join(sorted(each for each in kinds if name.rpartition("/")[2] in each)[:5])
+        raise RobotNotReady(
+            f"There is no {what} {full} in the ROS 2 graph{f'; similar: {near}' if near else ''}. Does a driver run, "
+            "with the same ROS_DOMAIN_ID?"
+        )
+    package, folder, kind = kinds[full][0].split("/")
+    try:
+        return getattr(import_module(f"{package}.{folder}"), kind)
+    except (ImportError, AttributeError) as error:
+        raise RobotNotReady(f"{full} has the type {package}/{folder}/{kind}, which is not installed here.") from error
+
+
+def message_values(message: Any) -> Any:
+    """A message as dictionaries, lists and plain values; NaN and infinities stay, as Python's JSON writes them."""
+    if hasattr(message, "get_fields_and_field_types"):
+        return {name: message_values(getattr(message, name)) for name in message.get_fields_and_field_types()}
+    if isinstance(message, bytes | bytearray):
+        return list(message)
+    if isinstance(message, list | tuple | array) or hasattr(message, "tolist"):
+        return [message_values(each) for each in message]
+    return message
+
+
+def fill_message(message: Any, values: object) -> Any:
+    """Give a message's fields the values of a dictionary; lists of messages come from lists of dictionaries.
+
+    Raises:
+        SettingsError: a field is unknown, or a value does not fit.
+    """
+    fields: Mapping[str, str] = message.get_fields_and_field_types()
+    message._check_fields = True  # else a message takes anything, and the middleware fails with it
+    if not isinstance(values, Mapping):
+        raise SettingsError(f"{values!r} is no JSON object; the fields are {', '.join(fields) or 'none'}.")
+    for name, value in values.items():
+        if name not in fields:
+            raise SettingsError(f"There is no field {name!r}; the fields are {', '.join(fields) or 'none'}.")
+        now = getattr(message, name)
+        try:
+            if hasattr(now, "get_fields_and_field_types"):
+                fill_message(now, value)
+            elif isinstance(value, list) and "/" in fields[name]:
+                package, kind = fields[name].partition("<")[2].rstrip(">").partition(",")[0].split("/")
+                made = getattr(import_module(f"{package}.msg"), kind)
+                setattr(message, name, [fill_message(made(), each) for each in value])
+            elif isinstance(value, str) and "string" not in fields[name].partition("<")[0]:
+                raise TypeError("a text")
+            elif isinstance(now, float):
+                setattr(message, name, float(value))
+            else:
+                setattr(message, name, value)
+        except (AssertionError, TypeError, ValueError) as error:
+            raise SettingsError(f"{name} is {value!r}; it takes {fields[name]}.") from error
+    return message
+
+
+def _call_service(node: Any, kind: Any, name: str, request: Any, timeout: float = _DISCOVERY) -> Any:
+    client = node.create_client(kind, name)
+    if not client.wait_for_service(_DISCOVERY):
+        raise RobotNotReady(f"The service {name} does not answer. Does the node run, with the same ROS_DOMAIN_ID?")
+    future = client.call_async(request)
+    if not _spin_until(node, future.done, timeout):
+        raise RobotNotReady(f"The service {name} did not answer within {timeout:g} s.")
+    return future.result()

@@ -1,8 +1,7 @@
-"""``yumi up``: the driver as a program. It connects, brings the robot to ready, and serves ROS until it must end.
+"""The driver as a program, and what shows its robot: ``yumi up``, ``yumi view`` and ``yumi record``.
 
-``yumi record``: looking at flight records and recordings, and exporting them.
-
-``yumi view``: the robot in the browser, live or from a recording.
+``up`` connects, brings the robot to ready, and serves ROS until it must end. ``view`` shows a running driver's robot in
+the browser, or a recording. ``record`` shows and exports the recordings and flight records that a driver writes.
 """
 
 from __future__ import annotations
@@ -27,8 +26,10 @@ import msgspec
 
 from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.cli.options import (
+    FILE,
     ROS_ARGUMENTS,
     SCALE,
+    config_option,
     demand_ros,
     end_flag,
     limit_discovery,
@@ -44,9 +45,9 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
-from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_controllers
+from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_controllers, read_settings
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
-from yumi.egm.udp import free_port
+from yumi.egm.udp import free_port, is_loopback
 from yumi.errors import RobotNotReady, SettingsError, YumiError
 from yumi.process.realtime import Only, release_process, settle_memory, short_switch_interval
 from yumi.process.supervision import (
@@ -58,246 +59,16 @@ from yumi.process.supervision import (
     SupervisedThread,
     start_thread,
 )
-from yumi.recording.mcap import STATE, Recorder, Source
+from yumi.recording.mcap import STATE, Recorder, Source, read_recording
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
 if TYPE_CHECKING:
-    from yumi.recording.tables import What
+    from yumi.recording.tables import TableName
     from yumi.ros.driver import RosDriver
     from yumi.web.server import ViewSettings
 
-
-_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-
-
-@click.group()
-def record() -> None:
-    """Look at flight records and recordings, and export them.
-
-    \b
-    Examples:
-      yumi record list
-      yumi record show build/flight_records/flight_2026-01-31_12-00-00-000_right.mcap
-      yumi up --record session.mcap               records every cycle of both arms, grippers, state and events
-      yumi record export session.mcap session.csv
-    """
-
-
-@record.command()
-@click.argument("file", type=_FILE)
-@click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Cycles in the table.")
-@click.option("--arm", type=click.Choice([side.word for side in Side]), help="Which arm; else the one that stopped.")
-@click.option("--picture", type=click.Path(dir_okay=False, path_type=Path), help="Also draw it and save it here.")
-def show(file: Path, cycles: int, arm: str | None, picture: Path | None) -> None:
-    """Show what led to the event that stopped the motion.
-
-    \b
-    Examples:
-      yumi record show FILE --cycles 50
-      yumi record show FILE --arm left --picture stop.png
-    """
-    from rich.console import Console  # noqa: PLC0415 - a quick --help
-
-    from yumi.recording.mcap import read_recording  # noqa: PLC0415
-    from yumi.recording.tables import draw_recording, recording_table  # noqa: PLC0415
-
-    recording = read_recording(file)
-    side = next((side for side in Side if side.word == arm), recording.arm)
-    console = Console(soft_wrap=False)
-    console.print(recording_table(recording, side, cycles, console.width))
-    if picture:
-        draw_recording(recording, side, picture)
-        click.echo(f"Picture: {picture}")
-
-
-@record.command()
-@click.argument("file", type=_FILE)
-@click.argument("output", type=click.Path(dir_okay=False, path_type=Path))
-@click.option(
-    "--table",
-    type=click.Choice(["cycles", "events", "grippers", "state"]),
-    default="cycles",
-    show_default=True,
-    help="Which table of the recording.",
-)
-def export(file: Path, output: Path, table: What) -> None:
-    """Write a table of a recording as CSV or Parquet; OUTPUT's ending says which.
-
-    \b
-    Examples:
-      yumi record export FILE session.csv
-      yumi record export FILE events.csv --table events
-      yumi record export FILE session.parquet     with yumi-ros2[data]
-    """
-    from yumi.recording.tables import export  # noqa: PLC0415 - a quick --help
-
-    click.echo(f"{export(file, output, table)} rows: {output}")
-
-
-@record.command("list")
-@click.option("--folder", type=click.Path(path_type=Path), help="Where they are; else as the delivered settings say.")
-def list_records(folder: Path | None) -> None:
-    """List flight records with what stopped the motion.
-
-    \b
-    Example:
-      yumi record list --folder build/flight_records
-    """
-    from yumi.driver.settings import read_settings  # noqa: PLC0415
-    from yumi.recording.mcap import read_recording  # noqa: PLC0415 - a quick --help
-
-    folder = folder or Path(read_settings().recorder.folder)
-    files = sorted(folder.glob("*.mcap"))
-    if not files:
-        click.echo(f"There are no records in {folder}.")
-    for file in files:
-        stop = read_recording(file, before=0.0).stop
-        click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
-
-
-_READY_TIMEOUT = 60.0
-
-
-@click.command()
-@click.argument("recording", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
-@click.option(
-    "--robot",
-    default="",
-    help="Address of the robot, or namespace, where several drivers run. Where no driver of it runs, one is started.",
-)
-@click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
-@click.option("--operate", is_flag=True, help="Let a page on this machine operate a real robot; a virtual one it may.")
-@click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
-@click.option(
-    "--listen",
-    default="127.0.0.1",
-    show_default=True,
-    help="Address to listen on; another one than this machine's own takes a token, as --operate does.",
-)
-@click.option(
-    "--logs",
-    type=click.Path(path_type=Path),
-    default=Path("build/view"),
-    show_default=True,
-    help="Folder for the output of a driver and a virtual robot that are started.",
-)
-@click.option(
-    "--config",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Settings of a driver that is started, instead of the delivered yumi.yaml: boxes, grippers, limits.",
-)
-@until_stdin_closes_option
-def view(
-    recording: Path | None,
-    robot: str,
-    virtual: bool,
-    operate: bool,
-    port: int,
-    listen: str,
-    logs: Path,
-    config: Path | None,
-    until_stdin_closes: bool,
-) -> None:
-    """Show the robot of the running driver in the browser, or a RECORDING: open the address that is printed.
-
-    A page only looks until a person takes control there; a real robot is operated with --operate on this machine only.
-
-    \b
-    Examples:
-      yumi view                               the robot of the driver that runs, or will
-      yumi view --virtual                     a virtual robot to try
-      yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
-      yumi view session.mcap                  a recording or flight record, with a time slider
-    """
-    from yumi.egm.udp import is_loopback  # noqa: PLC0415
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
-
-    if recording is not None and (robot or virtual or operate):
-        raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
-    if virtual and robot:
-        raise SettingsError("--virtual starts a robot of its own; leave --robot out.")
-    if config is not None and not (virtual or robot):
-        raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
-    is_over = end_flag(until_stdin_closes)
-    own = () if config is None else ("--config", str(config))
-    with ExitStack() as stack:
-        if virtual:
-            robot = stack.enter_context(_virtual_robot(logs, is_over, own))
-        elif robot and _has_driver(robot):
-            if config is not None:
-                raise SettingsError(
-                    f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
-                )
-        elif robot:
-            click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
-            stack.enter_context(_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
-        may_operate = operate and not virtual  # a virtual one is operated anyway
-        settings = ViewSettings(
-            robot=robot,
-            host=listen,
-            port=port,
-            may_operate=may_operate,
-            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
-            recording=None if recording is None else page_recording(recording),
-        )
-        asyncio.run(_serve(settings, is_over))
-
-
-async def _serve(settings: ViewSettings, is_over: Flag) -> None:
-    from yumi.web.server import ViewServer  # noqa: PLC0415 - a quick --help
-
-    server = ViewServer(settings)
-    await server.start()
-    click.echo(f"{PAGE_READY}{server.url}")
-    try:
-        await asyncio.to_thread(is_over.wait)
-    finally:
-        await server.stop()
-
-
-def _has_driver(robot: str) -> bool:
-    try:
-        find_driver(robot)
-    except RobotNotReady:
-        return False
-    return True
-
-
-@contextmanager
-def _driver(robot: str, logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[None]:
-    """A driver without ROS in a process of its own: the page must not disturb the control loop."""
-    host, _, rws_port = robot.partition(":")
-    where = ("--robot", host, *(("--rws-port", rws_port) if rws_port else ()))
-    with _command("driver", ("up", *where, "--no-ros", *options), logs, is_over):
-        yield
-
-
-@contextmanager
-def _virtual_robot(logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[str]:
-    """A virtual controller and its driver; the address of the robot."""
-    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
-    arguments = ("controller", "--rws-port", "0", *ports)
-    with _command("virtual controller", arguments, logs, is_over) as address:
-        robot = address.rpartition("/")[2]
-        with _driver(robot, logs, is_over, (*ports, *options)):
-            yield robot
-
-
-@contextmanager
-def _command(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -> Iterator[str]:
-    def check() -> None:
-        if is_over.is_set():
-            raise RobotNotReady(f"Ended before the {name} was ready.")
-
-    def show(line: str) -> None:
-        click.echo(line, err=True)
-
-    logs.mkdir(parents=True, exist_ok=True)
-    command: Any = Command(name, arguments, logs / f"{name.replace(' ', '_')}.log")
-    with command:
-        yield command.wait_until_ready(_READY_TIMEOUT, check, show)
-
+_log = logging.getLogger("yumi")
 
 END_REQUESTS = 3.0
 """A driver that must end abandons its requests to the controller after this time [s]: the network may be dead."""
@@ -307,13 +78,12 @@ END = 4.5
 
 _POLL = 0.05  # [s]
 _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
-_log = logging.getLogger("yumi")
 
 
 @click.command()
 @robot_options("Address of the controller; 127.0.0.1 for a virtual one on this machine.")
 @click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
-@click.option("--config", type=click.Path(path_type=Path), help="Settings instead of the delivered yumi.yaml.")
+@config_option
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
 )
@@ -650,3 +420,233 @@ def end_by_force(is_over: Flag) -> None:
         os._exit(1)
 
     start_thread(Thread(target=end, name="forced-end", daemon=True))
+
+
+# ---- yumi view
+
+_READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` starts
+
+
+@click.command()
+@click.argument("recording", required=False, type=FILE)
+@click.option(
+    "--robot",
+    default="",
+    help="Address of the robot, or namespace, where several drivers run. Where no driver of it runs, one is started.",
+)
+@click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
+@click.option("--operate", is_flag=True, help="Let a page on this machine operate a real robot; a virtual one it may.")
+@click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
+@click.option(
+    "--listen",
+    default="127.0.0.1",
+    show_default=True,
+    help="Address to listen on; another one than this machine's own takes a token, as --operate does.",
+)
+@click.option(
+    "--logs",
+    type=click.Path(path_type=Path),
+    default=Path("build/view"),
+    show_default=True,
+    help="Folder for the output of a driver and a virtual robot that are started.",
+)
+@click.option(
+    "--config",
+    type=FILE,
+    help="Settings of a driver that is started, instead of the delivered yumi.yaml: boxes, grippers, limits.",
+)
+@until_stdin_closes_option
+def view(
+    recording: Path | None,
+    robot: str,
+    virtual: bool,
+    operate: bool,
+    port: int,
+    listen: str,
+    logs: Path,
+    config: Path | None,
+    until_stdin_closes: bool,
+) -> None:
+    """Show the robot of the running driver in the browser, or a RECORDING: open the address that is printed.
+
+    A page only looks until a person takes control there; a real robot is operated with --operate on this machine only.
+
+    \b
+    Examples:
+      yumi view                               the robot of the driver that runs, or will
+      yumi view --virtual                     a virtual robot to try
+      yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
+      yumi view session.mcap                  a recording or flight record, with a time slider
+    """
+    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415 - a quick --help
+
+    if recording is not None and (robot or virtual or operate):
+        raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
+    if virtual and robot:
+        raise SettingsError("--virtual starts a robot of its own; leave --robot out.")
+    if config is not None and not (virtual or robot):
+        raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
+    is_over = end_flag(until_stdin_closes)
+    own = () if config is None else ("--config", str(config))
+    with ExitStack() as stack:
+        if virtual:
+            robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
+        elif robot and _has_driver(robot):
+            if config is not None:
+                raise SettingsError(
+                    f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
+                )
+        elif robot:
+            click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
+            stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
+        may_operate = operate and not virtual  # a virtual one is operated anyway
+        settings = ViewSettings(
+            robot=robot,
+            host=listen,
+            port=port,
+            may_operate=may_operate,
+            token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
+            recording=None if recording is None else page_recording(recording),
+        )
+        asyncio.run(_serve_pages(settings, is_over))
+
+
+async def _serve_pages(settings: ViewSettings, is_over: Flag) -> None:
+    from yumi.web.server import ViewServer  # noqa: PLC0415 - a quick --help
+
+    server = ViewServer(settings)
+    await server.start()
+    click.echo(f"{PAGE_READY}{server.url}")
+    try:
+        await asyncio.to_thread(is_over.wait)
+    finally:
+        await server.stop()
+
+
+def _has_driver(robot: str) -> bool:
+    try:
+        find_driver(robot)
+    except RobotNotReady:
+        return False
+    return True
+
+
+@contextmanager
+def _started_driver(robot: str, logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[None]:
+    """A driver without ROS in a process of its own: the page must not disturb the control loop."""
+    host, _, rws_port = robot.partition(":")
+    where = ("--robot", host, *(("--rws-port", rws_port) if rws_port else ()))
+    with _started("driver", ("up", *where, "--no-ros", *options), logs, is_over):
+        yield
+
+
+@contextmanager
+def _started_virtual_robot(logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[str]:
+    """A virtual controller and its driver; the address of the robot."""
+    ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
+    arguments = ("controller", "--rws-port", "0", *ports)
+    with _started("virtual controller", arguments, logs, is_over) as address:
+        robot = address.rpartition("/")[2]
+        with _started_driver(robot, logs, is_over, (*ports, *options)):
+            yield robot
+
+
+@contextmanager
+def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -> Iterator[str]:
+    """A command of yumi in a process of its own, once it serves; what it says of where it serves."""
+
+    def check() -> None:
+        if is_over.is_set():
+            raise RobotNotReady(f"Ended before the {name} was ready.")
+
+    def show(line: str) -> None:
+        click.echo(line, err=True)
+
+    logs.mkdir(parents=True, exist_ok=True)
+    command: Any = Command(name, arguments, logs / f"{name.replace(' ', '_')}.log")
+    with command:
+        yield command.wait_until_ready(_READY_TIMEOUT, check, show)
+
+
+# ---- yumi record
+
+
+@click.group()
+def record() -> None:
+    """Look at flight records and recordings, and export them.
+
+    \b
+    Examples:
+      yumi record list
+      yumi record show build/flight_records/flight_2026-01-31_12-00-00-000_right.mcap
+      yumi up --record session.mcap               records every cycle of both arms, grippers, state and events
+      yumi record export session.mcap session.csv
+    """
+
+
+@record.command("show")
+@click.argument("file", type=FILE)
+@click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Cycles in the table.")
+@click.option("--arm", type=click.Choice([side.word for side in Side]), help="Which arm; else the one that stopped.")
+@click.option("--picture", type=click.Path(dir_okay=False, path_type=Path), help="Also draw it and save it here.")
+def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None) -> None:
+    """Show what led to the event that stopped the motion.
+
+    \b
+    Examples:
+      yumi record show FILE --cycles 50
+      yumi record show FILE --arm left --picture stop.png
+    """
+    from rich.console import Console  # noqa: PLC0415 - a quick --help
+
+    from yumi.recording.tables import draw_recording, recording_table  # noqa: PLC0415
+
+    recording = read_recording(file)
+    side = next((side for side in Side if side.word == arm), recording.arm)
+    console = Console(soft_wrap=False)
+    console.print(recording_table(recording, side, cycles, console.width))
+    if picture:
+        draw_recording(recording, side, picture)
+        click.echo(f"Picture: {picture}")
+
+
+@record.command("export")
+@click.argument("file", type=FILE)
+@click.argument("output", type=click.Path(dir_okay=False, path_type=Path))
+@click.option(
+    "--table",
+    type=click.Choice(["cycles", "events", "grippers", "state"]),
+    default="cycles",
+    show_default=True,
+    help="Which table of the recording.",
+)
+def export_record(file: Path, output: Path, table: TableName) -> None:
+    """Write a table of a recording as CSV or Parquet; OUTPUT's ending says which.
+
+    \b
+    Examples:
+      yumi record export FILE session.csv
+      yumi record export FILE events.csv --table events
+      yumi record export FILE session.parquet     with yumi-ros2[data]
+    """
+    from yumi.recording.tables import export  # noqa: PLC0415 - a quick --help
+
+    click.echo(f"{export(file, output, table)} rows: {output}")
+
+
+@record.command("list")
+@click.option("--folder", type=click.Path(path_type=Path), help="Where they are; else as the delivered settings say.")
+def list_records(folder: Path | None) -> None:
+    """List flight records with what stopped the motion.
+
+    \b
+    Example:
+      yumi record list --folder build/flight_records
+    """
+    folder = folder or Path(read_settings().recorder.folder)
+    files = sorted(folder.glob("*.mcap"))
+    if not files:
+        click.echo(f"There are no records in {folder}.")
+    for file in files:
+        stop = read_recording(file, before=0.0).stop
+        click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")

@@ -1,7 +1,4 @@
-"""Recordings as tables: rows for CSV, Parquet and pandas' DataFrame.
-
-Recordings for the eye: a table of the cycles around an event, a picture of them, and a picture of joint paths.
-"""
+"""Recordings as tables: for CSV, Parquet and pandas' DataFrame; and for the eye, with pictures, around an event."""
 
 from __future__ import annotations
 
@@ -11,11 +8,7 @@ from itertools import pairwise
 from math import ceil, degrees, isfinite, nan, radians
 from pathlib import Path
 from textwrap import fill
-from typing import TYPE_CHECKING, Any, Literal
-
-from rich.console import Group, RenderableType
-from rich.table import Table
-from rich.text import Text
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
@@ -24,18 +17,21 @@ from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 if TYPE_CHECKING:
     import pandas as pd
+    from rich.console import RenderableType
+    from rich.table import Table
 
+TableName = Literal["cycles", "events", "grippers", "state"]
 
-What = Literal["cycles", "events", "grippers", "state"]
-
-TABLES: tuple[What, ...] = ("cycles", "events", "grippers", "state")
+_TABLES: tuple[TableName, ...] = get_args(TableName)
 """The tables of a recording."""
 
-_MISSING = "{} needs pandas and pyarrow; install yumi-ros2[data]. CSV needs neither: yumi record export FILE FILE.csv"
+_NEEDS_PANDAS = (
+    "{} needs pandas and pyarrow; install yumi-ros2[data]. CSV needs neither: yumi record export FILE FILE.csv"
+)
 _VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
 
 
-def rows(file: Path, what: What = "cycles") -> Iterator[Mapping[str, Any]]:
+def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
     """The rows of a table of a recording, oldest first, one after another.
 
     Every row has ``time`` [s since the recording's first message] and ``timestamp_ns`` [ns since 1970]; all but
@@ -61,8 +57,8 @@ def rows(file: Path, what: What = "cycles") -> Iterator[Mapping[str, Any]]:
         ProtocolError: the file is not a recording.
         MissingPrerequisite: mcap is not installed.
     """
-    if what not in TABLES:
-        raise CommandRefused(f"A recording has no table {what!r}; it has: {', '.join(TABLES)}.")
+    if what not in _TABLES:
+        raise CommandRefused(f"A recording has no table {what!r}; it has: {', '.join(_TABLES)}.")
     topics = {EVENTS, STATE} & {what} or {f"{side.value}/{what.removesuffix('s')}" for side in Side}
     begin: int | None = None
     for topic, nanoseconds, message in recorded_messages(file):
@@ -90,7 +86,7 @@ def rows(file: Path, what: What = "cycles") -> Iterator[Mapping[str, Any]]:
         yield row
 
 
-def read_recording(file: Path | str, what: What = "cycles") -> pd.DataFrame:
+def read_recording(file: Path | str, what: TableName = "cycles") -> pd.DataFrame:
     """A table of a recording as a DataFrame, indexed by the time of day (UTC).
 
     ::
@@ -113,7 +109,7 @@ def read_recording(file: Path | str, what: What = "cycles") -> pd.DataFrame:
     try:
         import pandas  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise MissingPrerequisite(_MISSING.format("A DataFrame")) from error
+        raise MissingPrerequisite(_NEEDS_PANDAS.format("A DataFrame")) from error
     columns: dict[str, list[Any]] = {}
     for count, row in enumerate(rows(Path(file), what)):
         for name, value in row.items():
@@ -129,7 +125,7 @@ def read_recording(file: Path | str, what: What = "cycles") -> pd.DataFrame:
     return table
 
 
-def export(file: Path, output: Path, what: What = "cycles") -> int:
+def export(file: Path, output: Path, what: TableName = "cycles") -> int:
     """Write a table of a recording as ``output``, whose ending says how: ``.csv`` or ``.parquet``; returns its rows.
 
     Raises:
@@ -149,7 +145,7 @@ def export(file: Path, output: Path, what: What = "cycles") -> int:
         try:
             table.to_parquet(output)
         except ImportError as error:
-            raise MissingPrerequisite(_MISSING.format("Parquet")) from error
+            raise MissingPrerequisite(_NEEDS_PANDAS.format("Parquet")) from error
         return len(table)
     count = 0
     with output.open("w", encoding="utf-8", newline="") as stream:
@@ -176,12 +172,22 @@ def _flat(message: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return found
 
 
+_ALL_AXES = 110
+"""So many characters wide is a line of the table with the positions of all axes."""
+
+GAP = 0.02
+"""Where no cycle was recorded for so long, no line is drawn and the gap is marked [s]."""
+
+
 def recording_table(recording: Recording, side: Side, cycles: int, width: int = 120) -> RenderableType:
     """The last ``cycles`` of one arm until the event, with everything that is known of them.
 
     Of the commands it shows the joint that is farthest ahead; the picture shows all. Where ``width`` characters have no
     room for seven measured positions beside them, it shows that of this joint.
     """
+    from rich.console import Group  # noqa: PLC0415 - who reads a table has no need of it
+    from rich.text import Text  # noqa: PLC0415
+
     frames = recording.frames.get(side, ())
     if not frames:
         return Text(f"No cycle of the {side.word} arm is recorded.")
@@ -197,10 +203,12 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
     )
     shown = [frame for frame in frames if frame.time <= zero][-cycles:]
     style = "bold red" if stop else "bold"
-    return Group(Text(headline, style=style), Text(summary), _cycles(shown, zero, width), _stages(frames))
+    return Group(Text(headline, style=style), Text(summary), _cycles_table(shown, zero, width), _stages_table(frames))
 
 
-def _cycles(frames: Sequence[Frame], zero: float, width: int) -> Table:
+def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
+    from rich.table import Table  # noqa: PLC0415 - as above
+
     table = Table(title="Cycles: times from the event in ms, angles in °, replies in µs", title_justify="left")
     has_room = width >= _ALL_AXES
     measured = f"measured, axes {' '.join(map(str, CHAIN_AXES))}" if has_room else "measured (axis)"
@@ -222,7 +230,9 @@ def _cycles(frames: Sequence[Frame], zero: float, width: int) -> Table:
     return table
 
 
-def _stages(frames: Sequence[Frame]) -> Table:
+def _stages_table(frames: Sequence[Frame]) -> Table:
+    from rich.table import Table  # noqa: PLC0415 - as above
+
     table = Table(title="Stages of a cycle in µs", title_justify="left")
     for name in ("stage", "p50", "p99", "max"):
         table.add_column(name, justify="left" if name == "stage" else "right")
@@ -238,6 +248,11 @@ def quantile(ascending: Sequence[float], share: float) -> float:
     return ascending[max(0, ceil(share * len(ascending)) - 1)]
 
 
+def gaps_of(frames: Sequence[Frame]) -> list[tuple[float, float]]:
+    """Begin and end of every gap between two cycles that is longer than :data:`GAP` [s]."""
+    return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > GAP]
+
+
 def _ahead(command: Joints, position: Joints) -> str:
     """How far a command is ahead of the measured position, where it is farthest, with ABB's axis number [°]."""
     index = _farthest(command, position)
@@ -249,16 +264,10 @@ def _farthest(command: Joints, position: Joints) -> int:
     return max(range(len(position)), key=lambda index: abs(command[index] - position[index]))
 
 
-_ALL_AXES = 110
-"""So many characters wide is a line of the table with the positions of all axes."""
-
-GAP = 0.02
-"""Where no cycle was recorded for so long, no line is drawn and the gap is marked [s]."""
-
-MOVED = radians(0.1)
+_MOVED = radians(0.1)
 """An axis is drawn when it, its command or its reference changed by more than this [rad]."""
 
-_LINES = (
+_CURVES = (
     ("reference", ":", "#8b949e"),
     ("desired", "--", "#009e73"),
     ("sent", "-", "#d98200"),
@@ -267,11 +276,6 @@ _LINES = (
 
 JointPath = Sequence[tuple[float, Joints]]
 """Times [s] and positions [rad] of one arm."""
-
-
-def gaps_of(frames: Sequence[Frame]) -> list[tuple[float, float]]:
-    """Begin and end of every gap between two cycles that is longer than :data:`GAP` [s]."""
-    return [(old.time, new.time) for old, new in pairwise(frames) if new.time - old.time > GAP]
 
 
 def draw_recording(recording: Recording, side: Side, file: Path) -> None:
@@ -296,20 +300,20 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     if stop and shown[-1].time < zero + window - GAP:
         gaps.append((shown[-1].time - zero, window))
     # None stands where lines break: in every gap.
-    rows: list[tuple[float, Frame | None]] = [(frame.time - zero, frame) for frame in shown]
-    rows = sorted(rows + [(begin, None) for begin, _ in gaps], key=lambda row: row[0])
-    times = [time for time, _ in rows]
+    points: list[tuple[float, Frame | None]] = [(frame.time - zero, frame) for frame in shown]
+    points = sorted(points + [(begin, None) for begin, _ in gaps], key=lambda point: point[0])
+    times = [time for time, _ in points]
 
     def curve(name: str, index: int) -> list[float]:
-        vectors = [getattr(frame, name, None) for _, frame in rows]
+        vectors = [getattr(frame, name, None) for _, frame in points]
         return [nan if vector is None else degrees(vector[index]) for vector in vectors]
 
     def span(index: int) -> float:
-        values = [value for name, _, _ in _LINES for value in curve(name, index) if isfinite(value)]
+        values = [value for name, _, _ in _CURVES for value in curve(name, index) if isfinite(value)]
         return max(values) - min(values)
 
     spans = [span(index) for index in range(len(CHAIN_AXES))]
-    moved = [index for index, each in enumerate(spans) if each > degrees(MOVED)]
+    moved = [index for index, each in enumerate(spans) if each > degrees(_MOVED)]
     drawn = moved or [max(range(len(spans)), key=spans.__getitem__)]
     columns = min(2 if len(drawn) <= 4 else 3, len(drawn) + 1)
     lines = ceil(len(drawn) / columns) + 1
@@ -319,7 +323,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     for number, index in enumerate(drawn):
         row, column = divmod(number, columns)
         panel = figure.add_subplot(grid[row, 2 * column : 2 * column + 2])
-        for name, style, color in _LINES:
+        for name, style, color in _CURVES:
             label = "measured" if name == "position" else name
             panel.plot(times, curve(name, index), style, color=color, linewidth=1.3, label=label)
         panel.set_title(f"axis {CHAIN_AXES[index]} [°]")
@@ -333,7 +337,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
 
     # Stacked, so that the upper edge is the whole cycle.
     stages = figure.add_subplot(grid[lines - 1, columns:])
-    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in rows] for name in STAGES]
+    layers = [[0.0 if frame is None else getattr(frame.stages, name) * 1e6 for _, frame in points] for name in STAGES]
     stages.stackplot(times, *layers, labels=STAGES, linewidth=0.0, step="post")
     stages.set(title="stages of a cycle [µs]")
     stages.legend(loc="upper right", fontsize="x-small", ncols=4)

@@ -1,6 +1,7 @@
-"""The virtual robot in virtual time: a clock of its own, Robot Web Services and EGM in memory.
+"""Virtual robots for tests: one in memory and in virtual time, and a virtual controller in a process, in real time.
 
-No socket is between: a client's requests go straight to the virtual controller, and its messages straight back.
+Between a test and :class:`VirtualYumi` is no socket: a client's requests go straight to the virtual controller, and its
+messages straight back. :class:`ControllerProcess` serves Robot Web Services and EGM on ports.
 """
 
 from __future__ import annotations
@@ -175,7 +176,7 @@ class MemoryRws:
         """Nothing to close."""
 
 
-_READY_TIMEOUT = 30.0  # [s]
+_READY_TIMEOUT = 30.0  # [s] for a controller in a process of its own
 
 
 class ControllerProcess:

@@ -1,12 +1,8 @@
-"""A running robot for the pages: one subscription to its driver for all of them, and one page that operates it.
+"""A running robot for the pages of ``yumi view``: one subscription to its driver for all of them, one page operates it.
 
-The shapes that must not collide, for the page: what a planner needs of them, and which two are nearest now.
-
-Motions that a page plans: in a process of its own, since a search takes all of a processor for seconds.
-
-What a page sends to the server of ``yumi view``; anything else is refused.
-
-An asyncio client of a running driver's local endpoint: many requests at once, and the state as it was sent.
+A page sends a :class:`PageMessage`; anything else is refused. With the driver's state it gets the two parts that are
+nearest to each other, and a motion that it plans is planned in a process of its own, since a search takes all of a
+processor for seconds. The driver is reached over its local endpoint, by a client for asyncio.
 """
 
 from __future__ import annotations
@@ -28,7 +24,6 @@ from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
-import aiohttp
 import msgspec
 
 from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
@@ -82,341 +77,11 @@ from yumi.robot.kinematics import (
     wrist_target,
 )
 from yumi.virtual.controller.events import Fault
-from yumi.virtual.world import inject_fault
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
 
-
-WITHIN = 0.05
-"""Parts further from each other than this are not shown [m]."""
-
-
-def shapes_of(
-    surroundings: Surroundings,
-) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
-    """Grippers, tools and boxes as the collision model has them."""
-    grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
-    tools = {
-        side: tuple(
-            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
-            for each in surroundings.tools.get(side.word, ())
-        )
-        for side in Side
-    }
-    return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
-
-
-class Distances:
-    """Finds the two parts that are nearest to each other: each two parts of different arms, and each part and box.
-
-    The body is left out: at home the arms are within a few millimetres of it.
-
-    Args:
-        surroundings: grippers, tools and boxes.
-    """
-
-    def __init__(self, surroundings: Surroundings) -> None:
-        grippers, tools, obstacles = shapes_of(surroundings)
-        self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
-
-    def nearest(self, positions: Mapping[Side, Joints], only: Collection[tuple[str, str]] = ()) -> Distance | None:
-        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`WITHIN`.
-
-        ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
-        """
-        if not only:
-            return next(iter(self._model.nearest(positions, within=WITHIN, ignore="body")), None)
-        wanted = {frozenset(pair) for pair in only}
-        near = self._model.nearest(positions, len(self._model.names) ** 2, within=WITHIN)
-        return next((each for each in near if frozenset((each.part, each.other)) in wanted), None)
-
-
-SPEED_SCALE = 0.5
-"""Share of the joints' speeds that a page plans for, before speed_scale."""
-
-_TIMEOUT = 20.0  # [s] for one plan
-_LOWEST_PRIORITY = 19
-
-
-class PlanningProcess:
-    """Plans in a process of its own, at the lowest priority; it is started with the first plan."""
-
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._worker = 0  # its number
-
-    async def plan(
-        self, surroundings: Surroundings, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]
-    ) -> Plan:
-        """A motion of the arms in ``goal`` [rad], or tool0 in the body's frame; raises as :meth:`Planner.plan`."""
-        loop = asyncio.get_running_loop()
-        try:
-            if self._pool is None:
-                context = multiprocessing.get_context("spawn")  # a fork would have copies of this process's sockets
-                self._pool = ProcessPoolExecutor(1, context, _begin)
-                self._worker = await loop.run_in_executor(self._pool, os.getpid)
-            shapes = msgspec.json.encode(surroundings)
-            return await loop.run_in_executor(self._pool, _plan, shapes, dict(start), dict(goal))
-        except BrokenProcessPool as error:
-            self._pool = None
-            raise CommandRefused("The process that plans has ended before its plan was made; plan again.") from error
-
-    def close(self) -> None:
-        """End it, without waiting for a plan that is being made."""
-        if self._pool is not None:
-            for process in multiprocessing.active_children():
-                if process.pid == self._worker:
-                    process.terminate()
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-
-
-def _begin() -> None:
-    os.nice(_LOWEST_PRIORITY)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
-
-
-@lru_cache(maxsize=1)  # reading the shapes takes a while
-def _planner(surroundings: bytes) -> Planner:
-    from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
-
-    known = msgspec.json.decode(surroundings, type=Surroundings)
-    grippers, tools, obstacles = shapes_of(known)
-    limits = YUMI_LIMITS if known.velocity is None else replace(YUMI_LIMITS, velocity=known.velocity)
-    return Planner(grippers, tools=tools, obstacles=obstacles, limits=limits)
-
-
-def _plan(surroundings: bytes, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]) -> Plan:
-    return _planner(surroundings).plan(start, goal, timeout=_TIMEOUT, speed_scale=SPEED_SCALE)
-
-
-MAX_JOINT_SPEED = 0.5
-"""No joint or elbow is jogged faster than this [rad/s], before speed_scale: it stops within 0.2 s of a lost link."""
-
-MAX_LINEAR, MAX_ANGULAR = 0.15, 0.5
-"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale; for the same reason."""
-
-_Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
-_Linear = Annotated[float, msgspec.Meta(ge=-MAX_LINEAR, le=MAX_LINEAR)]
-_Angular = Annotated[float, msgspec.Meta(ge=-MAX_ANGULAR, le=MAX_ANGULAR)]
-
-
-class Message(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type"):
-    """What a page sends."""
-
-
-class TakeControl(Message, frozen=True, tag="take_control"):
-    """A person has clicked on it; a page that has control loses it."""
-
-
-class GiveBack(Message, frozen=True, tag="give_back"):
-    """Control is given back."""
-
-
-class Ask(Message, frozen=True, tag="ask"):
-    """What the driver is asked for; answers have this ``id``. Jogs have messages of their own, with limits."""
-
-    id: int
-    request: StartEgm | StopEgm | Recover | Calibrate | Grip | Move | SwitchControllers | SetSpeedScale
-
-
-class Inject(Message, frozen=True, tag="inject"):
-    """A fault for a virtual robot, with the options of ``yumi fault``."""
-
-    id: int
-    name: str
-    form: dict[str, str] = {}
-
-
-class Seen(Message, frozen=True, tag="seen"):
-    """The state that was sent is shown; the next one may come."""
-
-
-class PlanMotion(Message, frozen=True, tag="plan"):
-    """Plan a motion around everything, and show it: to positions as :class:`yumi.driver.endpoint.Move` has them.
-
-    With ``is_pose`` they are poses of the fingertips in the body's frame: x, y, z [m], quaternion w, x, y, z.
-    """
-
-    id: int
-    right: Position | None = None
-    left: Position | None = None
-    is_pose: bool = False
-
-
-class ExecutePlan(Message, frozen=True, tag="execute"):
-    """Follow the plan that was shown under this number."""
-
-    id: int
-    plan: int
-
-
-class JointsJog(Message, frozen=True, tag="jog_joints"):
-    """A key is held: joint speeds of an arm [rad/s]; zeros when it is released.
-
-    ``hold`` counts the holds, and ``seen`` is the time of the state that the page has got last.
-    """
-
-    arm: Arm
-    hold: int
-    seen: float
-    speeds: tuple[_Speed, _Speed, _Speed, _Speed, _Speed, _Speed, _Speed]
-
-    @property
-    def request(self) -> Request:
-        """What the driver is asked for."""
-        return Jog(arm=self.arm, speeds=self.speeds)
-
-    @property
-    def at_rest(self) -> Request:
-        """The same without motion."""
-        return Jog(arm=self.arm, speeds=ZERO)
-
-
-class ToolJog(Message, frozen=True, tag="jog_tool"):
-    """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
-
-    arm: Arm
-    hold: int
-    seen: float
-    frame: Literal["base", "tool"] = "base"
-    linear: tuple[_Linear, _Linear, _Linear] = (0.0, 0.0, 0.0)
-    angular: tuple[_Angular, _Angular, _Angular] = (0.0, 0.0, 0.0)
-    elbow: _Speed = 0.0
-
-    @property
-    def request(self) -> Request:
-        """What the driver is asked for."""
-        return JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
-
-    @property
-    def at_rest(self) -> Request:
-        """The same without motion."""
-        return JogTool(arm=self.arm, frame=self.frame)
-
-
-AnyJog = JointsJog | ToolJog
-AnyMessage = TakeControl | GiveBack | Seen | Ask | Inject | PlanMotion | ExecutePlan | AnyJog
-
-
-_LONGEST_LINE = 1 << 22  # of a driver [bytes]; a state has some kilobytes
-_answers = msgspec.json.Decoder(Answer)
-
-
-class DriverLink:
-    """A connection to a running driver, on one event loop. What is closed stops the motions it has asked for."""
-
-    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        self._reader, self._writer = reader, writer
-        self._number = 0
-        self._waiting: dict[int, asyncio.Queue[Answer | RobotNotReady]] = {}
-        self._reading = asyncio.create_task(self._read())
-
-    @classmethod
-    async def open(cls, robot: str = "") -> DriverLink:
-        """Connect to the one driver that runs, or to that of ``robot``.
-
-        Raises:
-            RobotNotReady: none runs, or several do; the message says what to do.
-        """
-        path: Path = await asyncio.to_thread(find_driver, robot)  # it may try sockets
-        try:
-            reader, writer = await asyncio.open_unix_connection(path, limit=_LONGEST_LINE)
-        except (ConnectionRefusedError, FileNotFoundError) as error:
-            if isinstance(error, ConnectionRefusedError):
-                path.unlink(missing_ok=True)  # of a driver that was killed
-            raise RobotNotReady(HOW_TO_START) from error
-        except OSError as error:
-            raise RobotNotReady(f"The driver behind {path.name} does not answer: {error}.") from error
-        return cls(reader, writer)
-
-    async def close(self) -> None:
-        """Disconnect; a motion that was asked for over it is stopped."""
-        self._reading.cancel()
-        self._writer.close()
-        with suppress(OSError):
-            await self._writer.wait_closed()
-
-    async def ask(
-        self,
-        request: Request,
-        on_step: Callable[[str], None] = lambda step: None,
-        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
-    ) -> msgspec.Raw:
-        """Send a request and wait for its result, as JSON.
-
-        Raises:
-            YumiError: the driver refuses or has failed, with its sentence; or the connection is lost.
-        """
-        number, answers = await self._send(request)
-        try:
-            while True:
-                answer = await self._next(answers)
-                if answer.step:
-                    on_step(answer.step)
-                if answer.motions:
-                    on_motion(answer.motions)
-                if answer.result:
-                    return answer.result
-        finally:
-            del self._waiting[number]
-
-    async def states(self, rate: float) -> AsyncIterator[tuple[msgspec.Raw, tuple[EventReport, ...]]]:
-        """The state ``rate`` times a second, as JSON, with the events since the one before; raises as :meth:`ask`."""
-        number, answers = await self._send(Subscribe(rate=rate))
-        try:
-            while True:
-                try:
-                    answer = await asyncio.wait_for(self._next(answers), ANSWER)
-                except asyncio.TimeoutError as error:
-                    raise RobotNotReady(f"The driver has sent no state for {ANSWER:g} s.") from error
-                if answer.state:
-                    yield answer.state, answer.events
-        finally:
-            del self._waiting[number]
-
-    async def _send(self, request: Request) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
-        if self._reading.done():
-            raise self._lost("it closed the connection")
-        self._number += 1
-        number, answers = self._number, asyncio.Queue[Answer | RobotNotReady]()
-        self._waiting[number] = answers
-        self._writer.write(msgspec.json.encode(msgspec.structs.replace(request, id=number)) + b"\n")
-        try:
-            await self._writer.drain()
-        except OSError as error:
-            del self._waiting[number]
-            raise self._lost(error) from error
-        return number, answers
-
-    async def _next(self, answers: asyncio.Queue[Answer | RobotNotReady]) -> Answer:
-        answer = await answers.get()
-        if isinstance(answer, RobotNotReady):
-            raise answer
-        if answer.error is not None:
-            raise error_of(answer.error)
-        return answer
-
-    async def _read(self) -> None:
-        reason: object = "it closed the connection"
-        try:
-            while line := await self._reader.readline():
-                answer = _answers.decode(line)
-                # What has no number is about the whole connection, such as one client too many.
-                for number in (answer.id,) if answer.id else tuple(self._waiting):
-                    if number in self._waiting:
-                        self._waiting[number].put_nowait(answer)
-        except (OSError, ValueError, msgspec.DecodeError) as error:
-            reason = error
-        finally:
-            for each in self._waiting.values():
-                each.put_nowait(self._lost(reason))
-
-    @staticmethod
-    def _lost(reason: object) -> RobotNotReady:
-        return RobotNotReady(f"The connection to the driver is lost: {reason}.")
-
+log = logging.getLogger(__name__)
 
 RATE = 30.0
 """A page gets the state so often [1/s]."""
@@ -427,12 +92,10 @@ STALE = 0.05
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
-log = logging.getLogger(__name__)
-
 _LOOKED_FOR = "The driver is being looked for."
-_DISTANCES = 3  # states for one calculation of distances
-_READ = 0.5  # [s] what limits an arm is shown until it has not done so for so long: several parts may do so in turn
-_SHOWN = 120  # points of a plan that the page gets, about
+_STATES_PER_DISTANCE = 3
+_SHOWN_FOR = 0.5  # [s] what limited an arm is shown for so long: several parts may do so in turn
+_PLAN_POINTS = 120  # points of a plan that the page gets, about
 _EVENTS = 200  # of the driver's log that a new page gets
 _SEARCH = 1.0  # [s] between two attempts to find a driver
 _STAND = 3.0  # [s] after its end a jogged arm stands
@@ -448,7 +111,7 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it, with the events since the one before.
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
-    :class:`Shown` has it; ``nearest`` are two parts of these, else those nearest to each other.
+    :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest to each other.
     """
 
     time: float
@@ -458,18 +121,18 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     nearest: Distance | None
 
 
-class _Place(msgspec.Struct, frozen=True):
+class _ArmPlace(msgspec.Struct, frozen=True):
     position: Joints | None
     limited: Limited | None = None
 
 
-class _Places(msgspec.Struct, frozen=True):
+class _ArmPlaces(msgspec.Struct, frozen=True):
     """What is needed of a state for distances."""
 
-    arms: dict[str, _Place]
+    arms: dict[str, _ArmPlace]
 
 
-class Shown:
+class ShownLimits:
     """What limits each arm, so that a person can read it: the same parts for as long as they do so now and again."""
 
     def __init__(self) -> None:
@@ -480,9 +143,9 @@ class Shown:
         for arm, newest in limited.items():
             last, since = self._shown.get(arm, (None, -inf))
             is_same = last is not None and newest is not None and (last.part, last.other) == (newest.part, newest.other)
-            if newest is not None and (is_same or now - since > _READ):
+            if newest is not None and (is_same or now - since > _SHOWN_FOR):
                 self._shown[arm] = newest, now
-            elif last is not None and now - since > _READ:
+            elif last is not None and now - since > _SHOWN_FOR:
                 del self._shown[arm]
         return {arm: last for arm, (last, _) in self._shown.items()}
 
@@ -589,7 +252,7 @@ class LiveRobot:
         self.events.clear()
         self.surroundings = msgspec.json.decode(await link.ask(GetSurroundings()), type=Surroundings)
         distances, nearest, count = Distances(self.surroundings), None, 0
-        shown, held = Shown(), list[tuple[str, str]]()
+        shown, held = ShownLimits(), list[tuple[str, str]]()
         async for raw, events in link.states(RATE):
             is_new = self._state is None
             now = time.monotonic()
@@ -600,10 +263,10 @@ class LiveRobot:
                 self.is_virtual = await _is_virtual(self.address)
                 self.why_not = ""
                 self._on_change()
-            arms = msgspec.json.decode(raw, type=_Places).arms
+            arms = msgspec.json.decode(raw, type=_ArmPlaces).arms
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
-            if count % _DISTANCES == 0 or held != before:
+            if count % _STATES_PER_DISTANCE == 0 or held != before:
                 known = {side: arms[side.word].position for side in Side}
                 positions = {side: position for side, position in known.items() if position is not None}
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
@@ -616,6 +279,8 @@ class LiveRobot:
 
 async def _is_virtual(address: str) -> bool:
     """Whether the controller is a virtual one on this machine: only that one has faults to inject."""
+    import aiohttp  # noqa: PLC0415 - the process that plans has no need of it
+
     host = address.rpartition(":")[0]
     try:
         if not is_loopback(host):
@@ -770,7 +435,7 @@ class Operator:
             shown = {
                 side.word: [
                     [round(point.time, 3), [round(value, 4) for value in point.position]]
-                    for point in (*points[: -1 : max(1, len(points) // _SHOWN)], points[-1])
+                    for point in (*points[: -1 : max(1, len(points) // _PLAN_POINTS)], points[-1])
                 ]
                 for side, points in plan.points.items()
             }
@@ -786,6 +451,8 @@ class Operator:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
     async def _inject(self, message: Inject) -> None:
+        from yumi.virtual.world import inject_fault  # noqa: PLC0415 - as aiohttp
+
         try:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
@@ -851,3 +518,340 @@ def _failure(error: Exception) -> Failure:
         return failure_of(error)
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
     return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))
+
+
+# ---- what a page sends
+
+MAX_JOINT_SPEED = 0.5
+"""No joint or elbow is jogged faster than this [rad/s], before speed_scale: it stops within 0.2 s of a lost link."""
+
+MAX_LINEAR, MAX_ANGULAR = 0.15, 0.5
+"""The tool is not jogged faster than this [m/s], [rad/s], before speed_scale; for the same reason."""
+
+_Speed = Annotated[float, msgspec.Meta(ge=-MAX_JOINT_SPEED, le=MAX_JOINT_SPEED)]
+_Linear = Annotated[float, msgspec.Meta(ge=-MAX_LINEAR, le=MAX_LINEAR)]
+_Angular = Annotated[float, msgspec.Meta(ge=-MAX_ANGULAR, le=MAX_ANGULAR)]
+
+
+class PageMessage(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="type"):
+    """What a page sends."""
+
+
+class TakeControl(PageMessage, frozen=True, tag="take_control"):
+    """A person has clicked on it; a page that has control loses it."""
+
+
+class GiveBack(PageMessage, frozen=True, tag="give_back"):
+    """Control is given back."""
+
+
+class Ask(PageMessage, frozen=True, tag="ask"):
+    """What the driver is asked for; answers have this ``id``. Jogs have messages of their own, with limits."""
+
+    id: int
+    request: StartEgm | StopEgm | Recover | Calibrate | Grip | Move | SwitchControllers | SetSpeedScale
+
+
+class Inject(PageMessage, frozen=True, tag="inject"):
+    """A fault for a virtual robot, with the options of ``yumi fault``."""
+
+    id: int
+    name: str
+    form: dict[str, str] = {}
+
+
+class Seen(PageMessage, frozen=True, tag="seen"):
+    """The state that was sent is shown; the next one may come."""
+
+
+class PlanMotion(PageMessage, frozen=True, tag="plan"):
+    """Plan a motion around everything, and show it: to positions as :class:`yumi.driver.endpoint.Move` has them.
+
+    With ``is_pose`` they are poses of the fingertips in the body's frame: x, y, z [m], quaternion w, x, y, z.
+    """
+
+    id: int
+    right: Position | None = None
+    left: Position | None = None
+    is_pose: bool = False
+
+
+class ExecutePlan(PageMessage, frozen=True, tag="execute"):
+    """Follow the plan that was shown under this number."""
+
+    id: int
+    plan: int
+
+
+class JointsJog(PageMessage, frozen=True, tag="jog_joints"):
+    """A key is held: joint speeds of an arm [rad/s]; zeros when it is released.
+
+    ``hold`` counts the holds, and ``seen`` is the time of the state that the page has got last.
+    """
+
+    arm: Arm
+    hold: int
+    seen: float
+    speeds: tuple[_Speed, _Speed, _Speed, _Speed, _Speed, _Speed, _Speed]
+
+    @property
+    def request(self) -> Request:
+        """What the driver is asked for."""
+        return Jog(arm=self.arm, speeds=self.speeds)
+
+    @property
+    def at_rest(self) -> Request:
+        """The same without motion."""
+        return Jog(arm=self.arm, speeds=ZERO)
+
+
+class ToolJog(PageMessage, frozen=True, tag="jog_tool"):
+    """A key is held: speeds of the tool [m/s], [rad/s] in a frame, or of the elbow [rad/s]."""
+
+    arm: Arm
+    hold: int
+    seen: float
+    frame: Literal["base", "tool"] = "base"
+    linear: tuple[_Linear, _Linear, _Linear] = (0.0, 0.0, 0.0)
+    angular: tuple[_Angular, _Angular, _Angular] = (0.0, 0.0, 0.0)
+    elbow: _Speed = 0.0
+
+    @property
+    def request(self) -> Request:
+        """What the driver is asked for."""
+        return JogTool(arm=self.arm, linear=self.linear, angular=self.angular, elbow=self.elbow, frame=self.frame)
+
+    @property
+    def at_rest(self) -> Request:
+        """The same without motion."""
+        return JogTool(arm=self.arm, frame=self.frame)
+
+
+AnyJog = JointsJog | ToolJog
+AnyMessage = TakeControl | GiveBack | Seen | Ask | Inject | PlanMotion | ExecutePlan | AnyJog
+
+# ---- what is nearest
+
+NEAR = 0.05
+"""Parts further from each other than this are not shown [m]."""
+
+
+def shapes_of(
+    surroundings: Surroundings,
+) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
+    """Grippers, tools and boxes as the collision model has them."""
+    grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
+    tools = {
+        side: tuple(
+            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
+            for each in surroundings.tools.get(side.word, ())
+        )
+        for side in Side
+    }
+    return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
+
+
+class Distances:
+    """Finds the two parts that are nearest to each other: each two parts of different arms, and each part and box.
+
+    The body is left out: at home the arms are within a few millimetres of it.
+
+    Args:
+        surroundings: grippers, tools and boxes.
+    """
+
+    def __init__(self, surroundings: Surroundings) -> None:
+        grippers, tools, obstacles = shapes_of(surroundings)
+        self._model = CollisionModel(grippers, tools=tools, obstacles=obstacles)
+
+    def nearest(self, positions: Mapping[Side, Joints], only: Collection[tuple[str, str]] = ()) -> Distance | None:
+        """Of arms at joint positions [rad], both (7,); None where nothing is within :data:`NEAR`.
+
+        ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
+        """
+        if not only:
+            return next(iter(self._model.nearest(positions, within=NEAR, ignore="body")), None)
+        wanted = {frozenset(pair) for pair in only}
+        near = self._model.nearest(positions, len(self._model.names) ** 2, within=NEAR)
+        return next((each for each in near if frozenset((each.part, each.other)) in wanted), None)
+
+
+# ---- plans
+
+PLANNED_SPEED_SCALE = 0.5
+"""Share of the joints' speeds that a page plans for, before speed_scale."""
+
+_PLANNING_TIMEOUT = 20.0  # [s] for one plan
+_LOWEST_PRIORITY = 19
+
+
+class PlanningProcess:
+    """Plans in a process of its own, at the lowest priority; it is started with the first plan."""
+
+    def __init__(self) -> None:
+        self._pool: ProcessPoolExecutor | None = None
+        self._worker = 0  # its number
+
+    async def plan(
+        self, surroundings: Surroundings, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]
+    ) -> Plan:
+        """A motion of the arms in ``goal`` [rad], or tool0 in the body's frame; raises as :meth:`Planner.plan`."""
+        loop = asyncio.get_running_loop()
+        try:
+            if self._pool is None:
+                context = multiprocessing.get_context("spawn")  # a fork would have copies of this process's sockets
+                self._pool = ProcessPoolExecutor(1, context, _begin_worker)
+                self._worker = await loop.run_in_executor(self._pool, os.getpid)
+            shapes = msgspec.json.encode(surroundings)
+            return await loop.run_in_executor(self._pool, _plan_in_worker, shapes, dict(start), dict(goal))
+        except BrokenProcessPool as error:
+            self._pool = None
+            raise CommandRefused("The process that plans has ended before its plan was made; plan again.") from error
+
+    def close(self) -> None:
+        """End it, without waiting for a plan that is being made."""
+        if self._pool is not None:
+            for process in multiprocessing.active_children():
+                if process.pid == self._worker:
+                    process.terminate()
+            self._pool.shutdown(wait=False, cancel_futures=True)
+            self._pool = None
+
+
+def _begin_worker() -> None:
+    os.nice(_LOWEST_PRIORITY)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
+
+
+@lru_cache(maxsize=1)  # reading the shapes takes a while
+def _planner(surroundings: bytes) -> Planner:
+    from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
+
+    known = msgspec.json.decode(surroundings, type=Surroundings)
+    grippers, tools, obstacles = shapes_of(known)
+    limits = YUMI_LIMITS if known.velocity is None else replace(YUMI_LIMITS, velocity=known.velocity)
+    return Planner(grippers, tools=tools, obstacles=obstacles, limits=limits)
+
+
+def _plan_in_worker(surroundings: bytes, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]) -> Plan:
+    return _planner(surroundings).plan(start, goal, timeout=_PLANNING_TIMEOUT, speed_scale=PLANNED_SPEED_SCALE)
+
+
+# ---- the connection to the driver
+
+_LONGEST_LINE = 1 << 22  # of a driver [bytes]; a state has some kilobytes
+_answer_decoder = msgspec.json.Decoder(Answer)
+
+
+class DriverLink:
+    """A connection to a running driver, on one event loop. What is closed stops the motions it has asked for."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader, self._writer = reader, writer
+        self._number = 0
+        self._waiting: dict[int, asyncio.Queue[Answer | RobotNotReady]] = {}
+        self._reading = asyncio.create_task(self._read())
+
+    @classmethod
+    async def open(cls, robot: str = "") -> DriverLink:
+        """Connect to the one driver that runs, or to that of ``robot``.
+
+        Raises:
+            RobotNotReady: none runs, or several do; the message says what to do.
+        """
+        path: Path = await asyncio.to_thread(find_driver, robot)  # it may try sockets
+        try:
+            reader, writer = await asyncio.open_unix_connection(path, limit=_LONGEST_LINE)
+        except (ConnectionRefusedError, FileNotFoundError) as error:
+            if isinstance(error, ConnectionRefusedError):
+                path.unlink(missing_ok=True)  # of a driver that was killed
+            raise RobotNotReady(HOW_TO_START) from error
+        except OSError as error:
+            raise RobotNotReady(f"The driver behind {path.name} does not answer: {error}.") from error
+        return cls(reader, writer)
+
+    async def close(self) -> None:
+        """Disconnect; a motion that was asked for over it is stopped."""
+        self._reading.cancel()
+        self._writer.close()
+        with suppress(OSError):
+            await self._writer.wait_closed()
+
+    async def ask(
+        self,
+        request: Request,
+        on_step: Callable[[str], None] = lambda step: None,
+        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
+    ) -> msgspec.Raw:
+        """Send a request and wait for its result, as JSON.
+
+        Raises:
+            YumiError: the driver refuses or has failed, with its sentence; or the connection is lost.
+        """
+        number, answers = await self._send(request)
+        try:
+            while True:
+                answer = await self._next(answers)
+                if answer.step:
+                    on_step(answer.step)
+                if answer.motions:
+                    on_motion(answer.motions)
+                if answer.result:
+                    return answer.result
+        finally:
+            del self._waiting[number]
+
+    async def states(self, rate: float) -> AsyncIterator[tuple[msgspec.Raw, tuple[EventReport, ...]]]:
+        """The state ``rate`` times a second, as JSON, with the events since the one before; raises as :meth:`ask`."""
+        number, answers = await self._send(Subscribe(rate=rate))
+        try:
+            while True:
+                try:
+                    answer = await asyncio.wait_for(self._next(answers), ANSWER)
+                except asyncio.TimeoutError as error:
+                    raise RobotNotReady(f"The driver has sent no state for {ANSWER:g} s.") from error
+                if answer.state:
+                    yield answer.state, answer.events
+        finally:
+            del self._waiting[number]
+
+    async def _send(self, request: Request) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
+        if self._reading.done():
+            raise self._lost("it closed the connection")
+        self._number += 1
+        number, answers = self._number, asyncio.Queue[Answer | RobotNotReady]()
+        self._waiting[number] = answers
+        self._writer.write(msgspec.json.encode(msgspec.structs.replace(request, id=number)) + b"\n")
+        try:
+            await self._writer.drain()
+        except OSError as error:
+            del self._waiting[number]
+            raise self._lost(error) from error
+        return number, answers
+
+    async def _next(self, answers: asyncio.Queue[Answer | RobotNotReady]) -> Answer:
+        answer = await answers.get()
+        if isinstance(answer, RobotNotReady):
+            raise answer
+        if answer.error is not None:
+            raise error_of(answer.error)
+        return answer
+
+    async def _read(self) -> None:
+        reason: object = "it closed the connection"
+        try:
+            while line := await self._reader.readline():
+                answer = _answer_decoder.decode(line)
+                # What has no number is about the whole connection, such as one client too many.
+                for number in (answer.id,) if answer.id else tuple(self._waiting):
+                    if number in self._waiting:
+                        self._waiting[number].put_nowait(answer)
+        except (OSError, ValueError, msgspec.DecodeError) as error:
+            reason = error
+        finally:
+            for each in self._waiting.values():
+                each.put_nowait(self._lost(reason))
+
+    @staticmethod
+    def _lost(reason: object) -> RobotNotReady:
+        return RobotNotReady(f"The connection to the driver is lost: {reason}.")

@@ -5,9 +5,8 @@ only with the token. A page of a foreign origin, or under a host name that is no
 at a time operates the robot, after it has taken control: a virtual one always, a real one where the server was started
 to operate it and the page is opened on the same machine.
 
-What the page draws: the robot's description as JSON, with the names, limits and poses of the joints.
-
-A recording for the page: its motions in samples that a browser can hold, and its events in full.
+A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state or
+a recording (:func:`page_recording`) says.
 """
 
 from __future__ import annotations
@@ -60,218 +59,12 @@ from yumi.web.live import (
     TakeControl,
 )
 
-_ON_PAGE = {
-    MOTORS_ON: "“Recover…” switches them on",
-    PROGRAM_RUNS: "“Recover…” starts it",
-    CONFIRMED: "look at the robot, then press “Recover…”",
-    IDLE_OR_IN_EGM: "wait for the end of the RAPID routine, or press “Recover…”",
-}
-"""Remedies that are the page's button “Recover…”."""
-
-_ON_VIRTUAL = {
-    AUTOMATIC: ("press “Turn the key to AUTO”", "key"),
-    NO_EMERGENCY_STOP: ("press “Release the emergency stop”", "release-stop"),
-}
-"""Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
-
-_BUTTONS = (
-    (r"call robot\.recover\(\)", "press “Start EGM”, or “Recover…” after a stop"),
-    (r"robot\.recover\(\)", "“Recover…”"),
-    (r"call recover( with the id [\w-]+)?", "press “Recover…”"),
-    (r"Call recover", "Press “Recover…”"),
-    (r"\(recover\)", "(“Recover…”)"),
-    (r", then recover( with the id of the stop)?", ", then press “Recover…”"),
-    (r", or recover\b", ", or press “Recover…”"),
-    (r"\b[Rr]ecover(?= (?:switches|starts) |; if )", "“Recover…”"),
-    (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
-    (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
-    (r"end EGM, or wait", "press “Stop EGM”, or wait"),
-    (r"Call start_egm", "Press “Start EGM”"),
-    (r"call start_egm", "press “Start EGM”"),
-)
-"""What the driver's sentences say to call, as regular expressions, and the button of the page that does it."""
-
-
-def robot_model() -> dict[str, Any]:
-    """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
-    set_prefix("")  # the page has names of its own
-    urdf = ET.fromstring(robot_description(meshes=MESHES))
-    colors = {
-        each.get("name"): _numbers(each.find("color"), "rgba", "0.8 0.8 0.8 1")[:3] for each in urdf.findall("material")
-    }
-    return {
-        "links": {
-            str(link.get("name")): [_visual(each, colors) for each in link.findall("visual")]
-            for link in urdf.findall("link")
-        },
-        "joints": [_joint(each) for each in urdf.findall("joint")],
-        "arms": {
-            side.word: {
-                "joints": joint_names(side),
-                "axes": CHAIN_AXES,
-                "fingers": finger_names(side),
-                "tip": f"gripper_{side.value}_fingertips",
-                "tool0": f"yumi_tool0_{side.value}",
-                "poses": {name: pose(side) for name, pose in POSES.items()},
-            }
-            for side in Side
-        },
-        "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
-        "remedies": [
-            {
-                "pattern": _pattern(each.reason),
-                "remedy": _ON_PAGE.get(each, each.remedy),
-                "button": "recover" if each in _ON_PAGE else "",
-                "on_virtual": _ON_VIRTUAL.get(each, ("", ""))[0],
-                "button_on_virtual": _ON_VIRTUAL.get(each, ("", ""))[1],
-            }
-            for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
-        ],
-        "buttons": _BUTTONS,
-        "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
-    }
-
-
-def _pattern(reason: str) -> str:
-    """A regular expression of the page for a reason, whose fields may be anything."""
-    return re.sub(r"\\\{\w+\\\}", ".*", re.escape(reason))
-
-
-def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
-    geometry, material = visual.find("geometry"), visual.find("material")
-    assert geometry is not None, "URDF"
-    shape = geometry[0]
-    sizes = {
-        name: [float(number) for number in value.split()] for name, value in shape.items() if name not in {"filename"}
-    }
-    return {
-        "shape": shape.tag,
-        "mesh": shape.get("filename", "").rpartition("/")[2],
-        **sizes,
-        **_origin(visual),
-        "color": colors.get(None if material is None else material.get("name"), [0.8, 0.8, 0.8]),
-    }
-
-
-def _joint(joint: ET.Element) -> dict[str, Any]:
-    parent, child, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
-    assert parent is not None, "URDF"
-    assert child is not None, "URDF"
-    return {
-        "name": joint.get("name"),
-        "type": joint.get("type"),
-        "parent": parent.get("link"),
-        "child": child.get("link"),
-        "axis": _numbers(joint.find("axis"), "xyz", "0 0 1"),
-        "mimic": None if mimic is None else mimic.get("joint"),
-        **_origin(joint),
-    }
-
-
-def _origin(element: ET.Element) -> dict[str, list[float]]:
-    origin = element.find("origin")
-    return {"xyz": _numbers(origin, "xyz", "0 0 0"), "rpy": _numbers(origin, "rpy", "0 0 0")}
-
-
-def _numbers(element: ET.Element | None, name: str, otherwise: str) -> list[float]:
-    return [float(value) for value in (otherwise if element is None else element.get(name, otherwise)).split()]
-
-
-MAX_SAMPLES = 6000
-"""Of each arm; a longer recording is thinned out."""
-
-_FIRST_PERIOD = 0.02  # [s]
-
-
-class _Samples:
-    """Cycles of one arm at equal intervals, which double when there are too many."""
-
-    def __init__(self) -> None:
-        self.kept: list[dict[str, Any]] = []
-        self._period, self._last = _FIRST_PERIOD, float("-inf")
-
-    def add(self, message: dict[str, Any]) -> None:
-        if message["time"] - self._last < self._period - 1e-4:
-            return
-        self._last = message["time"]
-        self.kept.append(message)
-        if len(self.kept) > MAX_SAMPLES:
-            self.kept = self.kept[::2]
-            self._period *= 2.0
-
-
-def page_recording(file: Path) -> dict[str, Any]:
-    """What the page shows of a recording; times in seconds from its beginning.
-
-    Raises:
-        ProtocolError: the file is not a recording, or has nothing to show.
-        MissingPrerequisite: the library is not installed.
-    """
-    cycles = {f"{side.value}/cycle": (side, _Samples()) for side in Side}
-    grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
-    events: list[dict[str, Any]] = []
-    states: list[dict[str, Any]] = []
-    times: list[float] = []
-    epoch, is_complete = 0.0, False
-    for topic, log_time, message in recorded_messages(file):
-        if topic is None:
-            is_complete = True
-            continue
-        time = float(message["time"])
-        epoch = epoch or log_time * 1e-9 - time
-        times = [min(times[0], time), max(times[1], time)] if times else [time, time]
-        if topic in cycles:
-            cycles[topic][1].add(message)
-        elif topic in grippers:
-            grippers[topic].append(message)
-        elif topic == EVENTS:
-            events.append(message)
-        elif topic == STATE:
-            states.append(message)
-    start, end = times or (0.0, 0.0)
-
-    def rounded(values: list[float | None] | None) -> list[float | None] | None:
-        return None if values is None else [None if value is None else round(value, 5) for value in values]
-
-    return {
-        "name": file.name,
-        "is_complete": is_complete,
-        "start": epoch + start,
-        "duration": end - start,
-        "arms": {
-            side.word: {
-                "time": [round(each["time"] - start, 4) for each in samples.kept],
-                **{
-                    name: [rounded(each[name]) for each in samples.kept]
-                    for name in ("position", "velocity", "sent", "reference")
-                },
-                "is_running": [each["is_running"] for each in samples.kept],
-            }
-            for side, samples in cycles.values()
-        },
-        "grippers": {
-            side.word: [{**each, "time": each["time"] - start} for each in grippers[f"{side.value}/gripper"]]
-            for side in Side
-        },
-        "states": [{**each, "time": each["time"] - start} for each in states],
-        "events": [
-            {
-                "time": each["time"] - start,
-                "side": None if each["side"] is None else Side(each["side"]).word,
-                "sentence": each["message"],
-                "is_fault": each["is_fault"],
-            }
-            for each in events
-        ],
-    }
-
-
 MAX_PAGES = 8
 """So many pages are served at once."""
 
 _STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
-_messages = msgspec.json.Decoder(AnyMessage)
+_message_decoder = msgspec.json.Decoder(AnyMessage)
 _COOKIE = "yumi_view_token"
 _ALL_ADDRESSES = ("0.0.0.0", "::")
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
@@ -318,51 +111,6 @@ class ViewSettings:
             raise SettingsError(
                 "Every user of this machine reaches the page; to operate a real robot it needs a token."
             )
-
-
-class _Page:
-    """One page; what it is sent waits here: messages in order, of states the newest, once the one before is shown.
-
-    A browser that is slow would else show states that are seconds old.
-    """
-
-    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
-        self.socket, self.is_local = socket, is_local
-        self.stopping = asyncio.Lock()  # one Stop EGM at a time
-        self._messages: deque[bytes] = deque(maxlen=200)
-        self._state = b""
-        self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
-        self._has_news = asyncio.Event()
-
-    def send(self, message: Mapping[str, Any]) -> None:
-        self._messages.append(msgspec.json.encode(message))
-        self._has_news.set()
-
-    def send_state(self, state: bytes) -> None:
-        self._state = state
-        self._has_news.set()
-
-    def seen(self) -> None:
-        """The last state is shown."""
-        self._sent_at = None
-        self._has_news.set()
-
-    @property
-    def is_silent(self) -> bool:
-        """Whether a state has not been shown for too long."""
-        return self._sent_at is not None and asyncio.get_running_loop().time() - self._sent_at > _ANSWER
-
-    async def send_all(self) -> None:
-        """Until the socket is closed."""
-        while not self.socket.closed:
-            await self._has_news.wait()
-            self._has_news.clear()
-            while self._messages:
-                await self.socket.send_str(self._messages.popleft().decode())
-            if self._state and self._sent_at is None:
-                state, self._state = self._state, b""
-                self._sent_at = asyncio.get_running_loop().time()
-                await self.socket.send_str(state.decode())
 
 
 class ViewServer:
@@ -503,7 +251,7 @@ class ViewServer:
     async def _take(self, page: _Page, data: str) -> None:
         """Carry out a message of a page, or have its operator do so."""
         try:
-            message = _messages.decode(data)
+            message = _message_decoder.decode(data)
         except msgspec.DecodeError as error:
             page.send({"type": "refused", "sentence": f"Message refused: {error}."})
             return
@@ -633,12 +381,57 @@ class ViewServer:
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
                 "events": tuple(self._live.events),
                 "surroundings": self._live.surroundings,
-                "faults": [_fault(each) for each in Fault] if self._live.is_virtual else [],
+                "faults": [_fault_for_page(each) for each in Fault] if self._live.is_virtual else [],
             }
         )
 
 
-def _fault(fault: Fault) -> dict[str, Any]:
+class _Page:
+    """One page; what it is sent waits here: messages in order, of states the newest, once the one before is shown.
+
+    A browser that is slow would else show states that are seconds old.
+    """
+
+    def __init__(self, socket: web.WebSocketResponse, *, is_local: bool) -> None:
+        self.socket, self.is_local = socket, is_local
+        self.stopping = asyncio.Lock()  # one Stop EGM at a time
+        self._messages: deque[bytes] = deque(maxlen=200)
+        self._state = b""
+        self._sent_at: float | None = None  # of a state that is not shown yet, on the loop's clock [s]
+        self._has_news = asyncio.Event()
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        self._messages.append(msgspec.json.encode(message))
+        self._has_news.set()
+
+    def send_state(self, state: bytes) -> None:
+        self._state = state
+        self._has_news.set()
+
+    def seen(self) -> None:
+        """The last state is shown."""
+        self._sent_at = None
+        self._has_news.set()
+
+    @property
+    def is_silent(self) -> bool:
+        """Whether a state has not been shown for too long."""
+        return self._sent_at is not None and asyncio.get_running_loop().time() - self._sent_at > _ANSWER
+
+    async def send_all(self) -> None:
+        """Until the socket is closed."""
+        while not self.socket.closed:
+            await self._has_news.wait()
+            self._has_news.clear()
+            while self._messages:
+                await self.socket.send_str(self._messages.popleft().decode())
+            if self._state and self._sent_at is None:
+                state, self._state = self._state, b""
+                self._sent_at = asyncio.get_running_loop().time()
+                await self.socket.send_str(state.decode())
+
+
+def _fault_for_page(fault: Fault) -> dict[str, Any]:
     kind = fault.value
     return {
         "name": kind.name,
@@ -656,3 +449,213 @@ def _host_of(url: str) -> str:
         return urlsplit(url).hostname or ""
     except ValueError:
         return ""
+
+
+# ---- what a page draws
+
+_ON_PAGE = {
+    MOTORS_ON: "“Recover…” switches them on",
+    PROGRAM_RUNS: "“Recover…” starts it",
+    CONFIRMED: "look at the robot, then press “Recover…”",
+    IDLE_OR_IN_EGM: "wait for the end of the RAPID routine, or press “Recover…”",
+}
+"""Remedies that are the page's button “Recover…”."""
+
+_ON_VIRTUAL = {
+    AUTOMATIC: ("press “Turn the key to AUTO”", "key"),
+    NO_EMERGENCY_STOP: ("press “Release the emergency stop”", "release-stop"),
+}
+"""Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
+
+_BUTTONS = (
+    (r"call robot\.recover\(\)", "press “Start EGM”, or “Recover…” after a stop"),
+    (r"robot\.recover\(\)", "“Recover…”"),
+    (r"call recover( with the id [\w-]+)?", "press “Recover…”"),
+    (r"Call recover", "Press “Recover…”"),
+    (r"\(recover\)", "(“Recover…”)"),
+    (r", then recover( with the id of the stop)?", ", then press “Recover…”"),
+    (r", or recover\b", ", or press “Recover…”"),
+    (r"\b[Rr]ecover(?= (?:switches|starts) |; if )", "“Recover…”"),
+    (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
+    (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
+    (r"end EGM, or wait", "press “Stop EGM”, or wait"),
+    (r"Call start_egm", "Press “Start EGM”"),
+    (r"call start_egm", "press “Start EGM”"),
+)
+"""What the driver's sentences say to call, as regular expressions, and the button of the page that does it."""
+
+
+def robot_model() -> dict[str, Any]:
+    """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
+    set_prefix("")  # the page has names of its own
+    urdf = ET.fromstring(robot_description(meshes=MESHES))
+    colors = {
+        each.get("name"): _numbers(each.find("color"), "rgba", "0.8 0.8 0.8 1")[:3] for each in urdf.findall("material")
+    }
+    return {
+        "links": {
+            str(link.get("name")): [_visual(each, colors) for each in link.findall("visual")]
+            for link in urdf.findall("link")
+        },
+        "joints": [_joint(each) for each in urdf.findall("joint")],
+        "arms": {
+            side.word: {
+                "joints": joint_names(side),
+                "axes": CHAIN_AXES,
+                "fingers": finger_names(side),
+                "tip": f"gripper_{side.value}_fingertips",
+                "tool0": f"yumi_tool0_{side.value}",
+                "poses": {name: pose(side) for name, pose in POSES.items()},
+            }
+            for side in Side
+        },
+        "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
+        "remedies": [
+            {
+                "pattern": _pattern(each.reason),
+                "remedy": _ON_PAGE.get(each, each.remedy),
+                "button": "recover" if each in _ON_PAGE else "",
+                "on_virtual": _ON_VIRTUAL.get(each, ("", ""))[0],
+                "button_on_virtual": _ON_VIRTUAL.get(each, ("", ""))[1],
+            }
+            for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
+        ],
+        "buttons": _BUTTONS,
+        "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
+    }
+
+
+def _pattern(reason: str) -> str:
+    """A regular expression of the page for a reason, whose fields may be anything."""
+    return re.sub(r"\\\{\w+\\\}", ".*", re.escape(reason))
+
+
+def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
+    geometry, material = visual.find("geometry"), visual.find("material")
+    assert geometry is not None, "URDF"
+    shape = geometry[0]
+    sizes = {
+        name: [float(number) for number in value.split()] for name, value in shape.items() if name not in {"filename"}
+    }
+    return {
+        "shape": shape.tag,
+        "mesh": shape.get("filename", "").rpartition("/")[2],
+        **sizes,
+        **_origin(visual),
+        "color": colors.get(None if material is None else material.get("name"), [0.8, 0.8, 0.8]),
+    }
+
+
+def _joint(joint: ET.Element) -> dict[str, Any]:
+    parent, child, mimic = joint.find("parent"), joint.find("child"), joint.find("mimic")
+    assert parent is not None, "URDF"
+    assert child is not None, "URDF"
+    return {
+        "name": joint.get("name"),
+        "type": joint.get("type"),
+        "parent": parent.get("link"),
+        "child": child.get("link"),
+        "axis": _numbers(joint.find("axis"), "xyz", "0 0 1"),
+        "mimic": None if mimic is None else mimic.get("joint"),
+        **_origin(joint),
+    }
+
+
+def _origin(element: ET.Element) -> dict[str, list[float]]:
+    origin = element.find("origin")
+    return {"xyz": _numbers(origin, "xyz", "0 0 0"), "rpy": _numbers(origin, "rpy", "0 0 0")}
+
+
+def _numbers(element: ET.Element | None, name: str, otherwise: str) -> list[float]:
+    return [float(value) for value in (otherwise if element is None else element.get(name, otherwise)).split()]
+
+
+# ---- a recording
+
+MAX_SAMPLES = 6000
+"""Of each arm; a longer recording is thinned out."""
+
+_FIRST_PERIOD = 0.02  # [s]
+
+
+def page_recording(file: Path) -> dict[str, Any]:
+    """What the page shows of a recording; times in seconds from its beginning.
+
+    Raises:
+        ProtocolError: the file is not a recording, or has nothing to show.
+        MissingPrerequisite: the library is not installed.
+    """
+    cycles = {f"{side.value}/cycle": (side, _Samples()) for side in Side}
+    grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
+    events: list[dict[str, Any]] = []
+    states: list[dict[str, Any]] = []
+    times: list[float] = []
+    epoch, is_complete = 0.0, False
+    for topic, log_time, message in recorded_messages(file):
+        if topic is None:
+            is_complete = True
+            continue
+        time = float(message["time"])
+        epoch = epoch or log_time * 1e-9 - time
+        times = [min(times[0], time), max(times[1], time)] if times else [time, time]
+        if topic in cycles:
+            cycles[topic][1].add(message)
+        elif topic in grippers:
+            grippers[topic].append(message)
+        elif topic == EVENTS:
+            events.append(message)
+        elif topic == STATE:
+            states.append(message)
+    start, end = times or (0.0, 0.0)
+
+    def rounded(values: list[float | None] | None) -> list[float | None] | None:
+        return None if values is None else [None if value is None else round(value, 5) for value in values]
+
+    return {
+        "name": file.name,
+        "is_complete": is_complete,
+        "start": epoch + start,
+        "duration": end - start,
+        "arms": {
+            side.word: {
+                "time": [round(each["time"] - start, 4) for each in samples.kept],
+                **{
+                    name: [rounded(each[name]) for each in samples.kept]
+                    for name in ("position", "velocity", "sent", "reference")
+                },
+                "is_running": [each["is_running"] for each in samples.kept],
+            }
+            for side, samples in cycles.values()
+        },
+        "grippers": {
+            side.word: [{**each, "time": each["time"] - start} for each in grippers[f"{side.value}/gripper"]]
+            for side in Side
+        },
+        "states": [{**each, "time": each["time"] - start} for each in states],
+        "events": [
+            {
+                "time": each["time"] - start,
+                "side": None if each["side"] is None else Side(each["side"]).word,
+                "sentence": each["message"],
+                "is_fault": each["is_fault"],
+            }
+            for each in events
+        ],
+    }
+
+
+class _Samples:
+    """Cycles of one arm at equal intervals, which double when there are too many."""
+
+    def __init__(self) -> None:
+        self.kept: list[dict[str, Any]] = []
+        self._period, self._last = _FIRST_PERIOD, float("-inf")
+
+    def add(self, message: dict[str, Any]) -> None:
+        if message["time"] - self._last < self._period - 1e-4:
+            return
+        self._last = message["time"]
+        self.kept.append(message)
+        if len(self.kept) > MAX_SAMPLES:
+            self.kept = self.kept[::2]
+            self._period *= 2.0

@@ -191,8 +191,8 @@ def test_first_start_is_confirmed(session: Session) -> None:
 def test_commands_from_a_pipe_start_with_yes_only(
     session: Session, monkeypatch: pytest.MonkeyPatch, options: list[str], line: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.controller._client", lambda *_: nullcontext(session.client))
-    monkeypatch.setattr("yumi.clock.SystemClock", lambda: session)
+    monkeypatch.setattr("yumi.cli.controller.RwsClient", lambda *_, **__: nullcontext(session.client))
+    monkeypatch.setattr("yumi.cli.rapid.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"
     assert ("Not started." in result.output) is (not options)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from yumi.cli.robot import fill, values_of
+from yumi.cli.robot import fill_message, message_values
 from yumi.errors import SettingsError
 
 trajectory_msgs = pytest.importorskip("trajectory_msgs.msg")
@@ -20,7 +20,7 @@ VALUES = {
 
 
 def test_message_is_filled_and_shown_by_the_names_of_its_fields() -> None:
-    shown = values_of(fill(trajectory_msgs.JointTrajectory(), VALUES))
+    shown = message_values(fill_message(trajectory_msgs.JointTrajectory(), VALUES))
     assert (shown["joint_names"], shown["header"]["frame_id"]) == (["a", "b"], "base")
     assert shown["points"][0]["positions"] == [1.0, 2.0]
     assert shown["points"][0]["time_from_start"] == {"sec": 3, "nanosec": 0}
@@ -38,8 +38,8 @@ def test_message_is_filled_and_shown_by_the_names_of_its_fields() -> None:
 )
 def test_wrong_field_or_value_is_refused_with_what_is_allowed(values: Any, sentence: str) -> None:
     with pytest.raises(SettingsError, match=sentence):
-        fill(trajectory_msgs.JointTrajectory(), values)
+        fill_message(trajectory_msgs.JointTrajectory(), values)
 
 
 def test_whole_number_is_taken_where_a_field_has_decimals() -> None:
-    assert fill(sensor_msgs.Temperature(), {"temperature": 20}).temperature == 20.0
+    assert fill_message(sensor_msgs.Temperature(), {"temperature": 20}).temperature == 20.0

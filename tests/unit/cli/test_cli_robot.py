@@ -16,7 +16,6 @@ from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
-from yumi.cli import robot
 from yumi.cli import robot as commands
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
@@ -248,8 +247,8 @@ def test_shell_completes_commands_poses_and_controllers(driver: FakeDriver) -> N
 
 def test_prompt_is_connected_to_the_driver(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: dict[str, object] = {}
-    monkeypatch.setattr(robot.code, "interact", lambda banner, local, exitmsg: seen.update(local, banner=banner))
-    monkeypatch.setattr(robot, "HISTORY", Path("/nowhere/history"))
+    monkeypatch.setattr(commands.code, "interact", lambda banner, local, exitmsg: seen.update(local, banner=banner))
+    monkeypatch.setattr(commands, "_HISTORY", Path("/nowhere/history"))
     run("shell")
     assert repr(seen["driver"]) == f"<yumi.RunningDriver {ROBOT}>"
     assert "driver.move_to" in str(seen["banner"])

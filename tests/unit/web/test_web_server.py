@@ -481,7 +481,7 @@ def test_parts_that_limit_an_arm_in_turn_are_not_shown_in_turn(driver: FakeDrive
         async with site.page() as page:
             begin = time.monotonic()
             seen, shown = set(), set()
-            while len(seen) < 2 or time.monotonic() < begin + 2 * live._READ:
+            while len(seen) < 2 or time.monotonic() < begin + 2 * live._SHOWN_FOR:
                 message = await page.until("state")
                 seen.add(message["state"]["arms"]["right"]["limited"]["part"])
                 shown.add(message["limited"]["right"]["part"])

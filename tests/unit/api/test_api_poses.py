@@ -14,20 +14,20 @@ from yumi.api import motion
 from yumi.api.motion import GOAL_CONTROLLER
 from yumi.api.robot import Arm
 from yumi.api.tool import (
-    FINGERTIPS,
     Frames,
+    ToolMotion,
     boxes_from,
     checked_angle,
-    planned,
     pose,
     pose_from,
     poses_from,
     posture_for,
     postures_of,
+    tool_planner,
 )
-from yumi.api.tool import Path as ToolPathOfArm
 from yumi.control.tool_path import SPEED, TURNING, ToolLimits, Waypoint
 from yumi.errors import CommandRefused
+from yumi.robot.description import FINGERTIPS
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
 from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
@@ -128,8 +128,8 @@ def test_both_arms_end_at_the_same_time() -> None:
     for side, start in starts.items():
         x, y, z = (here := tool0_to_body(side, start)).position
         goal = Waypoint(Pose((x, y, z + ways[side]), here.orientation))
-        paths[side] = ToolPathOfArm(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
-    plans = planned(paths, YUMI_LIMITS, ToolLimits())(starts)
+        paths[side] = ToolMotion(Pose((0.0, 0.0, 0.0), IDENTITY), (goal,))
+    plans = tool_planner(paths, YUMI_LIMITS, ToolLimits())(starts)
     assert plans[Side.RIGHT].spline.end == pytest.approx(plans[Side.LEFT].spline.end)
     assert plans[Side.RIGHT].spline.last.time == plans[Side.RIGHT].spline.end
 
@@ -171,13 +171,13 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
 
 
 def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
-    paths: dict[Side, ToolPathOfArm] = {}
+    paths: dict[Side, ToolMotion] = {}
 
-    def refuse(asked: dict[Side, ToolPathOfArm], *limits: object) -> None:
+    def refuse(asked: dict[Side, ToolMotion], *limits: object) -> None:
         paths.update(asked)
         raise CommandRefused("Enough.")
 
-    monkeypatch.setattr(motion, "planned", refuse)
+    monkeypatch.setattr(motion, "tool_planner", refuse)
     goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY)}
     for line_speed, speed in ((None, SPEED), (0.4, 0.4)):
         with pytest.raises(CommandRefused, match="Enough"):
