@@ -52,12 +52,12 @@ from yumi.robot.kinematics import (
     IDENTITY,
     compose,
     inverse,
-    missing,
     multiply,
     quaternion_of,
     rotate,
     rotated_to_foot,
     rotation_vector,
+    target_error,
     tool0_to_body,
     wrist_of,
     wrist_target,
@@ -544,7 +544,7 @@ class _Equations:
         velocity = rotated_to_foot(side, (vx + ry * uz - rz * uy, vy + rz * ux - rx * uz, vz + rx * uy - ry * ux))
         rates = [*velocity, *rotated_to_foot(side, at.rotation), at.turning]
         with_joints = np.array([*now.velocity, *now.rotation, now.elbow])
-        left = missing(now, wrist_target(side, tool0, at.angle))
+        left = target_error(now, wrist_target(side, tool0, at.angle))
         return np.array(left), np.column_stack([-with_joints, rates]) * self._unit
 
     def slope(self, values: Array, before: Array) -> Array:
