@@ -24,7 +24,7 @@ import pytest
 
 from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import write_goal
-from yumi.control.shared_state import Event, Snapshot, is_fault, new_event, read_snapshot, shared_numbers
+from yumi.control.shared_state import Event, Snapshot, is_fault, new_cycle_event, read_snapshot, shared_numbers
 from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
@@ -74,7 +74,7 @@ def test_full_shared_memory_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_missing_semaphores_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PROCESSES, "Semaphore", refuse)
     with pytest.raises(MissingPrerequisite, match=r"no shared memory \(No space left on device\)"):
-        new_event()
+        new_cycle_event()
 
 
 def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:
