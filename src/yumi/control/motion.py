@@ -451,7 +451,7 @@ def _turning_points(profile: Any) -> Iterator[float]:
 # ---- taking over an arm
 
 _CALM_CYCLES = 10  # the feedback is behind by less
-_LONGEST = 1.0  # [s] the limiter brings an arm to rest from full speed in less than half of it
+_LONGEST_WAIT = 1.0  # [s] the limiter brings an arm to rest from full speed in less than half of it
 
 
 class StandstillDetector:
@@ -475,7 +475,7 @@ class StandstillDetector:
         is_calm = moved <= STANDING * CYCLE and max(map(abs, state.velocity)) < STANDING
         self._calm_cycles = self._calm_cycles + 1 if is_calm else 0
         self._time += state.dt
-        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST
+        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST_WAIT
 
 
 _ELSEWHERE = 0.05  # [rad]

@@ -512,7 +512,7 @@ def _unreachable(side: Side, path: ToolPath, values: Array, why: str) -> Unreach
     )
 
 
-# ---- when
+# ---- when the joints are there
 
 _FINE = 0.003  # [s] between two looks at the way
 _ATTEMPTS = 40

@@ -62,7 +62,7 @@ from yumi.robot.joints import (
     joints,
     prefixed,
 )
-from yumi.robot.kinematics import euler_zyx
+from yumi.robot.kinematics import IDENTITY, euler_zyx
 
 Array = NDArray[np.float64]
 
@@ -585,7 +585,7 @@ def _origin(xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> str:
 def _box_of(low_mm: Vector, high_mm: Vector) -> tuple[Pose, Vector]:
     x, y, z = ((low + high) / 2000.0 for low, high in zip(low_mm, high_mm, strict=True))
     width, depth, height = ((high - low) / 1000.0 for low, high in zip(low_mm, high_mm, strict=True))
-    return Pose((x, y, z), (1.0, 0.0, 0.0, 0.0)), (width, depth, height)
+    return Pose((x, y, z), IDENTITY), (width, depth, height)
 
 
 def _box(centre: Pose, size: Vector, grown: float) -> str:

@@ -3,8 +3,8 @@
 Lines are planned before they begin (:mod:`yumi.control.tool_path`) and arrive as trajectories: this controller follows
 them as the joint trajectory controllers do. Streams are followed here, in every cycle: the tool's target moves
 smoothly, within the tool's limits, and the joints follow it by one step of the inverse kinematics
-(:mod:`yumi.robot.kinematics`). What would be too fast for a joint, as near a singularity, slows all of
-them down; a joint at the end of its range stays there, and the elbow gives way first.
+(:class:`yumi.robot.kinematics.DifferentialSolver`). What would be too fast for a joint, as near a singularity, slows
+all of them down; a joint at the end of its range stays there, and the elbow gives way first.
 """
 
 from __future__ import annotations
