@@ -36,7 +36,7 @@ from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
 from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
-from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts
+from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts, middle_and_size
 from yumi.robot.description import (
     BODY_SHAPES,
     FLANGE_ORIGIN,
@@ -62,7 +62,7 @@ from yumi.robot.joints import (
     joints,
     prefixed,
 )
-from yumi.robot.kinematics import IDENTITY, euler_zyx
+from yumi.robot.kinematics import euler_zyx
 
 Array = NDArray[np.float64]
 
@@ -493,7 +493,7 @@ def planning_description(
         limits: of the joints.
     """
     grown = clearance / 2.0
-    boxes = [_box_of(low, high) for low, high in ((box.low_mm, box.high_mm) for box in BODY_SHAPES)]
+    boxes = [middle_and_size(box) for box in BODY_SHAPES]
     boxes += [(obstacle.centre, obstacle.size) for obstacle in obstacles]
     parts = [_link(body_link(), (_box(centre, size, grown) for centre, size in boxes))]
     for side in Side:
@@ -580,12 +580,6 @@ def _joint(name: str, kind: str, parent: str, child: str, origin: Origin, rest: 
 
 def _origin(xyz: Vector, rpy: Vector = (0.0, 0.0, 0.0)) -> str:
     return f'<origin xyz="{" ".join(map(repr, xyz))}" rpy="{" ".join(map(repr, rpy))}"/>'
-
-
-def _box_of(low_mm: Vector, high_mm: Vector) -> tuple[Pose, Vector]:
-    x, y, z = ((low + high) / 2000.0 for low, high in zip(low_mm, high_mm, strict=True))
-    width, depth, height = ((high - low) / 1000.0 for low, high in zip(low_mm, high_mm, strict=True))
-    return Pose((x, y, z), IDENTITY), (width, depth, height)
 
 
 def _box(centre: Pose, size: Vector, grown: float) -> str:
