@@ -30,7 +30,7 @@ from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import UdpClient, UdpServer, free_port
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
-from yumi.process import supervision as command_module
+from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
@@ -127,7 +127,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
     script = f"import sys; [print('line', n) for n in range({lines})]; print('{DRIVER_READY}there'); sys.stdin.read()"
     start = subprocess.Popen
     monkeypatch.setattr(
-        command_module.subprocess,
+        supervision.subprocess,
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )
