@@ -162,6 +162,8 @@ def no_thread(name: str, error: Exception) -> str:
     )
 
 
+# ---- commands
+
 CONTROLLER_READY = "Virtual controller ready: "
 DRIVER_READY = "Driver ready: "
 DRIVER_RUNNING = "Driver running, robot not ready: "
@@ -286,6 +288,8 @@ class Command:
         self._lines.put(None)
         self._log_file.close()
 
+
+# ---- child processes and their pipes
 
 PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 """How processes are made: spawned, since a fork would copy threads and locks of ROS."""
@@ -516,6 +520,8 @@ def _parts(value: object) -> list[memoryview]:
     head = b"".join(_NUMBER.pack(number) for number in (len(lengths), *lengths))
     return [memoryview(head + payload.getvalue()), *raw]
 
+
+# ---- what runs once
 
 _NOT_IN_FILE_NAMES = re.compile(r"[^\w.:-]")
 

@@ -371,6 +371,9 @@ def _metres(values_mm: Vector) -> Vector:
     return (x, y, z)
 
 
+# ---- the frames of a URDF, read again
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """A link seen from its parent, where the joint between them is at zero.
@@ -430,6 +433,8 @@ def _vector(text: str | None) -> Vector:
     x, y, z = (float(word) for word in (text or "0 0 0").split())
     return (x, y, z)
 
+
+# ---- what a flange carries
 
 _MOST_LOAD = 0.5  # [kg] an arm carries, its gripper included (reference/yumi.md)
 _FARTHEST_FROM_FLANGE = 0.5  # [m] of a centre of gravity or a TCP: what is farther was hardly meant in metres

@@ -178,6 +178,9 @@ ARM_ANGLE_REFERENCES: Mapping[Side, Vector] = {
 """Where the arm angle is counted from: along the body's y axis towards the other arm, in the foot frame (§5.2)."""
 
 
+# ---- where the tool is
+
+
 def foot_to_body(side: Side) -> Pose:
     """Where the arm is bolted to the body: its foot frame in ``yumi_body``, ABB's base frame of the robot."""
     return _FEET[side]
@@ -238,6 +241,8 @@ def _about_x_then_y(x_angle: float, y_angle: float) -> Quaternion:
     sx, cx, sy, cy = sin(x_angle / 2.0), cos(x_angle / 2.0), sin(y_angle / 2.0), cos(y_angle / 2.0)
     return (cx * cy, sx * cy, cx * sy, sx * sy)
 
+
+# ---- how the tool moves with the joints
 
 CONVERGED = 1e-12
 """A posture that misses its target by less has it [m], [rad].
