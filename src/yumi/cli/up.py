@@ -49,13 +49,14 @@ from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_control
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback
 from yumi.errors import RobotNotReady, SettingsError, YumiError
-from yumi.process.realtime import Only, release_process, settle_memory, short_switch_interval
+from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.supervision import (
     DRIVER_READY,
     DRIVER_RUNNING,
     PAGE_READY,
     Command,
     Failures,
+    SingleInstance,
     SupervisedThread,
     start_thread,
 )
@@ -240,9 +241,9 @@ def run_driver(
         is_over.wait()
 
 
-def _only_under_name(root: str) -> Only:
+def _only_under_name(root: str) -> SingleInstance:
     where = f"in the namespace {root}" if root else "without a namespace"
-    return Only(
+    return SingleInstance(
         f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}{root.replace('/', '.')}",
         f"Another driver runs on this machine in the same ROS domain {where} "
         "({owner}); stop it, or give one of the two another --namespace.",

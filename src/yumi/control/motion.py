@@ -5,20 +5,19 @@
 - :func:`ramp_speed`: a speed that follows another; :class:`SpeedMotion`: the positions such speeds lead to.
 - :func:`braking_path`: where a joint comes to that brakes; :func:`speed_to_stop`: how fast it may be to stop in time.
 - :class:`StandstillDetector`: how a controller takes over an arm that moves.
+- :class:`TargetPredictor` and :class:`TrackingFilter`: how joints follow a stream of goals almost without lag.
 
 Steps and motions are planned by Ruckig; the closed forms are for what is asked in every cycle.
 
-Following a stream of goals almost without lag: where it is heading, and how the joints get there.
+The predictor estimates position, velocity and acceleration of each joint's goal from the goals and their times, by a
+filter with fading memory for motions of constant acceleration (Morrison, *Introduction to Sequential Smoothing and
+Prediction*, 1969): it follows such a motion without lag, and what is older counts less by a factor e each ``memory``.
+Beside it goes a plain comparison with the last goals, which finds jumps: a jump moves the prediction and leaves its
+speed alone, two in a row are a new speed.
 
-:class:`TargetPredictor` estimates position, velocity and acceleration of each joint's goal from the goals and their
-times, by a filter with fading memory for motions of constant acceleration (Morrison, *Introduction to Sequential
-Smoothing and Prediction*, 1969): it follows such a motion without lag, and what is older counts less by a factor e
-each ``memory``. Beside it goes a plain comparison with the last goals, which finds jumps: a jump moves
-the prediction and leaves its speed alone, two in a row are a new speed.
-
-:class:`TrackingFilter` brings the joints to the predicted target. Near it the difference dies away as a critically
-damped filter of third order would have it, which lets noise of the target through only far below its corner. A joint
-that this would ask too much of is brought there as fast as its limits allow (:func:`yumi.control.motion.step_towards`).
+The filter brings the joints to the predicted target. Near it the difference dies away as a critically damped filter of
+third order would have it, which lets noise of the target through only far below its corner. A joint that this would ask
+too much of is brought there as fast as its limits allow, by :func:`step_towards`.
 """
 
 from __future__ import annotations
@@ -73,6 +72,11 @@ class Setpoint(NamedTuple):
         return Setpoint(self.position, fixed([each / factor for each in self.velocity]))
 
 
+def fixed(values: Sequence[float]) -> Joints:
+    """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
+    return cast("Joints", tuple(values))
+
+
 def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, top_speed: float = inf) -> JointLimits:
     """``limits`` for a gentler motion.
 
@@ -88,6 +92,11 @@ def slower(limits: JointLimits, speed: float = 1.0, acceleration: float = 1.0, t
         acceleration=fixed([acceleration * each for each in limits.acceleration]),
         jerk=fixed([acceleration * each for each in limits.jerk]),
     )
+
+
+def largest_difference(left: Joints, right: Joints) -> float:
+    """Of two positions, by the joint that differs most [rad]."""
+    return max(abs(a - b) for a, b in zip(left, right, strict=True))
 
 
 # ---- one step at a time
@@ -439,15 +448,10 @@ def _turning_points(profile: Any) -> Iterator[float]:
                     yield p + time * (v + time * (a / 2.0 + time * j / 6.0))
 
 
-def fixed(values: Sequence[float]) -> Joints:
-    """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
-    return cast("Joints", tuple(values))
-
-
 # ---- taking over an arm
 
 _CALM_CYCLES = 10  # the feedback is behind by less
-_LONGEST = 1.0  # [s] the limiter brings an arm to rest from full speed in less than half of it
+_LONGEST_WAIT = 1.0  # [s] the limiter brings an arm to rest from full speed in less than half of it
 
 
 class StandstillDetector:
@@ -471,7 +475,7 @@ class StandstillDetector:
         is_calm = moved <= STANDING * CYCLE and max(map(abs, state.velocity)) < STANDING
         self._calm_cycles = self._calm_cycles + 1 if is_calm else 0
         self._time += state.dt
-        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST
+        return self._calm_cycles >= _CALM_CYCLES or self._time > _LONGEST_WAIT
 
 
 _ELSEWHERE = 0.05  # [rad]
@@ -492,10 +496,7 @@ def is_held_back(commanded: Joints, velocity: Joints, planned: Joints) -> bool:
     return any(abs(wanted - now) > _ELSEWHERE + _DELAYED * abs(speed) for wanted, speed, now in rows)
 
 
-def largest_difference(left: Joints, right: Joints) -> float:
-    """Of two positions, by the joint that differs most [rad]."""
-    return max(abs(a - b) for a, b in zip(left, right, strict=True))
-
+# ---- following a stream of goals
 
 _RESOLUTION = 2e-4
 """A goal this far from where it was expected is where it was expected [rad]."""

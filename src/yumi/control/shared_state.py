@@ -1,11 +1,13 @@
-"""What the control process and the driver process share: buffers in shared memory and the values in them.
+"""What the control process and the driver process share: the state of an arm, buffers in shared memory, and events.
 
-A buffer counts the writes before and after each one, so that a reader knows when the value changed while it was
-read; it reads again, a few times, and returns the value it read before if the writer has died in the middle of one.
-No side ever waits. The layout of a value follows from its type: numbers packed and unpacked by one call each, which
-takes half the time of an array of numbers and a fifth of reading a ``ctypes.Structure`` field by field.
+States (:class:`Snapshot`, :class:`JointStates`, :class:`TrajectoryFeedback`) lie in buffers (:class:`SharedBuffer`),
+where the newest counts. A buffer counts the writes before and after each one, so that a reader knows when the value
+changed while it was read; it reads again, a few times, and returns the value it read before if the writer has died in
+the middle of one. No side ever waits. The layout of a value follows from its type: numbers packed and unpacked by one
+call each, which takes half the time of an array of numbers and a fifth of reading a ``ctypes.Structure`` by its fields.
 
-Events of the control process: what happened to an arm, in the order in which it happened.
+Events (:data:`Event`) say what happened to an arm, in the order in which it happened; they come through the pipe of the
+control process.
 """
 
 from __future__ import annotations
@@ -57,7 +59,6 @@ INTERRUPTED = (
     "the {} arm was stopped, or another controller took it over, while the motion was planned; give the goal again."
 )
 """Why a motion is refused that was planned for another EGM session or another activation."""
-
 
 _UNDECIDED = 0.05
 """Parts further apart than this limit an arm only where it was not calculated in time that they do not [m]."""
@@ -199,16 +200,67 @@ class JointStates(NamedTuple):
     velocity: Joints
 
 
+class Skew(NamedTuple):
+    """How far apart in time two arms were that follow one trajectory.
+
+    Attributes:
+        start: between their first cycles [s].
+        worst: largest difference of where they were commanded to be on it [s].
+    """
+
+    start: float = 0.0
+    worst: float = 0.0
+
+
+class TrajectoryFeedback(NamedTuple):
+    """One look at an arm that a trajectory controller commands.
+
+    Attributes:
+        goal: number of the command it follows, 0 while it holds.
+        time: of the state, on the machine's monotonic clock [s].
+        progress: the desired time on the trajectory [s].
+        scale: how fast time goes by on the trajectory.
+        start_skew, worst_skew: of the arms that follow it together, see :class:`Skew`; zeros for one arm.
+        desired: where it should be [rad], (7,).
+        desired_velocity: [rad/s], (7,).
+        actual: where it is [rad], (7,).
+        actual_velocity: [rad/s], (7,).
+        output: where it is commanded to be, ahead of ``desired`` by the arm's delay [rad], (7,).
+        output_velocity: the speed commanded beside it [rad/s], (7,).
+        monitor_period: the action's feedback is given so often [s].
+    """
+
+    goal: int
+    time: float
+    progress: float
+    scale: float
+    start_skew: float
+    worst_skew: float
+    desired: Joints
+    desired_velocity: Joints
+    actual: Joints
+    actual_velocity: Joints
+    output: Joints
+    output_velocity: Joints
+    monitor_period: float
+
+    @property
+    def skew(self) -> Skew:
+        return Skew(self.start_skew, self.worst_skew)
+
+
 class Factor(NamedTuple):
     """A factor on the speed of one arm, above 0 up to 1."""
 
     value: float
 
 
+# ---- shared memory
+
 V = TypeVar("V")
 _Numbers = tuple[Any, ...]
 
-_ATTEMPTS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
+_READ_ATTEMPTS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _COUNTERS = Struct("qq")  # writes begun, finished: equal and not 0 when the value is whole
 _BEGUN, _FINISHED = Struct("q"), Struct("q")
 _LENGTH = Struct("q")
@@ -315,7 +367,7 @@ class SharedBuffer(Generic[V]):
     def read(self) -> tuple[int, V] | None:
         """The number of the newest write, from 1, and its value; None while nothing was ever written."""
         memory, before = self._memory, self._read_last
-        for _ in range(_ATTEMPTS):
+        for _ in range(_READ_ATTEMPTS):
             begun, finished = _COUNTERS.unpack_from(memory)
             if before is not None and begun == finished == before[0]:
                 return before  # the control loop reads in every cycle; a new value is rare
@@ -363,7 +415,7 @@ class SharedBytes:
     def read(self) -> bytes:
         """The newest message; empty while nothing was ever written, or where a writer has died in the middle."""
         memory = self._memory
-        for _ in range(_ATTEMPTS):
+        for _ in range(_READ_ATTEMPTS):
             before = _COUNTERS.unpack_from(memory)
             (length,) = _LENGTH.unpack_from(memory, _COUNTERS.size)
             message = bytes(memory[_MESSAGE : _MESSAGE + length])
@@ -423,7 +475,7 @@ class CycleEvent(Protocol):
         """Wait until it is set; returns whether it was in time."""
 
 
-def new_event() -> CycleEvent:
+def new_cycle_event() -> CycleEvent:
     """An event for a process that will be spawned; raises MissingPrerequisite as :func:`shared_numbers`."""
     with _from_the_system():
         return PROCESSES.Semaphore(0)
@@ -441,53 +493,7 @@ def _from_the_system() -> Iterator[None]:
         ) from error
 
 
-class Skew(NamedTuple):
-    """How far apart in time two arms were that follow one trajectory.
-
-    Attributes:
-        start: between their first cycles [s].
-        worst: largest difference of where they were commanded to be on it [s].
-    """
-
-    start: float = 0.0
-    worst: float = 0.0
-
-
-class TrajectoryFeedback(NamedTuple):
-    """One look at an arm that a trajectory controller commands.
-
-    Attributes:
-        goal: number of the command it follows, 0 while it holds.
-        time: of the state, on the machine's monotonic clock [s].
-        progress: the desired time on the trajectory [s].
-        scale: how fast time goes by on the trajectory.
-        start_skew, worst_skew: of the arms that follow it together, see :class:`Skew`; zeros for one arm.
-        desired: where it should be [rad], (7,).
-        desired_velocity: [rad/s], (7,).
-        actual: where it is [rad], (7,).
-        actual_velocity: [rad/s], (7,).
-        output: where it is commanded to be, ahead of ``desired`` by the arm's delay [rad], (7,).
-        output_velocity: the speed commanded beside it [rad/s], (7,).
-        monitor_period: the action's feedback is given so often [s].
-    """
-
-    goal: int
-    time: float
-    progress: float
-    scale: float
-    start_skew: float
-    worst_skew: float
-    desired: Joints
-    desired_velocity: Joints
-    actual: Joints
-    actual_velocity: Joints
-    output: Joints
-    output_velocity: Joints
-    monitor_period: float
-
-    @property
-    def skew(self) -> Skew:
-        return Skew(self.start_skew, self.worst_skew)
+# ---- events
 
 
 @dataclass(frozen=True, slots=True)
@@ -504,11 +510,11 @@ class SessionStarted:
     deactivated: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        arm = self.side.word.capitalize()
+        arm = _arm(self.side)
         if not self.deactivated:
-            return f"{arm} arm: EGM session {self.session} started."
+            return f"{arm}: EGM session {self.session} started."
         return (
-            f"{arm} arm: the robot began EGM session {self.session} in the middle of a motion; "
+            f"{arm}: the robot began EGM session {self.session} in the middle of a motion; "
             f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
         )
 
@@ -521,8 +527,8 @@ class SessionResumed:
     session: int
 
     def __str__(self) -> str:
-        arm = self.side.word.capitalize()
-        return f"{arm} arm: EGM feedback is back, session {self.session} goes on and the arm holds."
+        arm = _arm(self.side)
+        return f"{arm}: EGM feedback is back, session {self.session} goes on and the arm holds."
 
 
 @dataclass(frozen=True, slots=True)
@@ -541,9 +547,9 @@ class SessionLost:
     stood_still: float = 0.0
 
     def __str__(self) -> str:
-        arm, silence = self.side.word.capitalize(), f"silent for {self.silence * 1e3:.0f} ms"
+        arm, silence = _arm(self.side), f"silent for {self.silence * 1e3:.0f} ms"
         if self.stood_still:
-            what = f"{arm} arm: the control process stood still for {self.stood_still:.2g} s"
+            what = f"{arm}: the control process stood still for {self.stood_still:.2g} s"
             if not self.deactivated:
                 return f"{what}; the arm was not controlled meanwhile."
             return (
@@ -551,9 +557,9 @@ class SessionLost:
                 "Call start_egm to go on."
             )
         if not self.deactivated:
-            return f"{arm} arm: EGM has ended, the robot is {silence}."
+            return f"{arm}: EGM has ended, the robot is {silence}."
         return (
-            f"{arm} arm: EGM feedback lost, the robot has been {silence}; {', '.join(self.deactivated)} deactivated. "
+            f"{arm}: EGM feedback lost, the robot has been {silence}; {', '.join(self.deactivated)} deactivated. "
             "Call start_egm when the controller is back."
         )
 
@@ -565,7 +571,7 @@ class RobotFollows:
     side: Side
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: the robot follows commands."
+        return f"{_arm(self.side)}: the robot follows commands."
 
 
 @dataclass(frozen=True, slots=True)
@@ -580,11 +586,11 @@ class RobotStoppedFollowing:
     deactivated: tuple[str, ...]
 
     def __str__(self) -> str:
-        arm = self.side.word.capitalize()
+        arm = _arm(self.side)
         if not self.deactivated:
-            return f"{arm} arm: the robot follows commands no longer."
+            return f"{arm}: the robot follows commands no longer."
         return (
-            f"{arm} arm: the robot follows commands no longer; {', '.join(self.deactivated)} deactivated. "
+            f"{arm}: the robot follows commands no longer; {', '.join(self.deactivated)} deactivated. "
             "Call start_egm to go on."
         )
 
@@ -611,10 +617,10 @@ class ImplausibleFeedback:
     is_other_arm: bool = False
 
     def __str__(self) -> str:
-        arm = self.side.word.capitalize()
+        arm = _arm(self.side)
         what = f"the reported position of {self.joint} is {degrees(self.distance):.1f}° from where the arm can be"
         if not self.is_lost:
-            return f"{arm} arm: {what}; the datagram was not used (an old, forged or mixed-up one)."
+            return f"{arm}: {what}; the datagram was not used (an old, forged or mixed-up one)."
         ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
         cause = CAUSES[Problem.IMPLAUSIBLE]
         if self.is_other_arm:
@@ -622,7 +628,7 @@ class ImplausibleFeedback:
                 "that is where the other arm is: left and right EGM ports are exchanged? Check the remote ports of the "
                 "controller's UDPUC devices ROB_L and ROB_R"
             )
-        return f"{arm} arm: {what}, the arm holds{ended}: {cause}. Stop and start EGM when that is mended."
+        return f"{arm}: {what}, the arm holds{ended}: {cause}. Stop and start EGM when that is mended."
 
 
 @dataclass(frozen=True, slots=True)
@@ -638,7 +644,7 @@ class ReferencesIgnored:
 
     def __str__(self) -> str:
         ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
-        return f"{self.side.word.capitalize()} arm: {CAUSES[Problem.REFERENCES_IGNORED]}. The arm holds{ended}."
+        return f"{_arm(self.side)}: {CAUSES[Problem.REFERENCES_IGNORED]}. The arm holds{ended}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -649,10 +655,10 @@ class ProblemOver:
     problem: Problem
 
     def __str__(self) -> str:
-        arm = self.side.word.capitalize()
+        arm = _arm(self.side)
         if self.problem is Problem.REFERENCES_IGNORED:
-            return f"{arm} arm: the robot follows the references again. Call recover to go on."
-        return f"{arm} arm: the reported positions are plausible again. Call recover to go on."
+            return f"{arm}: the robot follows the references again. Call recover to go on."
+        return f"{arm}: the reported positions are plausible again. Call recover to go on."
 
 
 @dataclass(frozen=True, slots=True)
@@ -667,7 +673,7 @@ class KeptApart:
     limited: Limited
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: motion limited by {self.limited}."
+        return f"{_arm(self.side)}: motion limited by {self.limited}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -697,7 +703,7 @@ class ControllerFailed:
     sentence: str
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: {self.sentence}"
+        return f"{_arm(self.side)}: {self.sentence}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -714,7 +720,7 @@ class ControllerReport:
     report: object
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: {self.controller}: {self.report}"
+        return f"{_arm(self.side)}: {self.controller}: {self.report}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -725,7 +731,7 @@ class CycleFailed:
     sentence: str
 
     def __str__(self) -> str:
-        return f"{self.side.word.capitalize()} arm: a cycle could not be completed: {self.sentence}."
+        return f"{_arm(self.side)}: a cycle could not be completed: {self.sentence}."
 
 
 @dataclass(frozen=True, slots=True)
@@ -741,7 +747,7 @@ class ReportsDropped:
 
     def __str__(self) -> str:
         return (
-            f"{self.side.word.capitalize()} arm: the driver did not read the control process's reports for a while and "
+            f"{_arm(self.side)}: the driver did not read the control process's reports for a while and "
             f"{self.count} were dropped; the arms were served meanwhile, and hold now. Was the driver stopped or its "
             "machine overloaded? See the state for what holds now."
         )
@@ -756,18 +762,9 @@ class ControlProcessEnded:
 
     def __str__(self) -> str:
         return (
-            f"{self.side.word.capitalize()} arm: the control process has ended (exit code {self.exit_code}); the "
+            f"{_arm(self.side)}: the control process has ended (exit code {self.exit_code}); the "
             "robot gets no answers any more and keeps its last references. Call recover, which starts another one."
         )
-
-
-def is_fault(event: Event) -> bool:
-    """Whether ``event`` is a fault: nothing had asked for it."""
-    if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
-        return bool(event.deactivated)
-    if isinstance(event, ImplausibleFeedback):
-        return event.is_lost
-    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ReportsDropped | ControlProcessEnded)
 
 
 Event = (
@@ -787,3 +784,17 @@ Event = (
     | ReportsDropped
     | ControlProcessEnded
 )
+"""What happened to an arm; its text is a sentence for people."""
+
+
+def is_fault(event: Event) -> bool:
+    """Whether ``event`` is a fault: nothing had asked for it."""
+    if isinstance(event, SessionStarted | SessionLost | RobotStoppedFollowing):
+        return bool(event.deactivated)
+    if isinstance(event, ImplausibleFeedback):
+        return event.is_lost
+    return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ReportsDropped | ControlProcessEnded)
+
+
+def _arm(side: Side) -> str:
+    return f"{side.word.capitalize()} arm"

@@ -38,7 +38,7 @@ from yumi.control.shared_state import (
     SharedNumbers,
     Snapshot,
     TrajectoryFeedback,
-    new_event,
+    new_cycle_event,
     read_snapshot,
     shared_numbers,
 )
@@ -124,7 +124,7 @@ class ArmBuffers:
         self.read_joints = SharedBuffer(JointStates)
         self.flight = shared_numbers(FLIGHT_SIZE)
         self.datagram = SharedBytes(_LONGEST_DATAGRAM)
-        self.cycle_done = new_event()
+        self.cycle_done = new_cycle_event()
 
 
 class ConnectedArm(NamedTuple):

@@ -27,7 +27,7 @@ from yumi.control.motion import STANDING
 from yumi.control.shared_state import CAUSES, Limited, Problem, Snapshot
 from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
-from yumi.process.realtime import lock_folder
+from yumi.process.supervision import lock_folder
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Joints, Pose, Side, Vector
 from yumi.robot.kinematics import tool0_to_body

@@ -59,7 +59,7 @@ from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
-from yumi.process.realtime import Only
+from yumi.process.supervision import SingleInstance
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import (
@@ -171,14 +171,14 @@ def build_grippers(
     }
 
 
-def only_at_robot(settings: Settings) -> Only:
+def only_at_robot(settings: Settings) -> SingleInstance:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
     address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
     refusal = (
         f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
         "robot: `yumi state` and the other commands, yumi.attach() in a script."
     )
-    return Only(f"yumi-drives-{address}", refusal)
+    return SingleInstance(f"yumi-drives-{address}", refusal)
 
 
 @dataclass(frozen=True, slots=True)

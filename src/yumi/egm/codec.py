@@ -1,18 +1,13 @@
-"""Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay below.
-
-Each datagram gets a message of its own: one that is used again keeps the memory of all it ever held. The control loop
-has a leaner codec, :class:`JointCodec`: joints of a seven-axis arm in and out, in as few microseconds as Python
-allows. It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each
-double behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints
-always has the same length, so it is written as such a run, too. Not thread-safe.
-
-What the two ends of EGM say to each other, as frozen values in SI units.
+"""Datagrams to values and back, for both ends of EGM and any robot; protobuf, degrees and millimetres stay in here.
 
 The names follow ABB: the *robot* sends :class:`RobotMessage`, the *sensor* (that is us, or anyone who guides the
-robot) answers with :class:`SensorMessage` or :class:`PathCorrection` (reference/egm.md §1-3). The joints of a
-seven-axis arm come in chain order, those of another robot in ABB's, axes 1 to 6.
+robot) answers with :class:`SensorMessage` or :class:`PathCorrection` (reference/egm.md §1-3). They are frozen values in
+SI units; the wire has degrees, millimetres, microseconds and percent. The joints of a seven-axis arm come in chain
+order, those of another robot in ABB's, axes 1 to 6.
 
-The wire units of EGM: degrees, millimetres, microseconds and percent; everything inside is SI.
+:class:`SensorCodec` is our end, :class:`RobotCodec` the robot's. Each datagram gets a message of its own: one that is
+used again keeps the memory of all it ever held. The control loop has a leaner codec, :class:`JointCodec`: joints of a
+seven-axis arm in and out, in as few microseconds as Python allows.
 """
 
 from __future__ import annotations
@@ -217,200 +212,31 @@ class PathCorrection:
     age_ms: int = 0
 
 
-RAD_PER_DEG = pi / 180.0
-DEG_PER_RAD = 180.0 / pi
-M_PER_MM = 1e-3
-MM_PER_M = 1e3
-UINT32 = 2**32
-NS_PER_S = 1_000_000_000
-
-
-def clock_fields(seconds: float) -> tuple[int, int]:
-    """Split a controller time [s] into EgmClock's whole seconds and microseconds."""
-    microseconds = round(seconds * 1e6)
-    return microseconds // 1_000_000, microseconds % 1_000_000
-
-
-def singles(values: Sequence[float]) -> tuple[float, ...]:
-    """Round to single precision, in which the controller computes (reference/egm.md §2.4)."""
-    layout = f"<{len(values)}f"
-    return unpack(layout, pack(layout, *values))
-
-
-Motion = pb.EgmFeedBack | pb.EgmPlanned
-Reference = pb.EgmPlanned | pb.EgmSpeedRef
-
-ROBOT_AXES = 6
-"""Axes in EgmJoints; a seventh travels as the first external one (reference/egm.md §3.2)."""
-
-MOTOR_STATES = {int(state): state for state in MotorState}
-MCI_STATES = {int(state): state for state in MciState}
-RAPID_STATES = {int(state): state for state in RapidState}
-
-
-def radians_of(values: Iterable[float]) -> tuple[float, ...]:
-    return tuple([value * RAD_PER_DEG for value in values])
-
-
-def read_axes(motion: Motion, axes: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """The arm's joints, seven in chain order or those of ``EgmJoints``, and what external axes are left [rad]."""
-    robax, external = radians_of(motion.joints.joints), radians_of(motion.externalJoints.joints)
-    if axes <= ROBOT_AXES:
-        return robax, external
-    a1, a2, a3, a4, a5, a6 = robax
-    return (a1, a2, external[0], a3, a4, a5, a6), external[1:]
-
-
-def read_partial(part: Reference, axes: int) -> tuple[PartialJoints | None, tuple[float, ...]]:
-    """As :func:`read_axes`, of what a sensor wrote: axes it left out are None (reference/egm.md §10 item 18)."""
-    robax, external = part.joints.joints[:ROBOT_AXES], radians_of(part.externalJoints.joints)
-    known: list[float | None] = [*radians_of(robax), *[None] * (ROBOT_AXES - len(robax))]
-    rest = external
-    if axes > ROBOT_AXES:
-        known.insert(2, external[0] if external else None)
-        rest = external[1:]
-    return (None if known == [None] * len(known) else tuple(known)), rest
-
-
-def write_axes(
-    part: Motion | pb.EgmSpeedRef,
-    values: Sequence[float],
-    external: Sequence[float],
-    rounded: Callable[[Sequence[float]], Sequence[float]] = tuple,
-) -> None:
-    """The opposite of :func:`read_axes`; seven values are in chain order [rad]."""
-    robax = list(values)
-    beside = list(external)
-    if len(robax) > ROBOT_AXES:
-        beside.insert(0, robax.pop(2))
-    if robax:
-        part.joints.joints[:] = rounded([value * DEG_PER_RAD for value in robax])
-    if beside:
-        part.externalJoints.joints[:] = rounded([value * DEG_PER_RAD for value in beside])
-
-
-def read_pose(motion: Motion) -> Pose | None:
-    """The robot's pose; the quaternion counts, and the Euler angles where there is none."""
-    if not motion.HasField("cartesian"):
-        return None
-    cartesian = motion.cartesian
-    orientation = _quaternion(cartesian.orient) if cartesian.HasField("orient") else _from_euler(cartesian.euler)
-    return Pose(_position(cartesian.pos), orientation)
-
-
-def read_goal(cartesian: pb.EgmPose) -> tuple[Vector | None, Quaternion | None]:
-    """A sensor's pose: where both are given Euler angles win over the quaternion (reference/egm.md §1.1)."""
-    position = _position(cartesian.pos) if cartesian.HasField("pos") else None
-    if cartesian.HasField("euler"):
-        return position, _from_euler(cartesian.euler)
-    if not cartesian.HasField("orient"):
-        return position, None
-    w, x, y, z = _quaternion(cartesian.orient)
-    norm = hypot(w, x, y, z) or 1.0
-    return position, (w / norm, x / norm, y / norm, z / norm)
-
-
-def write_goal(cartesian: pb.EgmPose, position: Vector | None, orientation: Quaternion | None) -> None:
-    if position is not None:
-        _put_vector(cartesian.pos, [value * MM_PER_M for value in position])
-    if orientation is not None:
-        _put_quaternion(cartesian.orient, orientation)
-
-
-def write_pose(cartesian: pb.EgmPose, pose: Pose) -> None:
-    """As the controller does: in single precision, with Euler angles made of the rounded quaternion (§2.4)."""
-    *position, w, x, y, z = singles([*[value * MM_PER_M for value in pose.position], *pose.orientation])
-    _put_vector(cartesian.pos, position)
-    _put_quaternion(cartesian.orient, (w, x, y, z))
-    _put_vector(cartesian.euler, [angle * DEG_PER_RAD for angle in euler_zyx((w, x, y, z))])
-
-
-def read_twist(speed: pb.EgmSpeedRef) -> Twist | None:
-    """Missing values are zero; None when there are none."""
-    values = speed.cartesians.value
-    if not values:
-        return None
-    vx, vy, vz, wx, wy, wz = [*values[:6], *[0.0] * (6 - len(values))]
-    return (vx * M_PER_MM, vy * M_PER_MM, vz * M_PER_MM, wx * RAD_PER_DEG, wy * RAD_PER_DEG, wz * RAD_PER_DEG)
-
-
-def write_twist(speed: pb.EgmSpeedRef, twist: Twist) -> None:
-    linear, angular = twist[:3], twist[3:]
-    speed.cartesians.value[:] = [v * MM_PER_M for v in linear] + [w * DEG_PER_RAD for w in angular]
-
-
-def read_clock(motion: Motion) -> float | None:
-    return motion.time.sec + motion.time.usec * 1e-6 if motion.HasField("time") else None
-
-
-def read_stamp(motion: Motion) -> int | None:
-    return motion.timeStamp.sec * NS_PER_S + motion.timeStamp.nsec if motion.HasField("timeStamp") else None
-
-
-def write_motion(motion: Motion, values: Sequence[float], external: Sequence[float], pose: Pose | None) -> None:
-    """A part of the robot's message, in single precision."""
-    write_axes(motion, values, external, singles)
-    if pose is not None:
-        write_pose(motion.cartesian, pose)
-
-
-def write_times(motion: Motion, time: float | None, stamp_ns: int | None) -> None:
-    if time is not None:
-        motion.time.sec, motion.time.usec = clock_fields(time)
-    if stamp_ns is not None:
-        motion.timeStamp.sec, motion.timeStamp.nsec = divmod(stamp_ns, NS_PER_S)
-
-
-def read_collision(robot: pb.EgmRobot) -> Collision | None:
-    if not robot.HasField("CollisionInfo"):
-        return None
-    return Collision(robot.CollisionInfo.collsionTriggered, tuple(robot.CollisionInfo.collDetQuota))
-
-
-def read_data(data: pb.EgmRAPIDdata) -> RapidData | None:
-    """None when it is empty."""
-    flag = data.digVal if data.HasField("digVal") else None
-    return RapidData(flag, tuple(data.dnum)) if data.dnum or flag is not None else None
-
-
-def write_data(data: pb.EgmRAPIDdata, value: RapidData) -> None:
-    if value.flag is not None:
-        data.digVal = value.flag
-    data.dnum[:] = value.numbers
-
-
-def _position(part: pb.EgmCartesian) -> Vector:
-    return (part.x * M_PER_MM, part.y * M_PER_MM, part.z * M_PER_MM)
-
-
-def _quaternion(part: pb.EgmQuaternion) -> Quaternion:
-    return (part.u0, part.u1, part.u2, part.u3)
-
-
-def _from_euler(part: pb.EgmEuler) -> Quaternion:
-    angles = (part.x * RAD_PER_DEG, part.y * RAD_PER_DEG, part.z * RAD_PER_DEG)
-    if not all(isfinite(angle) for angle in angles):
-        return angles[0], *angles  # trigonometry refuses what is not finite; the reader checks it
-    return quaternion_from_euler_zyx(angles)
-
-
-def _put_vector(part: pb.EgmCartesian | pb.EgmEuler, values: Sequence[float]) -> None:
-    part.x, part.y, part.z = values
-
-
-def _put_quaternion(part: pb.EgmQuaternion, values: Quaternion) -> None:
-    part.u0, part.u1, part.u2, part.u3 = values
-
-
 LARGEST_DATAGRAM = 1024
 """Longer datagrams are no EGM: the usual servers cut them there (reference/egm.md §8.1) [bytes]."""
 
 MOST_NUMBERS = 40
 """Numbers a RAPID program and a sensor may send each other in one datagram (reference/egm.md §1)."""
 
-DATA = pb.EgmHeader.MSGTYPE_DATA
+_DATA = pb.EgmHeader.MSGTYPE_DATA
 _NO_TIME = "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
-_SEVEN = 7
+
+_ROBOT_AXES = 6  # in EgmJoints; a seventh travels as the first external one (reference/egm.md §3.2)
+_SEVEN_AXES = 7
+
+_MOTOR_STATES = {int(state): state for state in MotorState}
+_MCI_STATES = {int(state): state for state in MciState}
+_RAPID_STATES = {int(state): state for state in RapidState}
+
+_RAD_PER_DEG = pi / 180.0
+_DEG_PER_RAD = 180.0 / pi
+_M_PER_MM = 1e-3
+_MM_PER_M = 1e3
+_UINT32 = 2**32
+_NS_PER_S = 1_000_000_000
+
+_Motion = pb.EgmFeedBack | pb.EgmPlanned
+_Reference = pb.EgmPlanned | pb.EgmSpeedRef
 _Parsed = TypeVar(
     "_Parsed",
     pb.EgmRobot,
@@ -432,8 +258,8 @@ class SensorCodec:
     """
 
     def __init__(self, *, axes: int | None = None) -> None:
-        if axes not in {None, ROBOT_AXES, _SEVEN}:
-            raise ValueError(f"a robot has {ROBOT_AXES} or {_SEVEN} axes, not {axes}")
+        if axes not in {None, _ROBOT_AXES, _SEVEN_AXES}:
+            raise ValueError(f"a robot has {_ROBOT_AXES} or {_SEVEN_AXES} axes, not {axes}")
         self._axes = axes
 
     def decode(self, datagram: bytes) -> RobotMessage:
@@ -444,16 +270,16 @@ class SensorCodec:
         """
         robot = parse(pb.EgmRobot, datagram)
         header, feedback, planned = robot.header, robot.feedBack, robot.planned
-        if header.mtype != DATA or not header.HasField("seqno"):
+        if header.mtype != _DATA or not header.HasField("seqno"):
             raise ProtocolError(
-                f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
+                f"EGM datagram of type {header.mtype}: a robot sends type {_DATA} with a sequence number."
             )
-        check_states(robot)
-        axes = self._axes or (_SEVEN if feedback.externalJoints.joints else ROBOT_AXES)
+        _check_states(robot)
+        axes = self._axes or (_SEVEN_AXES if feedback.externalJoints.joints else _ROBOT_AXES)
         measured, measured_external = _checked_axes(feedback, axes, "feedBack")
         goal, goal_external = _checked_axes(planned, axes, "planned")
         force, force_control = _read_force(robot)
-        measured_time = read_clock(feedback)
+        measured_time = _read_clock(feedback)
         if measured_time is None:
             raise ProtocolError(_NO_TIME)
         return RobotMessage(
@@ -464,21 +290,21 @@ class SensorCodec:
             measured_pose=_checked_pose(feedback),
             planned_pose=_checked_pose(planned),
             measured_time=measured_time,
-            planned_time=read_clock(planned),
-            motors=MOTOR_STATES[robot.motorState.state],
-            mci=MCI_STATES[robot.mciState.state],
-            rapid=RAPID_STATES[robot.rapidExecState.state],
+            planned_time=_read_clock(planned),
+            motors=_MOTOR_STATES[robot.motorState.state],
+            mci=_MCI_STATES[robot.mciState.state],
+            rapid=_RAPID_STATES[robot.rapidExecState.state],
             is_converged=robot.mciConvergenceMet,
             utilization=robot.utilizationRate / 100.0 if robot.HasField("utilizationRate") else None,
             measured_external=measured_external,
             planned_external=goal_external,
-            measured_stamp_ns=read_stamp(feedback),
-            planned_stamp_ns=read_stamp(planned),
+            measured_stamp_ns=_read_stamp(feedback),
+            planned_stamp_ns=_read_stamp(planned),
             force=force,
             force_control=force_control,
             move_index=robot.moveIndex if robot.HasField("moveIndex") else None,
-            collision=read_collision(robot),
-            rapid_data=read_data(robot.RAPIDfromRobot),
+            collision=_read_collision(robot),
+            rapid_data=_read_data(robot.RAPIDfromRobot),
             torque=tuple(robot.torqueRef.joints) or None,
             test_signals=tuple(robot.testSignals.signals),
         )
@@ -492,21 +318,21 @@ class SensorCodec:
         sensor = pb.EgmSensor()
         _write_header(sensor.header, message.seqno, pb.EgmHeader.MSGTYPE_CORRECTION)
         if message.position is not None or message.external:
-            write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
+            _write_axes(sensor.planned, _finite(message.position or ()), _finite(message.external))
         if message.tool_position is not None or message.tool_orientation is not None:
             _finite((*(message.tool_position or ()), *(message.tool_orientation or ())))
-            write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
+            _write_goal(sensor.planned.cartesian, message.tool_position, message.tool_orientation)
         if message.velocity is not None or message.external_velocity:
-            write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
+            _write_axes(sensor.speedRef, _finite(message.velocity or ()), _finite(message.external_velocity))
         if message.twist is not None:
             _finite(message.twist)
-            write_twist(sensor.speedRef, message.twist)
+            _write_twist(sensor.speedRef, message.twist)
         data = message.rapid_data
         if data is not None:
             if len(data.numbers) > MOST_NUMBERS:
                 raise ValueError(f"a RAPID program takes at most {MOST_NUMBERS} numbers, got {len(data.numbers)}")
             _finite(data.numbers)
-            write_data(sensor.RAPIDtoRobot, data)
+            _write_data(sensor.RAPIDtoRobot, data)
         return sensor.SerializeToString()
 
     def encode_joints(self, seqno: int, position: PartialJoints, velocity: PartialJoints | None) -> bytes:
@@ -525,7 +351,7 @@ class SensorCodec:
         """
         message = pb.EgmSensorPathCorr()
         _write_header(message.header, correction.seqno, pb.EgmHeader.MSGTYPE_PATH_CORRECTION)
-        x, y, z = (value * MM_PER_M for value in _finite(correction.offset))
+        x, y, z = (value * _MM_PER_M for value in _finite(correction.offset))
         message.pathCorr.pos.x, message.pathCorr.pos.y, message.pathCorr.pos.z = x, y, z
         message.pathCorr.age = correction.age_ms
         return message.SerializeToString()
@@ -538,7 +364,7 @@ class RobotCodec:
         axes: 7 for a seven-axis arm, 6 for another robot.
     """
 
-    def __init__(self, *, axes: int = _SEVEN) -> None:
+    def __init__(self, *, axes: int = _SEVEN_AXES) -> None:
         self._axes = axes
 
     def decode(self, datagram: bytes) -> SensorMessage:
@@ -549,9 +375,9 @@ class RobotCodec:
         """
         sensor = parse(pb.EgmSensor, datagram)
         header, planned, speed = sensor.header, sensor.planned, sensor.speedRef
-        position, external = read_partial(planned, self._axes)
-        velocity, external_velocity = read_partial(speed, self._axes)
-        tool_position, tool_orientation = read_goal(planned.cartesian)
+        position, external = _read_partial(planned, self._axes)
+        velocity, external_velocity = _read_partial(speed, self._axes)
+        tool_position, tool_orientation = _read_goal(planned.cartesian)
         return SensorMessage(
             seqno=header.seqno if header.HasField("seqno") else None,
             position=position,
@@ -559,10 +385,10 @@ class RobotCodec:
             sent_ms=header.tm if header.HasField("tm") else None,
             tool_position=tool_position,
             tool_orientation=tool_orientation,
-            twist=read_twist(speed),
+            twist=_read_twist(speed),
             external=external,
             external_velocity=external_velocity,
-            rapid_data=read_data(sensor.RAPIDtoRobot),
+            rapid_data=_read_data(sensor.RAPIDtoRobot),
         )
 
     def decode_correction(self, datagram: bytes) -> PathCorrection:
@@ -576,17 +402,17 @@ class RobotCodec:
             raise ProtocolError("EGM path correction has no position: a robot that moves on a path needs one.")
         pos = message.pathCorr.pos
         seqno = message.header.seqno if message.header.HasField("seqno") else None
-        return PathCorrection(seqno, (pos.x * M_PER_MM, pos.y * M_PER_MM, pos.z * M_PER_MM), message.pathCorr.age)
+        return PathCorrection(seqno, (pos.x * _M_PER_MM, pos.y * _M_PER_MM, pos.z * _M_PER_MM), message.pathCorr.age)
 
     def encode(self, message: RobotMessage) -> bytes:
         """The controller's datagram; each field that is None belongs to a newer RobotWare and is left out."""
         robot = pb.EgmRobot()
-        _write_header(robot.header, message.seqno, DATA)
-        robot.header.tm = message.sent_ms % UINT32
-        write_motion(robot.feedBack, message.measured, message.measured_external, message.measured_pose)
-        write_times(robot.feedBack, message.measured_time, message.measured_stamp_ns)
-        write_motion(robot.planned, message.planned, message.planned_external, message.planned_pose)
-        write_times(robot.planned, message.planned_time, message.planned_stamp_ns)
+        _write_header(robot.header, message.seqno, _DATA)
+        robot.header.tm = message.sent_ms % _UINT32
+        _write_motion(robot.feedBack, message.measured, message.measured_external, message.measured_pose)
+        _write_times(robot.feedBack, message.measured_time, message.measured_stamp_ns)
+        _write_motion(robot.planned, message.planned, message.planned_external, message.planned_pose)
+        _write_times(robot.planned, message.planned_time, message.planned_stamp_ns)
         robot.testSignals.signals[:] = message.test_signals
         robot.testSignals.SetInParent()  # the controller sends it even when it is empty
         robot.motorState.state = cast("pb.EgmMotorState.MotorStateType", int(message.motors))
@@ -608,10 +434,133 @@ class RobotCodec:
             robot.CollisionInfo.collsionTriggered = message.collision.is_triggered
             robot.CollisionInfo.collDetQuota[:] = message.collision.quotas
         if message.rapid_data is not None:
-            write_data(robot.RAPIDfromRobot, message.rapid_data)
+            _write_data(robot.RAPIDfromRobot, message.rapid_data)
         if message.torque is not None:
             robot.torqueRef.joints[:] = message.torque
         return robot.SerializeToString()
+
+
+# ---- the control loop's codec
+
+_TAG = b"\x09"  # field 1, a double
+_SIX_TAGS = _TAG * 6
+_unpack_six, _unpack_one = Struct("<xdxdxdxdxdxd").unpack, Struct("<xd").unpack
+_pack_reference = Struct("<2B 2B BdBdBdBdBdBd 2B Bd").pack
+_PLANNED, _SPEED_REF = 0x12, 0x1A  # tags of EgmSensor's fields 2 and 3
+_HEADER, _JOINTS, _EXTERNAL = 0x0A, 0x0A, 0x1A  # and of fields 1, 1 and 3 of what holds them
+
+_IMPLAUSIBLE = 7 * 400.0**2
+"""Sum of squares no arm reaches whose joints turn by less than 400 degrees; not a number fails every comparison."""
+
+
+class JointCodec:
+    """Our end of a seven-axis arm in joint mode. Not thread-safe.
+
+    It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
+    behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always
+    has the same length, so it is written as such a run, too.
+    """
+
+    def __init__(self) -> None:
+        self._header = pb.EgmHeader(mtype=pb.EgmHeader.MSGTYPE_CORRECTION)
+
+    def decode(self, datagram: bytes) -> JointReport:
+        """The joints and the state in the robot's message.
+
+        Raises:
+            ProtocolError: the datagram is not a complete message of a seven-axis robot.
+        """
+        robot = parse(pb.JointRobot, datagram)
+        header, feedback = robot.header, robot.feedBack
+        seqno = header.seqno
+        if header.mtype != _DATA or not (seqno or header.HasField("seqno")):
+            raise ProtocolError(
+                f"EGM datagram of type {header.mtype}: a robot sends type {_DATA} with a sequence number."
+            )
+        clock = feedback.time
+        sec, usec = clock.sec, clock.usec
+        if not sec and not feedback.HasField("time"):
+            raise ProtocolError(_NO_TIME)
+        motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
+        if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
+            _check_states(robot)
+        return JointReport(
+            seqno,
+            _read_joints(feedback, "feedBack"),
+            _read_joints(robot.planned, "planned"),
+            sec + usec * 1e-6,
+            _MOTOR_STATES[motors],
+            _MCI_STATES[mci],
+            _RAPID_STATES[rapid],
+        )
+
+    def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
+        """The datagram that gives the arm its position [rad] and velocity [rad/s].
+
+        Raises:
+            ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
+        """
+        self._header.seqno = seqno % _UINT32
+        header = self._header.SerializeToString()
+        start = b"%c%c%b%b" % (_HEADER, len(header), header, _reference_bytes(_PLANNED, position))
+        return start if velocity is None else start + _reference_bytes(_SPEED_REF, velocity)
+
+
+def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
+    robax, external = motion.joints, motion.externalJoints
+    if robax[::9] == _SIX_TAGS and external[::9] == _TAG and len(robax) == 54 and len(external) == 9:
+        a1, a2, a3, a4, a5, a6 = _unpack_six(robax)
+        (a7,) = _unpack_one(external)
+    else:
+        six, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
+        if len(six) != _ROBOT_AXES or not extra:
+            raise ProtocolError(_wrong_axes(name, len(six), len(extra), _SEVEN_AXES))
+        (a1, a2, a3, a4, a5, a6), a7 = six, extra[0]
+    if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
+        raise ProtocolError(
+            f"EGM {name} has a joint that no arm has: {[a1, a2, a3, a4, a5, a6]}, {[a7]} are to be finite degrees."
+        )
+    return (
+        a1 * _RAD_PER_DEG,
+        a2 * _RAD_PER_DEG,
+        a7 * _RAD_PER_DEG,
+        a3 * _RAD_PER_DEG,
+        a4 * _RAD_PER_DEG,
+        a5 * _RAD_PER_DEG,
+        a6 * _RAD_PER_DEG,
+    )
+
+
+def _reference_bytes(tag: int, chain: Joints) -> bytes:
+    """EgmPlanned or EgmSpeedRef with EgmJoints for axes 1 to 6 and for axis 7."""
+    a1, a2, a7, a3, a4, a5, a6 = chain
+    if not isfinite(a1 + a2 + a3 + a4 + a5 + a6 + a7):
+        raise ValueError(f"a reference needs seven finite values, got {chain}")
+    return _pack_reference(
+        tag,
+        67,
+        _JOINTS,
+        54,
+        9,
+        a1 * _DEG_PER_RAD,
+        9,
+        a2 * _DEG_PER_RAD,
+        9,
+        a3 * _DEG_PER_RAD,
+        9,
+        a4 * _DEG_PER_RAD,
+        9,
+        a5 * _DEG_PER_RAD,
+        9,
+        a6 * _DEG_PER_RAD,
+        _EXTERNAL,
+        9,
+        9,
+        a7 * _DEG_PER_RAD,
+    )
+
+
+# ---- parts of datagrams
 
 
 def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
@@ -628,7 +577,7 @@ def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
         raise ProtocolError(f"EGM datagram of {len(datagram)} bytes cannot be decoded: {error}.") from error
 
 
-def check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
+def _check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
     """See that the message was not cut off: every robot sends its three states, also undefined ones.
 
     Raises:
@@ -639,23 +588,23 @@ def check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
             raise ProtocolError(f"EGM datagram has no {name}: it was cut off, a robot always sends it.")
 
 
-def _checked_axes(motion: Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _checked_axes(motion: _Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
     robax, external = len(motion.joints.joints), len(motion.externalJoints.joints)
-    if robax != ROBOT_AXES or (axes == _SEVEN and not external):
+    if robax != _ROBOT_AXES or (axes == _SEVEN_AXES and not external):
         raise ProtocolError(_wrong_axes(name, robax, external, axes))
-    values, beside = read_axes(motion, axes)
+    values, beside = _read_axes(motion, axes)
     if not _are_finite((*values, *beside)):
         raise ProtocolError(f"EGM {name} has a joint that is not a finite number: {list(values)}, {list(beside)}.")
     return values, beside
 
 
 def _wrong_axes(name: str, robax: int, external: int, axes: int) -> str:
-    wanted = f"a YuMi arm sends {ROBOT_AXES} and 1" if axes == _SEVEN else f"a robot sends {ROBOT_AXES}"
+    wanted = f"a YuMi arm sends {_ROBOT_AXES} and 1" if axes == _SEVEN_AXES else f"a robot sends {_ROBOT_AXES}"
     return f"EGM {name} has {robax} joints and {external} external joints: {wanted}."
 
 
-def _checked_pose(motion: Motion) -> Pose | None:
-    pose = read_pose(motion)
+def _checked_pose(motion: _Motion) -> Pose | None:
+    pose = _read_pose(motion)
     if pose is not None and not _are_finite((*pose.position, *pose.orientation)):
         raise ProtocolError(f"EGM has a tool pose that is not finite numbers: {pose.position}, {pose.orientation}.")
     return pose
@@ -674,7 +623,7 @@ def _read_force(robot: pb.EgmRobot) -> tuple[tuple[float, ...] | None, bool | No
 
 def _write_header(header: pb.EgmHeader, seqno: int | None, kind: pb.EgmHeader.MessageType) -> None:
     header.mtype = kind
-    header.seqno = (seqno or 0) % UINT32
+    header.seqno = (seqno or 0) % _UINT32
 
 
 def _finite(values: Sequence[float | None]) -> Sequence[float]:
@@ -687,114 +636,161 @@ def _are_finite(values: Sequence[float]) -> bool:
     return all(map(isfinite, values))
 
 
-_TAG = b"\x09"  # field 1, a double
-_SIX_TAGS = _TAG * 6
-_read_six, _read_one = Struct("<xdxdxdxdxdxd").unpack, Struct("<xd").unpack
-_write_reference = Struct("<2B 2B BdBdBdBdBdBd 2B Bd").pack
-_PLANNED, _SPEED_REF = 0x12, 0x1A  # tags of EgmSensor's fields 2 and 3
-_HEADER, _JOINTS, _EXTERNAL = 0x0A, 0x0A, 0x1A  # and of fields 1, 1 and 3 of what holds them
-
-_IMPLAUSIBLE = 7 * 400.0**2
-"""Sum of squares no arm reaches whose joints turn by less than 400 degrees; not a number fails every comparison."""
+def _radians_of(values: Iterable[float]) -> tuple[float, ...]:
+    return tuple([value * _RAD_PER_DEG for value in values])
 
 
-class JointCodec:
-    """Our end of a seven-axis arm in joint mode."""
-
-    def __init__(self) -> None:
-        self._header = pb.EgmHeader(mtype=pb.EgmHeader.MSGTYPE_CORRECTION)
-
-    def decode(self, datagram: bytes) -> JointReport:
-        """The joints and the state in the robot's message.
-
-        Raises:
-            ProtocolError: the datagram is not a complete message of a seven-axis robot.
-        """
-        robot = parse(pb.JointRobot, datagram)
-        header, feedback = robot.header, robot.feedBack
-        seqno = header.seqno
-        if header.mtype != DATA or not (seqno or header.HasField("seqno")):
-            raise ProtocolError(
-                f"EGM datagram of type {header.mtype}: a robot sends type {DATA} with a sequence number."
-            )
-        clock = feedback.time
-        sec, usec = clock.sec, clock.usec
-        if not sec and not feedback.HasField("time"):
-            raise ProtocolError(_NO_TIME)
-        motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
-        if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
-            check_states(robot)
-        return JointReport(
-            seqno,
-            _read_joints(feedback, "feedBack"),
-            _read_joints(robot.planned, "planned"),
-            sec + usec * 1e-6,
-            MOTOR_STATES[motors],
-            MCI_STATES[mci],
-            RAPID_STATES[rapid],
-        )
-
-    def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
-        """The datagram that gives the arm its position [rad] and velocity [rad/s].
-
-        Raises:
-            ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
-        """
-        self._header.seqno = seqno % UINT32
-        header = self._header.SerializeToString()
-        start = b"%c%c%b%b" % (_HEADER, len(header), header, _reference(_PLANNED, position))
-        return start if velocity is None else start + _reference(_SPEED_REF, velocity)
+def _read_axes(motion: _Motion, axes: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """The arm's joints, seven in chain order or those of ``EgmJoints``, and what external axes are left [rad]."""
+    robax, external = _radians_of(motion.joints.joints), _radians_of(motion.externalJoints.joints)
+    if axes <= _ROBOT_AXES:
+        return robax, external
+    a1, a2, a3, a4, a5, a6 = robax
+    return (a1, a2, external[0], a3, a4, a5, a6), external[1:]
 
 
-def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
-    robax, external = motion.joints, motion.externalJoints
-    if robax[::9] == _SIX_TAGS and external[::9] == _TAG and len(robax) == 54 and len(external) == 9:
-        a1, a2, a3, a4, a5, a6 = _read_six(robax)
-        (a7,) = _read_one(external)
-    else:
-        six, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
-        if len(six) != ROBOT_AXES or not extra:
-            raise ProtocolError(_wrong_axes(name, len(six), len(extra), _SEVEN))
-        (a1, a2, a3, a4, a5, a6), a7 = six, extra[0]
-    if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
-        raise ProtocolError(
-            f"EGM {name} has a joint that no arm has: {[a1, a2, a3, a4, a5, a6]}, {[a7]} are to be finite degrees."
-        )
-    return (
-        a1 * RAD_PER_DEG,
-        a2 * RAD_PER_DEG,
-        a7 * RAD_PER_DEG,
-        a3 * RAD_PER_DEG,
-        a4 * RAD_PER_DEG,
-        a5 * RAD_PER_DEG,
-        a6 * RAD_PER_DEG,
-    )
+def _read_partial(part: _Reference, axes: int) -> tuple[PartialJoints | None, tuple[float, ...]]:
+    """As :func:`_read_axes`, of what a sensor wrote: axes it left out are None (reference/egm.md §10 item 18)."""
+    robax, external = part.joints.joints[:_ROBOT_AXES], _radians_of(part.externalJoints.joints)
+    known: list[float | None] = [*_radians_of(robax), *[None] * (_ROBOT_AXES - len(robax))]
+    rest = external
+    if axes > _ROBOT_AXES:
+        known.insert(2, external[0] if external else None)
+        rest = external[1:]
+    return (None if known == [None] * len(known) else tuple(known)), rest
 
 
-def _reference(tag: int, chain: Joints) -> bytes:
-    """EgmPlanned or EgmSpeedRef with EgmJoints for axes 1 to 6 and for axis 7."""
-    a1, a2, a7, a3, a4, a5, a6 = chain
-    if not isfinite(a1 + a2 + a3 + a4 + a5 + a6 + a7):
-        raise ValueError(f"a reference needs seven finite values, got {chain}")
-    return _write_reference(
-        tag,
-        67,
-        _JOINTS,
-        54,
-        9,
-        a1 * DEG_PER_RAD,
-        9,
-        a2 * DEG_PER_RAD,
-        9,
-        a3 * DEG_PER_RAD,
-        9,
-        a4 * DEG_PER_RAD,
-        9,
-        a5 * DEG_PER_RAD,
-        9,
-        a6 * DEG_PER_RAD,
-        _EXTERNAL,
-        9,
-        9,
-        a7 * DEG_PER_RAD,
-    )
+def _write_axes(
+    part: _Motion | pb.EgmSpeedRef,
+    values: Sequence[float],
+    external: Sequence[float],
+    rounded: Callable[[Sequence[float]], Sequence[float]] = tuple,
+) -> None:
+    """The opposite of :func:`_read_axes`; seven values are in chain order [rad]."""
+    robax = list(values)
+    beside = list(external)
+    if len(robax) > _ROBOT_AXES:
+        beside.insert(0, robax.pop(2))
+    if robax:
+        part.joints.joints[:] = rounded([value * _DEG_PER_RAD for value in robax])
+    if beside:
+        part.externalJoints.joints[:] = rounded([value * _DEG_PER_RAD for value in beside])
+
+
+def _read_pose(motion: _Motion) -> Pose | None:
+    """The robot's pose; the quaternion counts, and the Euler angles where there is none."""
+    if not motion.HasField("cartesian"):
+        return None
+    cartesian = motion.cartesian
+    orientation = _quaternion(cartesian.orient) if cartesian.HasField("orient") else _from_euler(cartesian.euler)
+    return Pose(_position(cartesian.pos), orientation)
+
+
+def _read_goal(cartesian: pb.EgmPose) -> tuple[Vector | None, Quaternion | None]:
+    """A sensor's pose: where both are given Euler angles win over the quaternion (reference/egm.md §1.1)."""
+    position = _position(cartesian.pos) if cartesian.HasField("pos") else None
+    if cartesian.HasField("euler"):
+        return position, _from_euler(cartesian.euler)
+    if not cartesian.HasField("orient"):
+        return position, None
+    w, x, y, z = _quaternion(cartesian.orient)
+    norm = hypot(w, x, y, z) or 1.0
+    return position, (w / norm, x / norm, y / norm, z / norm)
+
+
+def _write_goal(cartesian: pb.EgmPose, position: Vector | None, orientation: Quaternion | None) -> None:
+    if position is not None:
+        _put_vector(cartesian.pos, [value * _MM_PER_M for value in position])
+    if orientation is not None:
+        _put_quaternion(cartesian.orient, orientation)
+
+
+def _write_pose(cartesian: pb.EgmPose, pose: Pose) -> None:
+    """As the controller does: in single precision, with Euler angles made of the rounded quaternion (§2.4)."""
+    *position, w, x, y, z = _singles([*[value * _MM_PER_M for value in pose.position], *pose.orientation])
+    _put_vector(cartesian.pos, position)
+    _put_quaternion(cartesian.orient, (w, x, y, z))
+    _put_vector(cartesian.euler, [angle * _DEG_PER_RAD for angle in euler_zyx((w, x, y, z))])
+
+
+def _read_twist(speed: pb.EgmSpeedRef) -> Twist | None:
+    """Missing values are zero; None when there are none."""
+    values = speed.cartesians.value
+    if not values:
+        return None
+    vx, vy, vz, wx, wy, wz = [*values[:6], *[0.0] * (6 - len(values))]
+    return (vx * _M_PER_MM, vy * _M_PER_MM, vz * _M_PER_MM, wx * _RAD_PER_DEG, wy * _RAD_PER_DEG, wz * _RAD_PER_DEG)
+
+
+def _write_twist(speed: pb.EgmSpeedRef, twist: Twist) -> None:
+    linear, angular = twist[:3], twist[3:]
+    speed.cartesians.value[:] = [v * _MM_PER_M for v in linear] + [w * _DEG_PER_RAD for w in angular]
+
+
+def _read_clock(motion: _Motion) -> float | None:
+    return motion.time.sec + motion.time.usec * 1e-6 if motion.HasField("time") else None
+
+
+def _read_stamp(motion: _Motion) -> int | None:
+    return motion.timeStamp.sec * _NS_PER_S + motion.timeStamp.nsec if motion.HasField("timeStamp") else None
+
+
+def _write_motion(motion: _Motion, values: Sequence[float], external: Sequence[float], pose: Pose | None) -> None:
+    """A part of the robot's message, in single precision."""
+    _write_axes(motion, values, external, _singles)
+    if pose is not None:
+        _write_pose(motion.cartesian, pose)
+
+
+def _write_times(motion: _Motion, time: float | None, stamp_ns: int | None) -> None:
+    if time is not None:
+        motion.time.sec, motion.time.usec = divmod(round(time * 1e6), 1_000_000)
+    if stamp_ns is not None:
+        motion.timeStamp.sec, motion.timeStamp.nsec = divmod(stamp_ns, _NS_PER_S)
+
+
+def _read_collision(robot: pb.EgmRobot) -> Collision | None:
+    if not robot.HasField("CollisionInfo"):
+        return None
+    return Collision(robot.CollisionInfo.collsionTriggered, tuple(robot.CollisionInfo.collDetQuota))
+
+
+def _read_data(data: pb.EgmRAPIDdata) -> RapidData | None:
+    """None when it is empty."""
+    flag = data.digVal if data.HasField("digVal") else None
+    return RapidData(flag, tuple(data.dnum)) if data.dnum or flag is not None else None
+
+
+def _write_data(data: pb.EgmRAPIDdata, value: RapidData) -> None:
+    if value.flag is not None:
+        data.digVal = value.flag
+    data.dnum[:] = value.numbers
+
+
+def _position(part: pb.EgmCartesian) -> Vector:
+    return (part.x * _M_PER_MM, part.y * _M_PER_MM, part.z * _M_PER_MM)
+
+
+def _quaternion(part: pb.EgmQuaternion) -> Quaternion:
+    return (part.u0, part.u1, part.u2, part.u3)
+
+
+def _from_euler(part: pb.EgmEuler) -> Quaternion:
+    angles = (part.x * _RAD_PER_DEG, part.y * _RAD_PER_DEG, part.z * _RAD_PER_DEG)
+    if not all(isfinite(angle) for angle in angles):
+        return angles[0], *angles  # trigonometry refuses what is not finite; the reader checks it
+    return quaternion_from_euler_zyx(angles)
+
+
+def _put_vector(part: pb.EgmCartesian | pb.EgmEuler, values: Sequence[float]) -> None:
+    part.x, part.y, part.z = values
+
+
+def _put_quaternion(part: pb.EgmQuaternion, values: Quaternion) -> None:
+    part.u0, part.u1, part.u2, part.u3 = values
+
+
+def _singles(values: Sequence[float]) -> tuple[float, ...]:
+    """Round to single precision, in which the controller computes (reference/egm.md §2.4)."""
+    layout = f"<{len(values)}f"
+    return unpack(layout, pack(layout, *values))

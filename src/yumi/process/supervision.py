@@ -1,8 +1,10 @@
-"""Threads that survive a failure of their work: it is logged with its traceback, and the work starts again.
+"""Threads and processes of a program: started, watched, and ended in order, whatever fails in them.
 
-Commands of yumi run as processes of their own: started, watched for a ready line, stopped in order.
-
-A child process and the pipe to it: commands down, answers and events up, and the end of either side noticed.
+- :class:`SupervisedThread`: a failure of its work is logged with its traceback, and the work starts again.
+- :class:`Command`: ``yumi`` as a process of its own, watched for a ready line.
+- :class:`ChildProcess`: a function in a process of its own; :class:`PipeEnd`: the pipe to it, with commands down,
+  answers and events up, and the end of either side noticed.
+- :class:`SingleInstance`: a program that runs once; a second one learns which process does.
 """
 
 from __future__ import annotations
@@ -13,10 +15,13 @@ import mmap
 import multiprocessing
 import os
 import pickle
+import re
 import socket
+import stat
 import struct
 import subprocess
 import sys
+import tempfile
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,13 +39,16 @@ from typing import Any
 from yumi.errors import MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.process.realtime import release_process
 
+if sys.platform != "win32":
+    import fcntl
+
+log = logging.getLogger(__name__)
+
 FIRST_PAUSE = 0.1
 """The work begins again after this time [s]; the time doubles with each failure that follows soon."""
 
 LONGEST_PAUSE = 5.0
 """The time does not grow beyond this [s]; work that ran for longer begins with the shortest one again."""
-
-log = logging.getLogger(__name__)
 
 
 class Failures:
@@ -154,13 +162,15 @@ def no_thread(name: str, error: Exception) -> str:
     )
 
 
+# ---- commands
+
 CONTROLLER_READY = "Virtual controller ready: "
 DRIVER_READY = "Driver ready: "
 DRIVER_RUNNING = "Driver running, robot not ready: "
 PAGE_READY = "Page ready: "
 """How the line begins that a command prints when it serves; the third one when the robot is not ready."""
 
-_STOP_TIMEOUT = 20.0
+_STOP_TIMEOUT = 20.0  # [s]
 _POLL_PERIOD = 0.1  # [s]
 
 
@@ -279,13 +289,86 @@ class Command:
         self._log_file.close()
 
 
+# ---- child processes and their pipes
+
 PROCESSES: SpawnContext = multiprocessing.get_context("spawn")
 """How processes are made: spawned, since a fork would copy threads and locks of ROS."""
 
+
+class ChildProcess:
+    """A process of our own that runs ``main(pipe, *arguments)``.
+
+    Args:
+        name: for process lists.
+        main: a function of a module, so that it can be found in the child.
+        arguments: picklable, or shared memory.
+    """
+
+    def __init__(self, name: str, main: Callable[..., None], *arguments: object) -> None:
+        with _from_the_system(name):
+            ours, theirs = PROCESSES.Pipe()
+        self.pipe = PipeEnd(ours)
+        self._theirs = theirs
+        self._process = PROCESSES.Process(name=name, target=_run_child, args=(main, theirs, *arguments))
+
+    @property
+    def exit_code(self) -> int | None:
+        return self._process.exitcode
+
+    @property
+    def is_started(self) -> bool:
+        return self._process.pid is not None
+
+    def start(self) -> None:
+        """Start it; raises MissingPrerequisite when the operating system does not let it."""
+        with _without_main_module(), _from_the_system(self._process.name):
+            self._process.start()
+        self._theirs.close()  # so that the pipe ends when the child does
+
+    def join(self, timeout: float) -> bool:
+        """Wait for its end, at most ``timeout`` [s]; returns whether it ended."""
+        self._process.join(timeout)
+        return self._process.exitcode is not None
+
+    def kill(self) -> None:
+        self._process.kill()
+        self._process.join()
+
+
+@contextmanager
+def _from_the_system(name: str) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, MemoryError) as error:
+        raise MissingPrerequisite(
+            f"The operating system does not let the process {name} start ({error}); see that the limits of this "
+            "program are not too low (ulimit -n, ulimit -u, ulimit -v)."
+        ) from error
+
+
+@contextmanager
+def _without_main_module() -> Iterator[None]:
+    """A spawned process would import the program's main module first: a script that connects would connect again.
+
+    Our children need nothing of it; :mod:`multiprocessing` has no other way to say so.
+    """
+    real = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = real
+
+
+def _run_child(main: Callable[..., None], connection: Connection, *arguments: object) -> None:
+    main(PipeEnd(connection), *arguments)
+    release_process()
+
+
 _NUMBER = struct.Struct("!I")
-_PROTOCOL = 5  # whose large blocks of memory travel beside the pickle, and are not copied by it
+_PICKLE_PROTOCOL = 5  # whose large blocks of memory travel beside the pickle, and are not copied by it
 _READ_AT_ONCE = 1 << 16  # bytes; takes 20 µs
-_QUEUE = 256  # values that wait for a reader, as one that was stopped does not read: then further ones are dropped
+_MOST_QUEUED = 256  # values that wait for a reader; one that was stopped does not read, and further ones are dropped
 
 
 class PipeClosed(Exception):
@@ -336,7 +419,7 @@ class PipeEnd:
         Raises:
             PipeClosed: the reader is gone.
         """
-        if len(self._queue) >= _QUEUE:
+        if len(self._queue) >= _MOST_QUEUED:
             return False
         self._queue.extend(_parts(value))
         self.flush()
@@ -431,78 +514,88 @@ def _parts(value: object) -> list[memoryview]:
     """What is sent for ``value``."""
     blocks: list[pickle.PickleBuffer] = []
     payload = io.BytesIO()
-    ForkingPickler(payload, _PROTOCOL, True, blocks.append).dump(value)
+    ForkingPickler(payload, _PICKLE_PROTOCOL, True, blocks.append).dump(value)
     raw = [block.raw() for block in blocks]
     lengths = [len(payload.getbuffer()), *(block.nbytes for block in raw)]
     head = b"".join(_NUMBER.pack(number) for number in (len(lengths), *lengths))
     return [memoryview(head + payload.getvalue()), *raw]
 
 
-class ChildProcess:
-    """A process of our own that runs ``main(pipe, *arguments)``.
+# ---- what runs once
+
+_NOT_IN_FILE_NAMES = re.compile(r"[^\w.:-]")
+
+
+class SingleInstance:
+    """A lock, so that a program runs once for this user on this machine; a second one learns which process has it.
+
+    It is held from ``claim`` to ``release`` or the end of the process: a locked file in a folder that only this user
+    may enter, so that no other user can take its place first. The file stays: removing it could take away the lock of
+    a process that has just opened it.
 
     Args:
-        name: for process lists.
-        main: a function of a module, so that it can be found in the child.
-        arguments: picklable, or shared memory.
+        name: what may run once.
+        refusal: the message when another process has the lock; ``{owner}`` in it becomes that process.
     """
 
-    def __init__(self, name: str, main: Callable[..., None], *arguments: object) -> None:
-        with _from_the_system(name):
-            ours, theirs = PROCESSES.Pipe()
-        self.pipe = PipeEnd(ours)
-        self._theirs = theirs
-        self._process = PROCESSES.Process(name=name, target=_run, args=(main, theirs, *arguments))
+    def __init__(self, name: str, refusal: str) -> None:
+        self._name = f"{_NOT_IN_FILE_NAMES.sub('_', name)}.lock"
+        self._refusal = refusal
+        self._file: int | None = None
 
-    @property
-    def exit_code(self) -> int | None:
-        return self._process.exitcode
+    def claim(self) -> None:
+        """Take the lock.
 
-    @property
-    def is_started(self) -> bool:
-        return self._process.pid is not None
+        Raises:
+            RobotNotReady: another process has it, whose number the message has; or there is no folder for the lock.
+        """
+        if sys.platform == "win32":
+            return
+        folder = lock_folder()
+        try:
+            file = os.open(folder / self._name, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+        except OSError as error:
+            raise _no_lock(folder, error.strerror) from error
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            number = os.read(file, 32).decode("ascii", "replace").strip()
+            os.close(file)
+            owner = f"process {number}" if number else "it is starting"
+            raise RobotNotReady(self._refusal.format(owner=owner)) from error
+        os.truncate(file, 0)
+        os.write(file, f"{os.getpid()}\n".encode("ascii"))
+        self._file = file
 
-    def start(self) -> None:
-        """Start it; raises MissingPrerequisite when the operating system does not let it."""
-        with _without_main_module(), _from_the_system(self._process.name):
-            self._process.start()
-        self._theirs.close()  # so that the pipe ends when the child does
-
-    def join(self, timeout: float) -> bool:
-        """Wait for its end, at most ``timeout`` [s]; returns whether it ended."""
-        self._process.join(timeout)
-        return self._process.exitcode is not None
-
-    def kill(self) -> None:
-        self._process.kill()
-        self._process.join()
-
-
-@contextmanager
-def _from_the_system(name: str) -> Iterator[None]:
-    try:
-        yield
-    except (OSError, MemoryError) as error:
-        raise MissingPrerequisite(
-            f"The operating system does not let the process {name} start ({error}); see that the limits of this "
-            "program are not too low (ulimit -n, ulimit -u, ulimit -v)."
-        ) from error
+    def release(self) -> None:
+        """Let another process take the lock."""
+        if self._file is not None:
+            os.close(self._file)
+            self._file = None
 
 
-@contextmanager
-def _without_main_module() -> Iterator[None]:
-    """A spawned process would import the program's main module first: a script that connects would connect again.
+def lock_folder() -> Path:
+    """The folder for locks: the user's own of this login, else one in the folder for temporary files.
 
-    Our children need nothing of it; :mod:`multiprocessing` has no other way to say so.
+    Raises:
+        RobotNotReady: it cannot be made, or others may enter it.
     """
-    real = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
+    for runtime in (os.environ.get("XDG_RUNTIME_DIR"), f"/run/user/{os.getuid()}"):
+        if runtime and os.access(runtime, os.W_OK | os.X_OK):
+            return Path(runtime)
+    folder = Path(tempfile.gettempdir()) / f"yumi-{os.getuid()}"
     try:
-        yield
-    finally:
-        sys.modules["__main__"] = real
+        folder.mkdir(mode=0o700, exist_ok=True)
+        found = folder.lstat()
+    except OSError as error:
+        raise _no_lock(folder, error.strerror) from error
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
+        raise _no_lock(folder, "it is not this user's own, or open to others")
+    return folder
 
 
-def _run(main: Callable[..., None], connection: Connection, *arguments: object) -> None:
-    main(PipeEnd(connection), *arguments)
-    release_process()
+def _no_lock(folder: Path, reason: str | None) -> RobotNotReady:
+    return RobotNotReady(
+        f"No lock against a second driver can be made in {folder}: {reason}; set XDG_RUNTIME_DIR to a folder that only "
+        "you may enter."
+    )

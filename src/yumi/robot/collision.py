@@ -34,7 +34,7 @@ from yumi.robot.description import (
 )
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector
-from yumi.robot.kinematics import matrix, quaternion_from_euler_zyx
+from yumi.robot.kinematics import IDENTITY, matrix, quaternion_from_euler_zyx
 
 Array = NDArray[np.float64]
 
@@ -198,7 +198,7 @@ class CollisionModel:
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
             self.names += [f"{side.word} {part.name}" for part in own]
             frames += [part.frame for part in own]
-        fixed = [Obstacle("body", *_middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        fixed = [Obstacle("body", *middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
         capsules = [
@@ -311,8 +311,9 @@ def _corners(shape: object) -> tuple[Vector, Vector]:
     return shape.low_mm, shape.high_mm
 
 
-def _middle_and_size(box: Box) -> tuple[Pose, Vector]:
+def middle_and_size(box: Box) -> tuple[Pose, Vector]:
+    """A box by the pose of its middle and the lengths of its edges [m]."""
     low, high = np.array(box.low_mm) / 1000.0, np.array(box.high_mm) / 1000.0
     x, y, z = ((low + high) / 2.0).tolist()
     width, depth, height = (high - low).tolist()
-    return Pose((x, y, z), (1.0, 0.0, 0.0, 0.0)), (width, depth, height)
+    return Pose((x, y, z), IDENTITY), (width, depth, height)

@@ -1,8 +1,9 @@
-"""The robot's description for ROS: a URDF of both arms and grippers, exact kinematics and simple shapes.
+"""The robot and its tools in numbers: frames, shapes and masses, the URDF for ROS, and the load on an arm's flange.
 
-Every number stands in one of the tables below; the functions only turn tables into XML, and ``read_frames`` reads the
-frames of such a URDF again. Link frames are those of the public YuMi descriptions (reference/yumi.md §1.4), so their
-meshes fit. Lengths in [m], angles in [rad], masses in [kg] unless the name says otherwise.
+Every number stands in one of the tables below. :func:`robot_description` turns them into a URDF of both arms and
+grippers, :func:`read_frames` reads the frames of such a URDF again, and :class:`Tool` is what a flange carries, as one
+load for the controller's model of the arm. Link frames are those of the public YuMi descriptions (reference/yumi.md
+§1.4), so their meshes fit. Lengths in [m], angles in [rad], masses in [kg] unless the name says otherwise.
 
 ==================================== ==================================================================================
 link                                 where
@@ -16,8 +17,6 @@ gripper_r_fingertips                 between ABB's standard fingertips, z forwar
 gripper_r_camera                     z along the view of its camera, if it has one
 gripper_r_vacuum_1, gripper_r_vacuum_2 a cup, z into it, if it has the module
 ==================================== ==================================================================================
-
-The tool on an arm's flange and what it carries, as one load for the controller's model of the arm.
 """
 
 from __future__ import annotations
@@ -117,8 +116,7 @@ TOOL0_ORIGIN = Origin((0.0, 0.0, 0.0), (pi / 2, 0.0, pi / 2))
 FINGER_ORIGINS = (Origin((0.0, -0.0065, 0.0837)), Origin((0.0, 0.0065, 0.0837), (0.0, 0.0, pi)))
 # ABB's frames of the gripper, seen from tool0 (reference/yumi.md §2.2): [m], and quaternions w, x, y, z.
 _S = sqrt(0.5)
-_UPRIGHT: Quaternion = (1.0, 0.0, 0.0, 0.0)
-FINGERTIPS = Pose((0.0, 0.0, 0.1142), _UPRIGHT)
+FINGERTIPS = Pose((0.0, 0.0, 0.1142), IDENTITY)
 CAMERA = Pose((-0.0073, 0.0283, 0.0351), (0.5, -0.5, 0.5, 0.5))
 CUPS = {1: Pose((0.0635, 0.0185, 0.0375), (_S, 0.0, _S, 0.0)), 2: Pose((-0.0635, 0.0185, 0.0375), (0.0, -_S, 0.0, _S))}
 _FOOT_TO_JOINT_1 = Pose((0.0, 0.0, 0.066), (0.0, 0.0, 0.0, 1.0))
@@ -373,6 +371,9 @@ def _metres(values_mm: Vector) -> Vector:
     return (x, y, z)
 
 
+# ---- the frames of a URDF, read again
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """A link seen from its parent, where the joint between them is at zero.
@@ -433,15 +434,13 @@ def _vector(text: str | None) -> Vector:
     return (x, y, z)
 
 
-MOST_MASS = 0.5
-"""What an arm carries, its gripper included [kg] (reference/yumi.md)."""
+# ---- what a flange carries
 
-FARTHEST = 0.5
-"""A centre of gravity or a TCP is at most so far from the flange [m]: what is farther was hardly meant in metres."""
-
-_FLANGE = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-_LEAST_MASS = 0.001  # [kg] RAPID knows no tool without one; that of its tool0
-_NOTHING = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
+_MOST_LOAD = 0.5  # [kg] an arm carries, its gripper included (reference/yumi.md)
+_FARTHEST_FROM_FLANGE = 0.5  # [m] of a centre of gravity or a TCP: what is farther was hardly meant in metres
+_AT_FLANGE = Pose((0.0, 0.0, 0.0), IDENTITY)
+_LEAST_MASS = 0.001  # [kg] RAPID knows no tool without a mass; that of its tool0
+_NO_LOAD = Mass(0.0, (0.0, 0.0, 0.0), (0.0,) * 6)
 
 
 @dataclass(frozen=True, slots=True)
@@ -457,29 +456,29 @@ class Tool:
         CommandRefused: a value is not finite, negative or too large; the sentence says which.
     """
 
-    tcp: Pose = _FLANGE
-    load: Mass = _NOTHING
-    payload: Mass = _NOTHING
+    tcp: Pose = _AT_FLANGE
+    load: Mass = _NO_LOAD
+    payload: Mass = _NO_LOAD
 
     def __post_init__(self) -> None:
         for name, mass in (("tool", self.load), ("payload", self.payload)):
             if not all(map(isfinite, (mass.mass, *mass.centre, *mass.inertia))):
                 raise CommandRefused(f"The {name} has a value that is not finite: {mass}; give finite numbers.")
-            if mass.mass < 0.0 or hypot(*mass.centre) > FARTHEST:
+            if mass.mass < 0.0 or hypot(*mass.centre) > _FARTHEST_FROM_FLANGE:
                 raise CommandRefused(
                     f"The {name} has {mass.mass:g} kg at {hypot(*mass.centre):g} m from the flange; give a mass from 0 "
-                    f"to {MOST_MASS:g} kg, at most {FARTHEST:g} m away."
+                    f"to {_MOST_LOAD:g} kg, at most {_FARTHEST_FROM_FLANGE:g} m away."
                 )
             if min(principal_inertia(mass)[1]) < -1e-9:
                 raise CommandRefused(f"The {name} has a negative moment of inertia; give that about its own centre.")
-        if self.load.mass + self.payload.mass > MOST_MASS:
+        if self.load.mass + self.payload.mass > _MOST_LOAD:
             raise CommandRefused(
                 f"Tool and payload have {self.load.mass + self.payload.mass:g} kg together; an arm carries up to "
-                f"{MOST_MASS:g} kg, its gripper included."
+                f"{_MOST_LOAD:g} kg, its gripper included."
             )
-        if not all(map(isfinite, self.tcp.position)) or hypot(*self.tcp.position) > FARTHEST:
+        if not all(map(isfinite, self.tcp.position)) or hypot(*self.tcp.position) > _FARTHEST_FROM_FLANGE:
             raise CommandRefused(
-                f"The TCP is at {self.tcp.position}; give a place up to {FARTHEST:g} m from the flange."
+                f"The TCP is at {self.tcp.position}; give a place up to {_FARTHEST_FROM_FLANGE:g} m from the flange."
             )
         if not isclose(hypot(*self.tcp.orientation), 1.0, abs_tol=1e-3):
             raise CommandRefused(

@@ -34,6 +34,8 @@ from numpy.typing import NDArray
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
+    ARM_ANGLE_REFERENCES,
+    CONVERGED,
     ELBOW_OFFSET,
     FLANGE,
     FOREARM,
@@ -79,7 +81,6 @@ _STARTS = np.array([(0.25, 0.25), (0.25, 0.75), (0.75, 0.25), (0.75, 0.75)])  # 
 _DAMPING = 0.1  # of a step by the squares of what is missing
 _NEAR_ROOT = 0.1  # of either equation; what is no root after all, polishing leaves out
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
-_CONVERGED = 1e-12  # [m], [rad]: near a singularity a joint is off by a million times more
 _SAME = 1e-7  # [rad]
 _AT_LIMIT = 1e-10  # [rad] a joint that is calculated to be so little beyond its limit is at it
 _ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than 90°
@@ -151,7 +152,7 @@ def arm_angle(side: Side, position: Joints) -> float:
 
     Not defined where the line runs along the body's y axis or along axis 3; what is returned there is finite.
     """
-    return arm_angle_from(_reference(side), position)
+    return arm_angle_from(np.array(ARM_ANGLE_REFERENCES[side]), position)
 
 
 def arm_angle_from(reference: NDArray[np.float64], position: Joints) -> float:
@@ -251,10 +252,10 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
     """
     # Quickly where the arm is free; near singularities, and where there is no posture, with more care.
     result, miss = posture_near(side, wrist_target(side, tool0, angle), seed)
-    if miss > _CONVERGED:
+    if miss > CONVERGED:
         position, error = _polish(np.array([seed]), _targets(side, [tool0], [angle]))
         result, miss = joints(position[0]), float(error[0])
-    if miss > _CONVERGED:
+    if miss > CONVERGED:
         raise Unreachable(
             f"The {side.word} arm does not reach the pose from where it is: the nearest posture misses it by "
             f"{miss:.4f} (metres and radians). Choose a pose within reach, or another arm angle."
@@ -356,13 +357,8 @@ def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Ta
     in_foot = [compose(body_to_foot, tool0) for tool0 in tool0s]
     rotation = np.array([matrix(each.orientation) for each in in_foot]).reshape(-1, 3, 3) @ _TOOL0_TO_AXIS_6.T
     tip = np.array([each.position for each in in_foot]).reshape(-1, 3)
-    return _Targets(tip - rotation[:, :, _X] * FLANGE, rotation, np.array(angles, dtype=float), _reference(side))
-
-
-def _reference(side: Side) -> Array:
-    """The body's y axis, pointing to the other arm for the right arm and to the left arm's outside."""
-    to_left = np.array([0.0, 1.0 if side is Side.RIGHT else -1.0, 0.0])
-    return np.asarray(matrix(foot_to_body(side).orientation).T @ to_left)
+    wrist, reference = tip - rotation[:, :, _X] * FLANGE, np.array(ARM_ANGLE_REFERENCES[side])
+    return _Targets(wrist, rotation, np.array(angles, dtype=float), reference)
 
 
 # -- Forward kinematics and the seven equations, of n postures at once ------------------------------------------------
@@ -449,7 +445,7 @@ def _polished(positions: Array, of: Rows, targets: _Targets) -> tuple[Array, Row
     if not len(positions):
         return positions, of
     positions, errors = _polish(positions, targets.of(of))
-    good = errors < _CONVERGED
+    good = errors < CONVERGED
     positions, of = _wrapped(positions[good]), of[good]
     kept = _distinct(positions, of)
     return positions[kept], of[kept]

@@ -1,22 +1,20 @@
-"""Where the tool is: exact forward kinematics of one arm, and the rotations it is made of.
+"""Kinematics of one arm in plain numbers: where the tool is, how it moves with the joints, and the rotations of both.
 
 In the all-zero pose every axis of the arm is parallel to an axis of the arm's foot frame: 1 z, 2 y, 7 z, 3 y,
 4 x, 5 y, 6 x. So the chain is seven plane rotations with an offset in front of each, and no matrix is needed
-(reference/yumi.md §1.4; it reproduces ten poses of RobotStudio).
+(reference/yumi.md §1.4; it reproduces ten poses of RobotStudio). :func:`tool0_to_body` is that chain.
 
-How the tool moves with the joints, in plain numbers: fast enough for every cycle of the control loop.
-
-The same seven equations as in :mod:`yumi.robot.inverse_kinematics` (a pose and an arm angle), for one posture at a time
-and without numpy: the wrist and the frame of axis 6 stand for tool0, which only lies the flange's length further along.
-
-:func:`wrist_of` is forward kinematics with all derivatives, :class:`Solver` the step of the joints that makes up for
-what is missing to a target. Where axes are in line, the step is damped (Y. Nakamura, H. Hanafusa, 1986): no joint
-has to jump, and the arm angle, which counts least, gives way first.
+Differential kinematics is fast enough for every cycle of the control loop: :func:`wrist_of` is forward kinematics with
+all derivatives, :class:`DifferentialSolver` the step of the joints that makes up for what is missing to a target, and
+:func:`posture_near` repeats that step. A pose and an arm angle are seven equations, those of
+:mod:`yumi.robot.inverse_kinematics`; the wrist and the frame of axis 6 stand for tool0, which only lies the flange's
+length further along. Where axes are in line, the step is damped (Y. Nakamura, H. Hanafusa, 1986): no joint has to jump,
+and the arm angle, which counts least, gives way first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import asin, atan2, copysign, cos, hypot, inf, pi, sin, sqrt, tau
 from operator import mul
 from typing import NamedTuple
@@ -152,6 +150,37 @@ def quaternion_from_matrix(rotation: NDArray[np.float64]) -> Quaternion:
     return upper_half((w, x, y, z))
 
 
+def _about_x(angle: float) -> Quaternion:
+    return (cos(angle / 2.0), sin(angle / 2.0), 0.0, 0.0)
+
+
+def _about_y(angle: float) -> Quaternion:
+    return (cos(angle / 2.0), 0.0, sin(angle / 2.0), 0.0)
+
+
+def _about_z(angle: float) -> Quaternion:
+    return (cos(angle / 2.0), 0.0, 0.0, sin(angle / 2.0))
+
+
+def _foot(mirror: float) -> Pose:
+    alpha, beta, gamma = mirror * _LEFT_FOOT_ALPHA, _LEFT_FOOT_BETA, mirror * _LEFT_FOOT_GAMMA
+    orientation = multiply(multiply(_about_x(alpha), _about_y(beta)), _about_z(gamma))
+    return Pose((0.0, mirror * _LEFT_FOOT_Y, _FOOT_Z), orientation)
+
+
+_FEET = {Side.LEFT: _foot(1.0), Side.RIGHT: _foot(-1.0)}
+_BODY_TO_FOOT = {side: inverse(foot) for side, foot in _FEET.items()}
+
+ARM_ANGLE_REFERENCES: Mapping[Side, Vector] = {
+    side: rotate(rotation.orientation, (0.0, 1.0 if side is Side.RIGHT else -1.0, 0.0))
+    for side, rotation in _BODY_TO_FOOT.items()
+}
+"""Where the arm angle is counted from: along the body's y axis towards the other arm, in the foot frame (§5.2)."""
+
+
+# ---- where the tool is
+
+
 def foot_to_body(side: Side) -> Pose:
     """Where the arm is bolted to the body: its foot frame in ``yumi_body``, ABB's base frame of the robot."""
     return _FEET[side]
@@ -178,27 +207,6 @@ def tool0_to_body(side: Side, position: Joints, tool: Pose | None = None) -> Pos
     """
     pose = compose(_FEET[side], tool0_to_foot(position, tool))
     return Pose(pose.position, upper_half(pose.orientation))
-
-
-def _about_x(angle: float) -> Quaternion:
-    return (cos(angle / 2.0), sin(angle / 2.0), 0.0, 0.0)
-
-
-def _about_y(angle: float) -> Quaternion:
-    return (cos(angle / 2.0), 0.0, sin(angle / 2.0), 0.0)
-
-
-def _about_z(angle: float) -> Quaternion:
-    return (cos(angle / 2.0), 0.0, 0.0, sin(angle / 2.0))
-
-
-def _foot(mirror: float) -> Pose:
-    alpha, beta, gamma = mirror * _LEFT_FOOT_ALPHA, _LEFT_FOOT_BETA, mirror * _LEFT_FOOT_GAMMA
-    orientation = multiply(multiply(_about_x(alpha), _about_y(beta)), _about_z(gamma))
-    return Pose((0.0, mirror * _LEFT_FOOT_Y, _FOOT_Z), orientation)
-
-
-_FEET = {Side.LEFT: _foot(1.0), Side.RIGHT: _foot(-1.0)}
 
 
 def _chain(position: Joints) -> tuple[Vector, Quaternion]:
@@ -234,22 +242,22 @@ def _about_x_then_y(x_angle: float, y_angle: float) -> Quaternion:
     return (cx * cy, sx * cy, cx * sy, sx * sy)
 
 
-Row = tuple[float, float, float, float, float, float, float]
+# ---- how the tool moves with the joints
 
-_BODY_TO_FOOT = {side: inverse(foot_to_body(side)) for side in Side}
-# The body's y axis in the foot frame: the arm angle is counted from it (reference/yumi.md §5.2).
-REFERENCES = {
-    side: rotate(_BODY_TO_FOOT[side].orientation, (0.0, 1.0 if side is Side.RIGHT else -1.0, 0.0)) for side in Side
-}
+CONVERGED = 1e-12
+"""A posture that misses its target by less has it [m], [rad].
 
-_METRE = 4.0  # what a metre counts beside a radian of the tool's orientation
+Near a singularity a joint is off by a million times more.
+"""
+
+_METRE_IN_RADIANS = 4.0  # what a metre counts beside a radian of the tool's orientation
 _LEAST_DAMPING = 1e-14  # squared: without effect where the pose depends on the joints
 _SINGULAR = 0.05  # damped where it depends on them less than this
 _ELBOW_FREEDOM = 0.05  # squared: the elbow gives way where it turns less than this with the joints, the pose held
-_LEAST = 1e-30
+_NOT_ZERO = 1e-30  # squared: the arm angle of an elbow on the line from shoulder to wrist is any
 
-CONVERGED = 1e-12
-"""A posture that misses its target by less has it [m], [rad]."""
+Row = tuple[float, float, float, float, float, float, float]
+"""Seven numbers: one for each joint, chain order, or one for each equation."""
 
 
 class WristTarget(NamedTuple):
@@ -396,7 +404,7 @@ def wrist_of(side: Side, position: Joints) -> Wrist:  # noqa: PLR0915 - seven ax
     d16, d17, d18 = g2 * uz - g3 * uy, g3 * ux - g1 * uz, g1 * uy - g2 * ux
 
     # The arm angle lies between the reference and the elbow's axis e, seen along the line from shoulder to wrist.
-    r1, r2, r3 = REFERENCES[side]
+    r1, r2, r3 = ARM_ANGLE_REFERENCES[side]
     lx, ly, lz = wx, wy, wz - SHOULDER_HEIGHT
     length = sqrt(lx * lx + ly * ly + lz * lz)
     lx, ly, lz = lx / length, ly / length, lz / length
@@ -404,7 +412,7 @@ def wrist_of(side: Side, position: Joints) -> Wrist:  # noqa: PLR0915 - seven ax
     along, along_reference = lx * e1 + ly * e2 + lz * e3, lx * r1 + ly * r2 + lz * r3
     sine = n1 * e1 + n2 * e2 + n3 * e3
     cosine = e1 * r1 + e2 * r2 + e3 * r3 - along * along_reference
-    size = max(sine * sine + cosine * cosine, _LEAST)
+    size = max(sine * sine + cosine * cosine, _NOT_ZERO)
     angle = (atan2(sine, cosine) + 1.5 * pi) % tau - pi
     # Its change with the line's direction, then with the wrist; and with e, then with a turn of e.
     h1 = (cosine * (r2 * e3 - r3 * e2) + sine * (along_reference * e1 + along * r1)) / size
@@ -437,7 +445,7 @@ def wrist_of(side: Side, position: Joints) -> Wrist:  # noqa: PLR0915 - seven ax
     )
 
 
-def missing(now: Wrist, target: WristTarget) -> Row:
+def target_error(now: Wrist, target: WristTarget) -> Row:
     """What is missing to a target: position [m], rotation [rad] and arm angle [rad], (7,), in the foot frame."""
     (ax, ay, az), (bx, by, bz), (cx, cy, cz) = now.x, now.y, now.z
     (ux, uy, uz), (vx, vy, vz), (wx, wy, wz) = target.x, target.y, target.z
@@ -454,8 +462,8 @@ def missing(now: Wrist, target: WristTarget) -> Row:
     return (qx - px, qy - py, qz - pz, rx, ry, rz, (target.angle - now.angle + pi) % tau - pi)
 
 
-class Solver:
-    """Changes of the joints that make desired changes of position, rotation and arm angle, as in :func:`missing`.
+class DifferentialSolver:
+    """Changes of the joints that make desired changes of position, rotation and arm angle, see :func:`target_error`.
 
     The pose comes first, the arm angle takes what freedom is left. Away from singularities both are exact. Where the
     pose cannot change in a direction, its changes are damped; where the elbow cannot turn with the pose held, it gives
@@ -472,7 +480,7 @@ class Solver:
     """
 
     def __init__(self, now: Wrist, locked: Sequence[int] = (), weakest: Sequence[float] = (1.0,) * 6) -> None:
-        rows = [*([_METRE * value for value in row] for row in now.velocity), *map(list, now.rotation)]
+        rows = [*([_METRE_IN_RADIANS * value for value in row] for row in now.velocity), *map(list, now.rotation)]
         elbow = list(now.elbow)
         for row in (*rows, elbow):
             for index in locked:
@@ -499,7 +507,8 @@ class Solver:
         of its reach the arm slides along it.
         """
         px, py, pz, rx, ry, rz, angle = desired
-        goal: tuple[float, ...] = (_METRE * px, _METRE * py, _METRE * pz, rx, ry, rz)
+        metre = _METRE_IN_RADIANS
+        goal: tuple[float, ...] = (metre * px, metre * py, metre * pz, rx, ry, rz)
         weak, furthest = sum(map(mul, goal, self.weakest)), most * self.independence
         if abs(weak) > furthest:
             less = copysign(abs(weak) - furthest, weak)
@@ -544,11 +553,11 @@ def posture_near(side: Side, target: WristTarget, seed: Joints, steps: int = 12)
     position = seed
     for _ in range(steps):
         now = wrist_of(side, position)
-        left = missing(now, target)
+        left = target_error(now, target)
         miss = max(map(abs, left))
         if miss < CONVERGED:
             return position, miss
-        change = Solver(now).change(left)
+        change = DifferentialSolver(now).change(left)
         factor = min(1.0, 0.5 / max(map(abs, change)))
         position = joints([value + factor * step for value, step in zip(position, change, strict=True)])
-    return position, max(map(abs, missing(wrist_of(side, position), target)))
+    return position, max(map(abs, target_error(wrist_of(side, position), target)))

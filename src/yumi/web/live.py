@@ -65,13 +65,13 @@ from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side
 from yumi.robot.kinematics import (
-    Solver,
+    DifferentialSolver,
     compose,
     inverse,
-    missing,
     multiply,
     quaternion_of,
     rotate,
+    target_error,
     tool0_to_body,
     wrist_of,
     wrist_target,
@@ -501,7 +501,7 @@ def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
     x, y, z = (place + step * speed for place, speed in zip(tip.position, linear, strict=True))
     after = Pose((x, y, z), multiply(quaternion_of(angular, step), tip.orientation))
     target = wrist_target(side, compose(after, inverse(FINGERTIPS)), now.angle + step * jog.elbow)
-    fastest = max(map(abs, Solver(now).change(missing(now, target)))) / step
+    fastest = max(map(abs, DifferentialSolver(now).change(target_error(now, target)))) / step
     share = min(1.0, MAX_JOINT_SPEED / max(fastest, 1e-9))
     (a, b, c), (d, e, f) = jog.linear, jog.angular
     return msgspec.structs.replace(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from yumi.process import supervision as command
+from yumi.process import supervision
 from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
 
@@ -36,7 +36,7 @@ OUTPUT: list[str] = []
 def _children(monkeypatch: pytest.MonkeyPatch) -> None:
     started.clear()
     OUTPUT.clear()
-    monkeypatch.setattr(command, "subprocess", SimpleNamespace(Popen=Child, PIPE=-1, STDOUT=-2))
+    monkeypatch.setattr(supervision, "subprocess", SimpleNamespace(Popen=Child, PIPE=-1, STDOUT=-2))
 
 
 def test_secrets_reach_the_child_by_its_environment_and_not_by_its_arguments(

@@ -24,13 +24,13 @@ import pytest
 
 from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import write_goal
-from yumi.control.shared_state import Event, Snapshot, is_fault, new_event, read_snapshot, shared_numbers
+from yumi.control.shared_state import Event, Snapshot, is_fault, new_cycle_event, read_snapshot, shared_numbers
 from yumi.driver.control_process import ArmBuffers, ControlServer, Stop
 from yumi.driver.settings import read_controllers
 from yumi.driver.wiring import EgmPlan, build_arms
 from yumi.egm.udp import UdpClient, UdpServer, free_port
 from yumi.errors import MissingPrerequisite, NoConnection, SettingsError
-from yumi.process import supervision as command_module
+from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
@@ -74,7 +74,7 @@ def test_full_shared_memory_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_missing_semaphores_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(PROCESSES, "Semaphore", refuse)
     with pytest.raises(MissingPrerequisite, match=r"no shared memory \(No space left on device\)"):
-        new_event()
+        new_cycle_event()
 
 
 def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:
@@ -127,7 +127,7 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
     script = f"import sys; [print('line', n) for n in range({lines})]; print('{DRIVER_READY}there'); sys.stdin.read()"
     start = subprocess.Popen
     monkeypatch.setattr(
-        command_module.subprocess,
+        supervision.subprocess,
         "Popen",
         lambda arguments, **options: start([sys.executable, "-c", script], **options),
     )

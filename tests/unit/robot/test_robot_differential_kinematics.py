@@ -12,11 +12,11 @@ from unit.robot.test_robot_kinematics import rad
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, home, joints
 from yumi.robot.kinematics import (
-    Solver,
+    DifferentialSolver,
     foot_to_body,
     matrix,
-    missing,
     posture_near,
+    target_error,
     tool0_to_body,
     wrist_of,
     wrist_target,
@@ -28,7 +28,7 @@ POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 def test_the_wrist_of_a_posture_is_that_of_its_pose_and_arm_angle() -> None:
     for side, position in random_postures(1500, 50):
         target = wrist_target(side, tool0_to_body(side, position), arm_angle(side, position))
-        assert max(map(abs, missing(wrist_of(side, position), target))) < 1e-12
+        assert max(map(abs, target_error(wrist_of(side, position), target))) < 1e-12
 
 
 def test_derivatives_are_those_of_forward_kinematics() -> None:
@@ -43,7 +43,7 @@ def test_derivatives_are_those_of_forward_kinematics() -> None:
             ahead[index] += step
             back[index] -= step
             target = wrist_target(side, tool0_to_body(side, joints(ahead)), arm_angle(side, joints(ahead)))
-            change = np.array(missing(wrist_of(side, joints(back)), target)) / (2.0 * step)
+            change = np.array(target_error(wrist_of(side, joints(back)), target)) / (2.0 * step)
             assert change == pytest.approx(found[:, index], rel=1e-6, abs=1e-6)
 
 
@@ -60,15 +60,15 @@ def test_independence_is_the_smallest_singular_value() -> None:
     now = wrist_of(Side.RIGHT, POSTURE)
     weighted = np.concatenate([4.0 * np.array(now.velocity), np.array(now.rotation)])
     expected = np.linalg.svd(weighted, compute_uv=False)[-1]
-    solver = Solver(now)
+    solver = DifferentialSolver(now)
     for _ in range(20):
-        solver = Solver(now, weakest=solver.weakest)
+        solver = DifferentialSolver(now, weakest=solver.weakest)
     assert solver.independence == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_change_keeps_locked_joints() -> None:
     now = wrist_of(Side.RIGHT, POSTURE)
-    change = Solver(now, locked=(2,)).change((0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    change = DifferentialSolver(now, locked=(2,)).change((0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert change[2] == 0.0
     moved = wrist_of(Side.RIGHT, joints([a + b for a, b in zip(POSTURE, change, strict=True)]))
     assert np.subtract(moved.wrist, now.wrist) == pytest.approx([0.001, 0.0, 0.0], abs=2e-6)
@@ -83,16 +83,16 @@ def test_no_joint_jumps_where_axes_are_in_line(posture_deg: tuple[float, ...]) -
         wanted = generator.normal(size=7)
         wanted *= 0.001 / hypot(*wanted)
         near = joints([value + offset for value, offset in zip(position, generator.normal(0, 1e-3, 7), strict=True)])
-        change = Solver(wrist_of(Side.RIGHT, near)).change(tuple(wanted.tolist()))
+        change = DifferentialSolver(wrist_of(Side.RIGHT, near)).change(tuple(wanted.tolist()))
         assert max(map(abs, change)) < 0.06
 
 
 def test_the_weakest_direction_is_limited() -> None:
     stretched = rad((0, -60, -90, -89, 0, 60, 0))
     now = wrist_of(Side.RIGHT, stretched)
-    solver = Solver(now)
+    solver = DifferentialSolver(now)
     for _ in range(20):
-        solver = Solver(now, weakest=solver.weakest)
+        solver = DifferentialSolver(now, weakest=solver.weakest)
     outward = np.array(now.wrist) - (0.0, 0.0, 0.166)
     outward *= 0.01 / np.linalg.norm(outward)
     wanted = (*outward.tolist(), 0.0, 0.0, 0.0, 0.0)

@@ -3,8 +3,8 @@
 Lines are planned before they begin (:mod:`yumi.control.tool_path`) and arrive as trajectories: this controller follows
 them as the joint trajectory controllers do. Streams are followed here, in every cycle: the tool's target moves
 smoothly, within the tool's limits, and the joints follow it by one step of the inverse kinematics
-(:mod:`yumi.robot.kinematics`). What would be too fast for a joint, as near a singularity, slows all of
-them down; a joint at the end of its range stays there, and the elbow gives way first.
+(:class:`yumi.robot.kinematics.DifferentialSolver`). What would be too fast for a joint, as near a singularity, slows
+all of them down; a joint at the end of its range stays there, and the elbow gives way first.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ from yumi.robot.joints import (
     joints,
 )
 from yumi.robot.kinematics import (
-    Solver,
+    DifferentialSolver,
     compose,
     inverse,
-    missing,
     multiply,
     quaternion_of,
     rotate,
     rotation_vector,
+    target_error,
     tool0_to_body,
     wrist_of,
     wrist_target,
@@ -397,13 +397,13 @@ class _Stream:
         side, position, now = self._side, self._joints.position, self._now
         old = wrist_target(side, compose(before[0], self._to_tool0), before[1])
         new = wrist_target(side, compose(self._pose, self._to_tool0), self._target[6])
-        behind, ahead = missing(now, old), missing(now, new)
+        behind, ahead = target_error(now, old), target_error(now, new)
         self._was_behind = max(map(abs, behind))
         onward = joints([b - a for a, b in zip(behind, ahead, strict=True)])
         limits = self._limits
         locked: dict[int, float] = {}
         for _ in range(_MOST_LOCKED):
-            solver = Solver(now, tuple(locked), self._weakest)
+            solver = DifferentialSolver(now, tuple(locked), self._weakest)
             self.independence, self._weakest = solver.independence, solver.weakest
             # In its weakest direction no faster than the arm can stop before its axes are in line.
             fastest = max(_FASTEST_WEAK, speed_to_stop(solver.independence, *self._weakest_joint))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from yumi.errors import RobotNotReady
-from yumi.process.realtime import Only, lock_folder
+from yumi.process.supervision import SingleInstance, lock_folder
 
 NAME = "yumi-test at 127.0.0.1:80/x"
 
@@ -21,7 +21,7 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
-    first, second = (Only(NAME, "Another one runs ({owner}); stop it.") for _ in range(2))
+    first, second = (SingleInstance(NAME, "Another one runs ({owner}); stop it.") for _ in range(2))
     first.claim()
     with pytest.raises(RobotNotReady, match=rf"Another one runs \(process {os.getpid()}\); stop it"):
         second.claim()
@@ -31,12 +31,15 @@ def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
 
 
 def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
-    text = f"from yumi.process.realtime import Only\nOnly({NAME!r}, '').claim()\nprint('claimed', flush=True)\ninput()"
+    text = (
+        f"from yumi.process.supervision import SingleInstance\nSingleInstance({NAME!r}, '').claim()\n"
+        "print('claimed', flush=True)\ninput()"
+    )
     child = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     with child:
         assert child.stdout is not None
         assert child.stdout.readline() == "claimed\n"
-        own = Only(NAME, "{owner}")
+        own = SingleInstance(NAME, "{owner}")
         with pytest.raises(RobotNotReady, match=f"process {child.pid}"):
             own.claim()
         child.kill()
@@ -45,7 +48,7 @@ def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
 
 
 def test_lock_cannot_be_taken_or_read_by_other_users(folder: Path) -> None:
-    only = Only(NAME, "")
+    only = SingleInstance(NAME, "")
     only.claim()
     (file,) = folder.iterdir()
     assert file.stat().st_mode & 0o077 == 0
@@ -63,4 +66,4 @@ def test_folder_for_temporary_files_serves_where_there_is_no_folder_of_the_login
     assert own.stat().st_mode & 0o777 == 0o700
     own.chmod(0o755)
     with pytest.raises(RobotNotReady, match="not this user's own, or open to others; set XDG_RUNTIME_DIR"):
-        Only(NAME, "").claim()
+        SingleInstance(NAME, "").claim()

@@ -5,7 +5,7 @@ from math import inf, nan
 
 import pytest
 
-from yumi import settings as parameter
+from yumi import settings
 from yumi.errors import CommandRefused
 from yumi.settings import Parameter, ParameterType, Value
 
@@ -84,5 +84,5 @@ def test_parameter_refuses_what_is_not_allowed(parameter: Parameter, value: obje
 
 def test_values_are_read_by_type() -> None:
     values = {"a": 1, "b": True, "c": "x", "d": (1.0, 2.0), "e": ("y",)}
-    assert (parameter.number(values, "a"), parameter.flag(values, "b"), parameter.text(values, "c")) == (1, True, "x")
-    assert (parameter.numbers(values, "d"), parameter.texts(values, "e")) == ((1.0, 2.0), ("y",))
+    assert (settings.number(values, "a"), settings.flag(values, "b"), settings.text(values, "c")) == (1, True, "x")
+    assert (settings.numbers(values, "d"), settings.texts(values, "e")) == ((1.0, 2.0), ("y",))
