@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import byref
-from functools import cached_property
 from math import dist, fsum, inf, isfinite
 from struct import Struct
 from typing import NamedTuple
@@ -48,7 +47,8 @@ _EXACT = 1e-6  # [m]
 _STAYS = 1e-6  # [rad]
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
-_MOTION = Struct("58d")
+_SENT, _ELSE = Struct("28d"), Struct("30d")  # of a motion as collision.cpp reads it
+_NOTHING_ELSE = bytes(_ELSE.size)
 
 
 class ArmMotion:
@@ -59,26 +59,28 @@ class ArmMotion:
         sent: how the position sent moves.
         robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
         coasts_to: where the robot may go if it is not heard any more [rad], (7,).
+
+    Attributes:
+        packed: as ``collision.cpp`` reads it.
     """
 
     def __init__(
         self, planned: Joints, sent: Setpoint, robot: Setpoint | None, coasts_to: Joints | None = None
     ) -> None:
         self.planned, self.sent, self.robot, self.coasts_to = planned, sent, robot, coasts_to
+        p, v, a = sent
+        self.packed = _SENT.pack(*planned, *p, *v, *a)
+        if robot is None and coasts_to is None:  # nearly always
+            self.packed += _NOTHING_ELSE
+        else:
+            p, v, a = robot or _NO_SETPOINT
+            self.packed += _ELSE.pack(robot is not None, *p, *v, *a, coasts_to is not None, *(coasts_to or ZERO))
 
     def stays(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether a command changes nothing; arguments as of the class. Most of the time an arm stands."""
         if self.sent != sent or self.robot != robot or self.coasts_to is not None:
             return False
         return self.planned is planned or dist(self.planned, planned) < _NOISE
-
-    @cached_property
-    def packed(self) -> bytes:
-        """As ``collision.cpp`` reads it."""
-        robot, coasts_to = self.robot or _NO_SETPOINT, self.coasts_to or ZERO
-        flags = self.robot is not None, self.coasts_to is not None
-        p, v, a = self.sent
-        return _MOTION.pack(*self.planned, *p, *v, *a, flags[0], *robot[0], *robot[1], *robot[2], flags[1], *coasts_to)
 
 
 _NO_SETPOINT = Setpoint(ZERO)
@@ -468,6 +470,9 @@ class ArmCollisionLimiter:
 
     def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, feeds_forward: bool) -> bool:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
+        its = self.other.motion
+        if motion.robot is None and (its is None or its.robot is None):
+            return True  # robots that are sent positions only go nowhere else
         share, apart = (_SHARE_AHEAD, _COASTING_AHEAD) if feeds_forward else (1.0, _COASTING)
         most = int(share * self._both.distances)
         is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)

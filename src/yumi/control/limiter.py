@@ -82,6 +82,7 @@ class PositionLimiter:
         self._planned: dict[int, tuple[float, float]] = {}
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
         self._step_time = 0.0  # [s] of the last step
+        self._motion: Setpoint | None = None  # see motion
 
     def next(self, desired: Joints, dt: float, elapsed: float) -> Joints:
         """``desired`` itself if a step there is smooth enough, else the next position towards it, within the limits.
@@ -93,7 +94,7 @@ class PositionLimiter:
             dt: how long the joints may move [s].
             elapsed: since the position that was desired before [s]; longer than ``dt`` after a gap.
         """
-        step, self._step_time = self._step_to(desired, dt), dt
+        step, self._step_time, self._motion = self._step_to(desired, dt), dt, None
         is_late = () if self._is_gentle(step, dt) else [not self._is_smooth(i, step, dt) for i in range(JOINT_COUNT)]
         if not any(is_late):
             self._sent = self._goal = step
@@ -143,15 +144,16 @@ class PositionLimiter:
     @property
     def motion(self) -> Setpoint:
         """The position sent last, and how it moves at the end of its step."""
-        position, velocity, acceleration = self._sent
-        if not self._planned and not any(velocity) and not any(acceleration):
-            return Setpoint(position)
+        if self._motion is not None:  # asked for twice in a cycle
+            return self._motion
+        position, rates = self._sent.position, self._sent.acceleration
         half = 0.5 * self._step_time
-        now = [
-            self._planned.get(index) or (velocity[index] + half * acceleration[index], acceleration[index])
-            for index in range(JOINT_COUNT)
-        ]
-        return Setpoint(position, *map(fixed, zip(*now, strict=True)))
+        speeds = fixed([speed + half * rate for speed, rate in zip(self._sent.velocity, rates, strict=True)])
+        if self._planned:
+            own = [self._planned.get(index, each) for index, each in enumerate(zip(speeds, rates, strict=True))]
+            speeds, rates = map(fixed, zip(*own, strict=True))
+        self._motion = Setpoint(position, speeds, rates) if any(speeds) or any(rates) else Setpoint(position)
+        return self._motion
 
     def brake(self, dt: float) -> Joints:
         """The next position of joints that all brake as hard as they may, for ``dt`` [s]."""
@@ -159,7 +161,7 @@ class PositionLimiter:
         self._sent = self._goal = self._step_to(inside(rest.position, self._limits, self.position), dt)
         self._planned = dict(enumerate(zip(rest.velocity, rest.acceleration, strict=True)))
         self._chasing = frozenset()
-        self._step_time = dt
+        self._step_time, self._motion = dt, None
         return self.position
 
     def stands(self, dt: float) -> bool:
