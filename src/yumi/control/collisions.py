@@ -13,7 +13,7 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from ctypes import byref
 from math import dist, fsum, inf, isfinite
 from struct import Struct
@@ -169,7 +169,7 @@ class ProgressCheck:
         sent: Joints,
         dt: float,
         limited: Limited | None,
-        surroundings: Surroundings,
+        surroundings: Callable[[], Surroundings],
     ) -> bool:
         """Whether the arm is to hold whatever is desired; to be asked in every cycle.
 
@@ -179,13 +179,13 @@ class ProgressCheck:
             sent: the position it was sent last [rad], (7,).
             dt: time since the cycle before [s].
             limited: what limited it in that cycle, unless it was too fast to be led along a boundary.
-            surroundings: as they are now.
+            surroundings: returns them as they are now.
         """
         if desired is None or not self._is_same(desired, measured):
             self._begin(desired, measured, inf if desired is None else dist(desired.position, sent))
             return False
         if self._held_by is not None:
-            if not self._have_changed(self._held_by, surroundings):
+            if not self._have_changed(self._held_by, surroundings()):
                 return True
             self._held_by, self.limited, self._limited_for = None, None, 0.0
             return False
@@ -195,7 +195,7 @@ class ProgressCheck:
         elif limited is not None:
             self._limited_for += dt
             if self._limited_for > _LIMITED_FOR:
-                self._held_by, self.limited = surroundings, limited
+                self._held_by, self.limited = surroundings(), limited
                 self._desired, self._measured = desired, measured
         return self._held_by is not None
 
@@ -263,6 +263,8 @@ class CollisionLimiter:
         self.gain = gain
         self.distances = distances
         self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
+        for side, arm in self._arms.items():
+            arm.other = self._arms[side.other]
         self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
             self.is_of[side][parts] = True
@@ -328,12 +330,15 @@ class ArmCollisionLimiter:
 
     Attributes:
         side: which arm.
+        other: that of the other arm.
         motion: of the command sent last; None before the first.
         is_heard: whether its robot's datagrams arrive.
         is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
         boundaries: near it.
     """
+
+    other: ArmCollisionLimiter
 
     def __init__(self, both: CollisionLimiter, side: Side) -> None:
         self.side = side
@@ -350,11 +355,6 @@ class ArmCollisionLimiter:
         self._feedforward_withheld_for = 0  # cycles, since the robot would have coasted too far with it
         self._coasts_into: Limited | None = None  # what it would have coasted into
 
-    @property
-    def other(self) -> ArmCollisionLimiter:
-        """That of the other arm."""
-        return self._both.arm(self.side.other)
-
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
         before, self.limited, self._distances_left = self.limited, None, self._both.distances
@@ -362,19 +362,21 @@ class ArmCollisionLimiter:
         self._coasts_into = self._coasts_into if self._feedforward_withheld_for else None
         if self.motion is None:
             return False
-        its = self.other
-        position = its.motion.sent.position if its.motion is not None else None
-        coasts = its.motion is not None and its.motion.coasts_to is not None
-        is_limited = its.limited is not None or its._progress.is_limited
-        surroundings = Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
         was_held, sent = self._progress.limited, self.motion.sent.position
         limited = before if before is not None and self._is_slow else None  # a faster one has to slow down first
-        is_held = self._progress.holds(desired, measured, sent, dt, limited, surroundings)
+        is_held = self._progress.holds(desired, measured, sent, dt, limited, self._surroundings)
         if is_held:
             self.limited = self._progress.limited
         elif was_held is not None:
             self.boundaries = []
         return is_held
+
+    def _surroundings(self) -> Surroundings:
+        its = self.other
+        position = its.motion.sent.position if its.motion is not None else None
+        coasts = its.motion is not None and its.motion.coasts_to is not None
+        is_limited = its.limited is not None or its._progress.is_limited
+        return Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
 
     def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
@@ -462,9 +464,10 @@ class ArmCollisionLimiter:
         is_clear, limited = self._decide(motion, last, self._distances_left)
         if limited is not None:
             self.limited = limited
+        found = self._decision
         self.boundaries = [
             Boundary(each, self._limited_by(each.part, each.other, each.distance))
-            for each in self._decision.boundaries[: self._decision.boundary_count]
+            for each in (found.boundaries[: found.boundary_count] if found.boundary_count else ())
         ]
         return is_clear
 
