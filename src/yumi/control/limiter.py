@@ -36,7 +36,18 @@ from yumi.control.motion import (
     step_towards,
 )
 from yumi.control.shared_state import Factor, Limited, Problem
-from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
+from yumi.robot.joints import (
+    CYCLE,
+    JOINT_COUNT,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    JointLimits,
+    Joints,
+    change_rate,
+    joints,
+    moved,
+)
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
@@ -146,8 +157,7 @@ class PositionLimiter:
         if self._motion is not None:  # asked for twice in a cycle
             return self._motion
         position, rates = self._sent.position, self._sent.acceleration
-        half = 0.5 * self._step_time
-        speeds = fixed([speed + half * rate for speed, rate in zip(self._sent.velocity, rates, strict=True)])
+        speeds = moved(self._sent.velocity, rates, 0.5 * self._step_time)
         if self._planned:
             own = [self._planned.get(index, each) for index, each in enumerate(zip(speeds, rates, strict=True))]
             speeds, rates = map(fixed, zip(*own, strict=True))
@@ -182,13 +192,14 @@ class PositionLimiter:
         (speed, top, jerk), limits = self._weakest, self._limits
         acceleration = hypot(*step.acceleration)
         fastest = max(map(abs, step.velocity)) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk)
-        room = min(*map(sub, step.position, limits.lower), *map(sub, limits.upper, step.position))
+        way = 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp)  # see speed_to_stop
         return (
             not self._chasing
             and fastest <= speed
             and acceleration <= top
             and dist(step.acceleration, self._sent.acceleration) <= jerk * dt
-            and 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp) < room  # see speed_to_stop
+            and way < min(map(sub, step.position, limits.lower))
+            and way < min(map(sub, limits.upper, step.position))
         )
 
     def _is_smooth(self, index: int, step: Setpoint, dt: float) -> bool:
