@@ -8,7 +8,17 @@ from pathlib import Path
 import pytest
 
 from yumi.errors import RobotNotReady
-from yumi_evaluation.bench.contenders import ECHO, Case, Contender, Mode, Runtime, control_loop
+from yumi_evaluation.bench.contenders import (
+    ECHO,
+    Case,
+    Contender,
+    Mode,
+    Runtime,
+    busy_ros_graph,
+    control_loop,
+    ros_graph,
+)
+from yumi_evaluation.bench.figures import Run
 from yumi_evaluation.bench.run import Workshop, run_case
 
 CYCLES = 200
@@ -28,7 +38,19 @@ def workshop() -> Workshop:
 @pytest.mark.parametrize("contender", [ECHO, control_loop("blocking")], ids=lambda each: str(each.name))
 @pytest.mark.parametrize("mode", Mode)
 def test_every_reply_of_both_arms_is_right(workshop: Workshop, contender: Contender, mode: Mode) -> None:
-    run = run_case(workshop, Case(contender, mode, 2), 1, CYCLES)
+    check_replies(run_case(workshop, Case(contender, mode, 2), 1, CYCLES))
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("contender", [ros_graph("blocking"), busy_ros_graph("blocking")], ids=lambda each: each.name)
+def test_ros_graph_replies_and_its_subscriber_hears_every_topic(workshop: Workshop, contender: Contender) -> None:
+    run = run_case(workshop, Case(contender, Mode.PACED, 2), 1, CYCLES)
+    check_replies(run)
+    assert run.heard
+    assert [topic for topic, count in run.heard.items() if not count] == []
+
+
+def check_replies(run: Run) -> None:
     assert run.count("unparsed") == 0
     assert run.latencies.shape == (2, CYCLES)
     # A machine under other load may let a few go; the replies of a limiter that catches up belong to no certain cycle.

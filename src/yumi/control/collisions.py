@@ -13,9 +13,8 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from ctypes import byref
-from functools import cached_property
 from math import dist, fsum, inf, isfinite
 from struct import Struct
 from typing import NamedTuple
@@ -48,7 +47,8 @@ _EXACT = 1e-6  # [m]
 _STAYS = 1e-6  # [rad]
 _FLAT = 1e-4  # [m²/rad²] of a boundary's slope, below which no joint leads away from it
 _REPEATS = 3  # of leading off one boundary after the other
-_MOTION = Struct("58d")
+_SENT, _ELSE = Struct("28d"), Struct("30d")  # of a motion as collision.cpp reads it
+_NOTHING_ELSE = bytes(_ELSE.size)
 
 
 class ArmMotion:
@@ -59,26 +59,28 @@ class ArmMotion:
         sent: how the position sent moves.
         robot: how the robot itself moves where speeds are fed forward to it; None where it follows the position sent.
         coasts_to: where the robot may go if it is not heard any more [rad], (7,).
+
+    Attributes:
+        packed: as ``collision.cpp`` reads it.
     """
 
     def __init__(
         self, planned: Joints, sent: Setpoint, robot: Setpoint | None, coasts_to: Joints | None = None
     ) -> None:
         self.planned, self.sent, self.robot, self.coasts_to = planned, sent, robot, coasts_to
+        p, v, a = sent
+        self.packed = _SENT.pack(*planned, *p, *v, *a)
+        if robot is None and coasts_to is None:  # nearly always
+            self.packed += _NOTHING_ELSE
+        else:
+            p, v, a = robot or _NO_SETPOINT
+            self.packed += _ELSE.pack(robot is not None, *p, *v, *a, coasts_to is not None, *(coasts_to or ZERO))
 
     def stays(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> bool:
         """Whether a command changes nothing; arguments as of the class. Most of the time an arm stands."""
         if self.sent != sent or self.robot != robot or self.coasts_to is not None:
             return False
         return self.planned is planned or dist(self.planned, planned) < _NOISE
-
-    @cached_property
-    def packed(self) -> bytes:
-        """As ``collision.cpp`` reads it."""
-        robot, coasts_to = self.robot or _NO_SETPOINT, self.coasts_to or ZERO
-        flags = self.robot is not None, self.coasts_to is not None
-        p, v, a = self.sent
-        return _MOTION.pack(*self.planned, *p, *v, *a, flags[0], *robot[0], *robot[1], *robot[2], flags[1], *coasts_to)
 
 
 _NO_SETPOINT = Setpoint(ZERO)
@@ -167,7 +169,7 @@ class ProgressCheck:
         sent: Joints,
         dt: float,
         limited: Limited | None,
-        surroundings: Surroundings,
+        surroundings: Callable[[], Surroundings],
     ) -> bool:
         """Whether the arm is to hold whatever is desired; to be asked in every cycle.
 
@@ -177,13 +179,13 @@ class ProgressCheck:
             sent: the position it was sent last [rad], (7,).
             dt: time since the cycle before [s].
             limited: what limited it in that cycle, unless it was too fast to be led along a boundary.
-            surroundings: as they are now.
+            surroundings: returns them as they are now.
         """
         if desired is None or not self._is_same(desired, measured):
             self._begin(desired, measured, inf if desired is None else dist(desired.position, sent))
             return False
         if self._held_by is not None:
-            if not self._have_changed(self._held_by, surroundings):
+            if not self._have_changed(self._held_by, surroundings()):
                 return True
             self._held_by, self.limited, self._limited_for = None, None, 0.0
             return False
@@ -193,7 +195,7 @@ class ProgressCheck:
         elif limited is not None:
             self._limited_for += dt
             if self._limited_for > _LIMITED_FOR:
-                self._held_by, self.limited = surroundings, limited
+                self._held_by, self.limited = surroundings(), limited
                 self._desired, self._measured = desired, measured
         return self._held_by is not None
 
@@ -261,6 +263,8 @@ class CollisionLimiter:
         self.gain = gain
         self.distances = distances
         self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
+        for side, arm in self._arms.items():
+            arm.other = self._arms[side.other]
         self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
             self.is_of[side][parts] = True
@@ -326,12 +330,15 @@ class ArmCollisionLimiter:
 
     Attributes:
         side: which arm.
+        other: that of the other arm.
         motion: of the command sent last; None before the first.
         is_heard: whether its robot's datagrams arrive.
         is_read: whether its joints were read from the controller since they did.
         limited: what limits it in this cycle.
         boundaries: near it.
     """
+
+    other: ArmCollisionLimiter
 
     def __init__(self, both: CollisionLimiter, side: Side) -> None:
         self.side = side
@@ -348,11 +355,6 @@ class ArmCollisionLimiter:
         self._feedforward_withheld_for = 0  # cycles, since the robot would have coasted too far with it
         self._coasts_into: Limited | None = None  # what it would have coasted into
 
-    @property
-    def other(self) -> ArmCollisionLimiter:
-        """That of the other arm."""
-        return self._both.arm(self.side.other)
-
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: see :class:`ProgressCheck`, as for the arguments."""
         before, self.limited, self._distances_left = self.limited, None, self._both.distances
@@ -360,19 +362,21 @@ class ArmCollisionLimiter:
         self._coasts_into = self._coasts_into if self._feedforward_withheld_for else None
         if self.motion is None:
             return False
-        its = self.other
-        position = its.motion.sent.position if its.motion is not None else None
-        coasts = its.motion is not None and its.motion.coasts_to is not None
-        is_limited = its.limited is not None or its._progress.is_limited
-        surroundings = Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
         was_held, sent = self._progress.limited, self.motion.sent.position
         limited = before if before is not None and self._is_slow else None  # a faster one has to slow down first
-        is_held = self._progress.holds(desired, measured, sent, dt, limited, surroundings)
+        is_held = self._progress.holds(desired, measured, sent, dt, limited, self._surroundings)
         if is_held:
             self.limited = self._progress.limited
         elif was_held is not None:
             self.boundaries = []
         return is_held
+
+    def _surroundings(self) -> Surroundings:
+        its = self.other
+        position = its.motion.sent.position if its.motion is not None else None
+        coasts = its.motion is not None and its.motion.coasts_to is not None
+        is_limited = its.limited is not None or its._progress.is_limited
+        return Surroundings(position, (its.is_heard, its.is_read, coasts), self._both.margins, is_limited)
 
     def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
@@ -460,14 +464,18 @@ class ArmCollisionLimiter:
         is_clear, limited = self._decide(motion, last, self._distances_left)
         if limited is not None:
             self.limited = limited
+        found = self._decision
         self.boundaries = [
             Boundary(each, self._limited_by(each.part, each.other, each.distance))
-            for each in self._decision.boundaries[: self._decision.boundary_count]
+            for each in (found.boundaries[: found.boundary_count] if found.boundary_count else ())
         ]
         return is_clear
 
     def _coasts_clear(self, motion: ArmMotion, last: ArmMotion, *, feeds_forward: bool) -> bool:
         """Whether nothing touches wherever both arms would coast without their links; arguments as above."""
+        its = self.other.motion
+        if motion.robot is None and (its is None or its.robot is None):
+            return True  # robots that are sent positions only go nowhere else
         share, apart = (_SHARE_AHEAD, _COASTING_AHEAD) if feeds_forward else (1.0, _COASTING)
         most = int(share * self._both.distances)
         is_clear, limited = self._decide(motion, last, min(self._distances_left, most), apart)

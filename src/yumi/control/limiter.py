@@ -18,7 +18,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
-from typing import TypeVar
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
@@ -37,7 +36,18 @@ from yumi.control.motion import (
     step_towards,
 )
 from yumi.control.shared_state import Factor, Limited, Problem
-from yumi.robot.joints import CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, change_rate, joints
+from yumi.robot.joints import (
+    CYCLE,
+    JOINT_COUNT,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    JointLimits,
+    Joints,
+    change_rate,
+    joints,
+    moved,
+)
 
 _ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
 _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
@@ -82,6 +92,7 @@ class PositionLimiter:
         self._planned: dict[int, tuple[float, float]] = {}
         self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
         self._step_time = 0.0  # [s] of the last step
+        self._motion: Setpoint | None = None  # see motion
 
     def next(self, desired: Joints, dt: float, elapsed: float) -> Joints:
         """``desired`` itself if a step there is smooth enough, else the next position towards it, within the limits.
@@ -93,7 +104,7 @@ class PositionLimiter:
             dt: how long the joints may move [s].
             elapsed: since the position that was desired before [s]; longer than ``dt`` after a gap.
         """
-        step, self._step_time = self._step_to(desired, dt), dt
+        step, self._step_time, self._motion = self._step_to(desired, dt), dt, None
         is_late = () if self._is_gentle(step, dt) else [not self._is_smooth(i, step, dt) for i in range(JOINT_COUNT)]
         if not any(is_late):
             self._sent = self._goal = step
@@ -143,15 +154,15 @@ class PositionLimiter:
     @property
     def motion(self) -> Setpoint:
         """The position sent last, and how it moves at the end of its step."""
-        position, velocity, acceleration = self._sent
-        if not self._planned and not any(velocity) and not any(acceleration):
-            return Setpoint(position)
-        half = 0.5 * self._step_time
-        now = [
-            self._planned.get(index) or (velocity[index] + half * acceleration[index], acceleration[index])
-            for index in range(JOINT_COUNT)
-        ]
-        return Setpoint(position, *map(fixed, zip(*now, strict=True)))
+        if self._motion is not None:  # asked for twice in a cycle
+            return self._motion
+        position, rates = self._sent.position, self._sent.acceleration
+        speeds = moved(self._sent.velocity, rates, 0.5 * self._step_time)
+        if self._planned:
+            own = [self._planned.get(index, each) for index, each in enumerate(zip(speeds, rates, strict=True))]
+            speeds, rates = map(fixed, zip(*own, strict=True))
+        self._motion = Setpoint(position, speeds, rates) if any(speeds) or any(rates) else Setpoint(position)
+        return self._motion
 
     def brake(self, dt: float) -> Joints:
         """The next position of joints that all brake as hard as they may, for ``dt`` [s]."""
@@ -159,7 +170,7 @@ class PositionLimiter:
         self._sent = self._goal = self._step_to(inside(rest.position, self._limits, self.position), dt)
         self._planned = dict(enumerate(zip(rest.velocity, rest.acceleration, strict=True)))
         self._chasing = frozenset()
-        self._step_time = dt
+        self._step_time, self._motion = dt, None
         return self.position
 
     def stands(self, dt: float) -> bool:
@@ -181,13 +192,14 @@ class PositionLimiter:
         (speed, top, jerk), limits = self._weakest, self._limits
         acceleration = hypot(*step.acceleration)
         fastest = max(map(abs, step.velocity)) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk)
-        room = min(*map(sub, step.position, limits.lower), *map(sub, limits.upper, step.position))
+        way = 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp)  # see speed_to_stop
         return (
             not self._chasing
             and fastest <= speed
             and acceleration <= top
             and dist(step.acceleration, self._sent.acceleration) <= jerk * dt
-            and 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp) < room  # see speed_to_stop
+            and way < min(map(sub, step.position, limits.lower))
+            and way < min(map(sub, limits.upper, step.position))
         )
 
     def _is_smooth(self, index: int, step: Setpoint, dt: float) -> bool:
@@ -342,7 +354,7 @@ class FeedForwardLimiter:
                 predicted = 0.0
                 self.resume(planned, self._position)
         limits, fed = self._limits, []
-        # New lists: what a copy of this has, for a command that is not sent, does not change.
+        # New lists: for a command that is not sent, the ones before are taken back.
         self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
         for index, (now, ahead, speed, last) in enumerate(zip(planned, position, desired, self._speeds, strict=True)):
             place = now + last * predicted  # where the joint will be when the robot takes the command
@@ -394,16 +406,6 @@ _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its refe
 _SETTLING = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
-
-
-_Part = TypeVar("_Part")
-
-
-def _copy(part: _Part) -> _Part:
-    """What ``copy.copy`` makes, which would take 9 of the 150 µs that keeping both arms apart may in a cycle."""
-    copied = object.__new__(type(part))
-    copied.__dict__.update(part.__dict__)
-    return copied
 
 
 def _is_finite(command: ArmCommand) -> bool:
@@ -596,10 +598,10 @@ class Limiter:
         """The same without coming too near to anything: what is not accepted is forgotten."""
         wanted = desired if desired is not None and _is_finite(desired) else None
         is_held = collisions.begin_cycle(wanted, state.position, dt)
-        kept = self._positions, self._speeds, self.counters, self._settling_for
+        parts = vars(self._positions), vars(self._speeds), vars(self.counters)
+        kept, settling_for = [part.copy() for part in parts], self._settling_for
         candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, wanted)
         for index, candidate in enumerate(candidates):
-            self._positions, self._speeds, self.counters = _copy(kept[0]), _copy(kept[1]), _copy(kept[2])
             command = self._next(state, candidate, dt)
             feeds_forward = candidate is not None and candidate.velocity is not ZERO
             motions = self._positions.motion, self._speeds.motion
@@ -610,7 +612,9 @@ class Limiter:
                     self.counters.feedforward_withheld += wanted.velocity is not ZERO and not feeds_forward
                 self._was_refused = self._was_refused and index > 0
                 return command
-            self._positions, self._speeds, self.counters, self._settling_for = kept
+            for part, before in zip(parts, kept, strict=True):
+                part.update(before)
+            self._settling_for = settling_for
         self.counters.kept_apart += 1
         self.counters.refused += wanted is not desired
         self.is_at_rest, self._was_refused = False, not is_held

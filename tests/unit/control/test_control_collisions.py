@@ -749,7 +749,7 @@ def test_held_arm_tries_again_when_the_other_one_moves_and_less_often_when_that_
 
     def holds(other: float, seconds: float = CYCLE) -> bool:
         surroundings = Surroundings((other,) * 7, (True, True, False), margins, is_limited)
-        return check.holds(goal, ZERO, ZERO, seconds, limited, surroundings)
+        return check.holds(goal, ZERO, ZERO, seconds, limited, lambda: surroundings)
 
     for swing in range(20):
         at = 0.1 * (swing % 2)

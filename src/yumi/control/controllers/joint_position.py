@@ -33,7 +33,7 @@ from math import inf
 
 from yumi.control.controller import Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import SpeedMotion, TargetPredictor, TrackingFilter, speeds_without_noise
+from yumi.control.motion import SpeedMotion, TargetPredictor, TrackingFilter, fixed, speeds_without_noise
 from yumi.control.shared_state import JointStates
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number, text
@@ -342,7 +342,7 @@ class JointPositionController(Controller):
         else:
             self._integrals = [0.0] * JOINT_COUNT
         parts = zip(state.position, goal, state.velocity, self._p, self._integrals, self._d, strict=True)
-        return ArmCommand(joints([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
+        return ArmCommand(fixed([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 
     def _track(self, state: ArmState, goal: Goal | None) -> ArmCommand | None:
         if not self._is_tracking:  # from where the robot plans to be, with the speed it has, to the goal there is

@@ -40,6 +40,7 @@ class AbsentRobot:
     """In the place of a robot manager, its monitor, or the grippers and their signals."""
 
     speed = SpeedSetting()
+    egm_arms = tuple(Side)
 
     def __getattr__(self, name: str) -> Callable[..., NoReturn]:
         return self.refuse
@@ -53,6 +54,9 @@ class AbsentRobot:
 
     def joints(self, side: Side) -> None:
         """No joints are read from it."""
+
+    def read_joints(self) -> None:
+        """There are none to read."""
 
     def tcp(self, side: Side) -> Pose:
         """Without a tool."""
