@@ -28,8 +28,8 @@ from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
 from yumi.rws.documents import Form, Page, Pairs, State, SystemInfo, decode_form, read_page
-from yumi.rws.services.controller import Controller, EventLog, Panel, Users
-from yumi.rws.services.io import Configuration, Files, Io
+from yumi.rws.services.controller import Configuration, Controller, EventLog, Files, Panel, Users
+from yumi.rws.services.io import Io
 from yumi.rws.services.motion import Motion
 from yumi.rws.services.rapid import Queues, Rapid, Symbols
 from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get

@@ -1,14 +1,15 @@
-"""The controller itself: its panel, event log, system and users.
+"""The controller itself: its panel, event log, system, files, configuration and users.
 
 The panel has motors, operating mode, speed, collision detection, and the restart of RobotWare; the system identity,
-clock, network, backups, options, licence, energy and jobs. To users belong grants, mastership, and the remote manual
-mode privilege (RMMP).
+clock, network, backups, options, licence, energy and jobs. Paths of files and directories are as in RAPID
+(``HOME:/pick.mod``). The configuration has domains, types, instances with their attributes, and cfg files. To users
+belong grants, mastership, and the remote manual mode privilege (RMMP).
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -18,7 +19,7 @@ import httpx
 
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError
 from yumi.rws import documents
-from yumi.rws.documents import ControllerIdentity, Event, State, SystemInfo
+from yumi.rws.documents import CfgInstance, ControllerIdentity, Event, FileInfo, Pairs, State, SystemInfo
 from yumi.rws.session import OnProgress, Request, Requests, file_path, get, given, post
 from yumi.rws.types import Code, CollisionState, ControllerState, OperatingMode
 
@@ -26,8 +27,13 @@ _EVENTS_PER_PAGE = 50
 _JOB_POLL = 0.5  # [s]
 _JOB_DEADLINE = 600.0  # [s]
 _PROGRESS = re.compile(r"/progress/[\w-]+")
+_REFUSED = 400
+_NOT_FOUND = (400, 404)  # which of the two differs by version
 _RMMP = "/users/rmmp"
 _RMMP_POLL = 0.25  # [s]; the controller forgets a request that is not polled for 10 s
+
+
+# The panel
 
 
 class RestartMode(Enum):
@@ -120,6 +126,9 @@ class Panel(Requests):
         self._do(post("/rw/panel", "setlang", *given(lang_code=code)), "setting the language")
 
 
+# The event log
+
+
 @dataclass(frozen=True, slots=True)
 class EventDomain:
     """A part of the event log: how many messages it has, and can have."""
@@ -173,6 +182,9 @@ class EventLog(Requests):
     def save_events(self, path: str) -> None:
         """Write the event log to a file of the controller."""
         self._do(post("/rw/elog", "saveraw", ("path", file_path(path))), "saving the event log")
+
+
+# The system
 
 
 @dataclass(frozen=True, slots=True)
@@ -457,6 +469,252 @@ class Controller(Requests):
             for state in states
             if state.type.startswith("dev-prop")
         }
+
+
+# Files
+
+
+@dataclass(frozen=True, slots=True)
+class Volume:
+    """A device of the controller, such as ``HOME``; its sizes [byte]."""
+
+    name: str
+    total: int
+    free: int
+    is_read_only: bool
+
+
+class Files(Requests):
+    """``/fileservice``; the content of a file takes as long as it needs, as long as it goes on."""
+
+    def write_file(self, path: str, content: bytes) -> None:
+        """Create or replace a file such as ``HOME:/logo.png``."""
+        self._do(Request("PUT", file_path(path), content=content), f"writing {path}")
+
+    def read_file(self, path: str) -> bytes:
+        """Content of a file such as ``HOME:/pick.mod``."""
+        reply = self._session.exchange(get(file_path(path)))
+        self._accepted(reply, f"reading {path}")
+        return reply.content
+
+    def read_tree(self, path: str, on_progress: OnProgress = lambda text: None) -> dict[str, bytes]:
+        """Every file in a directory and those below it, by its path behind ``path``."""
+        found: dict[str, bytes] = {}
+        folders = [""]
+        while folders:
+            folder = folders.pop()
+            for entry in self.files(f"{path}{folder}"):
+                name = f"{folder}/{entry.name}"
+                if entry.size is None:
+                    folders.append(name)
+                else:
+                    found[name.lstrip("/")] = self.read_file(f"{path}{name}")
+                    on_progress(f"{path}{name}")
+        return found
+
+    def make_directory(self, path: str) -> None:
+        """Create a directory such as ``HOME:/yumi``; the one above it must be there."""
+        above, _, name = path.rstrip("/").rpartition("/")
+        form = (("fs-action", "create"), ("fs-newname", name))
+        self._do(Request("POST", file_path(f"{above}/").rstrip("/"), form=form), f"creating {path}")
+
+    def copy_file(self, path: str, name: str, *, replace: bool = False) -> None:
+        """Copy a file within its directory, to the name ``name``."""
+        form = (("fs-action", "copy"), ("fs-newname", name), ("fs-overwrite", "true" if replace else "false"))
+        self._do(Request("POST", file_path(path), form=form), f"copying {path}")
+
+    def rename_file(self, path: str, name: str) -> None:
+        """Give a file or directory another name in its directory."""
+        form = (("fs-action", "rename"), ("fs-newname", name))
+        self._do(Request("POST", file_path(path), form=form), f"renaming {path}")
+
+    def upload(self, path: str, text: str) -> None:
+        """Create or replace a file such as ``HOME:/pick.mod``; RAPID's files are Latin-1.
+
+        Raises:
+            CommandRefused: the text has characters that such a file cannot hold.
+        """
+        try:
+            content = text.encode("latin-1")
+        except UnicodeEncodeError as error:
+            wrong = text[error.start]
+            raise CommandRefused(f"RAPID files hold Latin-1 only; {path} cannot have {wrong!r} in it.") from error
+        self.write_file(path, content)
+
+    def download(self, path: str) -> str:
+        """Content of a file such as ``HOME:/pick.mod``."""
+        return self.read_file(path).decode("latin-1")
+
+    def files(self, path: str) -> tuple[FileInfo, ...]:
+        """What is in a directory such as ``HOME:/yumi``."""
+        states = self._states(f"listing {path}", file_path(path.rstrip("/") + "/"))
+        return tuple(
+            FileInfo(state.title, state.whole("fs-size") if state.type == "fs-file" else None)
+            for state in states
+            if state.type in ("fs-dir", "fs-file")
+        )
+
+    def delete_file(self, path: str) -> None:
+        """Remove a file, or a directory with all that is in it."""
+        self._do(Request("DELETE", file_path(path)), f"removing {path}")
+
+    def volumes(self) -> tuple[Volume, ...]:
+        """The devices on which there are files."""
+        return tuple(
+            Volume(
+                state.title.lstrip("$").upper(),
+                state.whole("fs-total-space"),
+                state.whole("fs-free-space"),
+                state.flag("fs-readonly"),
+            )
+            for state in self._states("reading the devices", "/fileservice")
+            if state.type == "fs-device"
+        )
+
+    def has_file(self, path: str) -> bool:
+        """Whether there is a file or directory."""
+        reply = self._session.exchange(Request("HEAD", file_path(path)))
+        if reply.status_code in _NOT_FOUND:
+            return False
+        self._accepted(reply, f"looking for {path}")
+        return True
+
+
+# The configuration
+
+
+@dataclass(frozen=True, slots=True)
+class CfgAttribute:
+    """An attribute of a type.
+
+    Attributes:
+        name: of it.
+        type: such as ``string`` or ``float``.
+        lowest, highest: limits of its value, or of its length.
+        initial: value of a new instance.
+        is_mandatory: whether an instance must have it.
+    """
+
+    name: str
+    type: str
+    lowest: str
+    highest: str
+    initial: str
+    is_mandatory: bool
+
+
+class Configuration(Requests):
+    """``/rw/cfg``."""
+
+    def cfg(self, domain: str, type: str) -> tuple[CfgInstance, ...]:
+        """All instances of a configuration type, such as ``SIO`` and ``COM_TRP``."""
+        found: tuple[CfgInstance, ...] = ()
+        query: Pairs | None = ()
+        while query is not None:
+            request = get(f"/rw/cfg/{domain}/{type}/instances", *query)
+            page = self._page(self._session.exchange(request), f"reading the configuration {domain}/{type}")
+            found += documents.read_cfg_instances(page)
+            query = page.next_query if page.states else None
+        return found
+
+    def set_cfg(self, domain: str, type: str, name: str, attributes: Mapping[str, str]) -> None:
+        """Change attributes of an instance of the configuration; they act after the next restart."""
+        with self.holding("cfg"):
+            request = post(f"/rw/cfg/{domain}/{type}/instances/{name}", "set", *attributes.items())
+            self._do(request, f"changing {domain}/{type}/{name}")
+
+    def create_cfg(self, domain: str, type: str, name: str) -> None:
+        """Add an instance with default values to the configuration; it acts after the next restart."""
+        with self.holding("cfg"):
+            request = post(f"/rw/cfg/{domain}/{type}/instances", "create-default", ("name", name))
+            self._do(request, f"adding {domain}/{type}/{name}")
+
+    def remove_cfg(self, domain: str, type: str, name: str) -> None:
+        """Remove an instance of the configuration; it is gone after the next restart."""
+        with self.holding("cfg"):
+            request = Request("DELETE", f"/rw/cfg/{domain}/{type}/instances/{name}")
+            self._do(request, f"removing {domain}/{type}/{name}")
+
+    def load_cfg(self, path: str, *, replace: bool = False) -> None:
+        """Load a cfg file of the controller such as ``HOME:/SIO.cfg``; it acts after the next restart.
+
+        Args:
+            path: the file as RAPID names it.
+            replace: whether its instances take the place of those of the same names, which are an error otherwise.
+        """
+        form = (("filepath", file_path(path)), ("action-type", "replace" if replace else "add"))
+        with self.holding("cfg"):
+            self._do(post("/rw/cfg", "load", *form), f"loading {path}")
+
+    def save_cfg(self, domain: str, path: str) -> None:
+        """Write a domain of the configuration, such as ``SIO``, to a file of the controller."""
+        self._do(post(f"/rw/cfg/{domain}", "saveas", ("filepath", file_path(path))), f"saving {domain} to {path}")
+
+    def cfg_domains(self) -> tuple[str, ...]:
+        """The domains: ``EIO``, ``MMC``, ``MOC``, ``PROC``, ``SIO``, ``SYS``."""
+        return tuple(state.title for state in self._states("reading the domains", "/rw/cfg"))
+
+    def cfg_types(self, domain: str) -> tuple[str, ...]:
+        """The types of a domain."""
+        return tuple(state.title for state in self._states(f"reading the types of {domain}", f"/rw/cfg/{domain}"))
+
+    def cfg_size(self, domain: str, type: str) -> tuple[int, int]:
+        """Number of attributes and of instances of a type."""
+        state = self._state(f"reading {domain}/{type}", f"/rw/cfg/{domain}/{type}", "cfg-dt")
+        return state.whole("cfg-no-of-attributes"), state.whole("cfg-no-of-instances")
+
+    def cfg_attributes(self, domain: str, type: str) -> tuple[CfgAttribute, ...]:
+        """The attributes of a type."""
+        states = self._states(f"reading the attributes of {domain}/{type}", f"/rw/cfg/{domain}/{type}/attributes")
+        return tuple(
+            CfgAttribute(
+                name=state.text("name"),
+                type=state.text("type"),
+                lowest=state.fields.get("mini", ""),
+                highest=state.fields.get("max", ""),
+                initial=state.fields.get("init", ""),
+                is_mandatory=state.flag("mandatory"),
+            )
+            for state in states
+        )
+
+    def cfg_instance(self, domain: str, type: str, name: str) -> CfgInstance:
+        """One instance."""
+        path = f"/rw/cfg/{domain}/{type}/instances/{name}"
+        state = self._state(f"reading {domain}/{type}/{name}", path, "cfg-dt-instance")
+        return documents.cfg_instance_of(state)
+
+    def check_cfg_file(self, path: str, *, replace: bool = False) -> bool:
+        """Whether a cfg file of the controller can be loaded."""
+        form = (("filepath", file_path(path)), ("action-type", "replace" if replace else "add"))
+        return self._is_valid(post("/rw/cfg", "validate", *form), f"checking {path}")
+
+    def can_change_cfg(self, domain: str, type: str, names: Sequence[str]) -> bool:
+        """Whether instances may be changed."""
+        form = given(cfgdomain=domain, cfgtype=type, instances=",".join(names), instancescount=len(names), operation=1)
+        return self._is_valid(post("/rw/cfg", "validate-instances", *form), f"checking {domain}/{type}")
+
+    def can_remove_cfg(self, name: str) -> bool:
+        """Whether an instance may be removed, as no other one names it."""
+        return self._is_valid(post("/rw/cfg", "validate-inst-at-del", ("name", name)), f"checking {name}")
+
+    def _is_valid(self, request: Request, what: str) -> bool:
+        try:
+            self._do(request, what)
+        except ControllerRefused as error:
+            if error.status != _REFUSED:
+                raise
+            return False
+        return True
+
+    def reset_cfg(self, domain: str, type: str = "") -> None:
+        """Make a domain, or one type of it, as a new system has it; it acts after the next restart."""
+        path = f"/rw/cfg/{domain}/{type}/instances" if type else f"/rw/cfg/{domain}"
+        with self.holding("cfg"):
+            self._do(post(path, "reset"), f"resetting {domain} {type}".rstrip())
+
+
+# Users, masterships and the remote manual mode privilege
 
 
 class Privilege(Enum):
