@@ -9,8 +9,8 @@ from math import radians
 import pytest
 
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side
-from yumi.virtual.mechanics.arm import ArmModel, VirtualArm
-from yumi.virtual.mechanics.motion import EgmSettings
+from yumi.virtual.mechanics.arm import VirtualArm
+from yumi.virtual.mechanics.motion import ArmModel, EgmSettings
 
 CYCLE = 0.004032
 START = tuple((low + high) / 2.0 for low, high in zip(YUMI_LIMITS.lower, YUMI_LIMITS.upper, strict=True))

@@ -29,8 +29,9 @@ from yumi.virtual.controller.events import Fault, FaultKind, Way, fault_named
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import Robot, System, delivered_system
 from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
-from yumi.virtual.mechanics.arm import ArmModel, ContactDetector, VirtualArm
+from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
+from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 

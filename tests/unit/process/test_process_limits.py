@@ -34,7 +34,7 @@ from yumi.process import supervision
 from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Command, PipeEnd
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
-from yumi.virtual.mechanics.arm import ArmModel
+from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 

@@ -34,8 +34,6 @@ from yumi.virtual.mechanics.motion import (
 )
 from yumi.virtual.mechanics.path import PathMotion
 
-__all__ = ["ArmModel", "ContactDetector", "LoadSupervision", "Overload", "Servo", "VirtualArm"]
-
 IN_POSITION = 1e-5
 """Difference of planned and measured position at which the arm counts as standing [rad]."""
 

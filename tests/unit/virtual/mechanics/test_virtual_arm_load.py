@@ -9,8 +9,8 @@ import pytest
 
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import ZERO, Joints, Side, home
-from yumi.virtual.mechanics.arm import ArmModel, LoadSupervision, Overload, VirtualArm
-from yumi.virtual.mechanics.motion import EgmSettings, MotionState
+from yumi.virtual.mechanics.arm import LoadSupervision, Overload, VirtualArm
+from yumi.virtual.mechanics.motion import ArmModel, EgmSettings, MotionState
 
 HOME = home(Side.LEFT)
 MODEL = ArmModel(supervises_load=True)
