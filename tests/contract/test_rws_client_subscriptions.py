@@ -12,8 +12,8 @@ from memory_http import MemoryHttp
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.rws import client as rws
-from yumi.rws.client import Change, Priority, Resource, RwsClient
-from yumi.rws.types import OperatingMode
+from yumi.rws.client import Change, RwsClient
+from yumi.rws.types import OperatingMode, Priority, Resource
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService

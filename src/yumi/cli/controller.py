@@ -33,17 +33,9 @@ from yumi.errors import CommandRefused
 from yumi.process.supervision import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
 from yumi.robot.joints import Side
-from yumi.rws.client import (
-    EXECUTION,
-    Change,
-    Resource,
-    RwsClient,
-    event_log,
-    signal_state,
-    variable_value,
-)
+from yumi.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
 from yumi.rws.documents import Page, State, decode_form
-from yumi.rws.types import GRANTS
+from yumi.rws.types import GRANTS, Resource
 from yumi.virtual.controller.events import Fault, FaultKind, Way
 
 _WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)

@@ -42,7 +42,8 @@ from yumi.robot.gripper import (
 )
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
-from yumi.rws.client import Change, Resource, RwsClient, signal_state
+from yumi.rws.client import Change, RwsClient, signal_state
+from yumi.rws.types import Resource
 
 log = logging.getLogger(__name__)
 

@@ -16,7 +16,6 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 from queue import Queue
 from threading import Lock
 from types import TracebackType
@@ -34,6 +33,7 @@ from yumi.rws.services.motion import Motion
 from yumi.rws.services.rapid import Queues, Rapid, Symbols
 from yumi.rws.session import BUSY, OnProgress, Request, RwsSession, Transport, get
 from yumi.rws.transport import HttpTransport, Listener, Socket
+from yumi.rws.types import PROTOCOL, Priority, Resource
 
 log = logging.getLogger(__name__)
 
@@ -45,9 +45,6 @@ RESTART_DEADLINE = 300.0
 """Longest time a restart may take [s]; a YuMi's takes about a minute."""
 
 _RESTART_POLL = 1.0  # [s]
-
-PROTOCOL = "robapi2_subscription"
-"""Sub-protocol of the WebSocket."""
 
 _GROUP = re.compile(r"/poll/(\d+)")
 _SYMBOL_DATA = "/rw/rapid/symbol/data/RAPID/"
@@ -236,22 +233,6 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
         finally:
             if subscription is not None:
                 subscription.close()
-
-
-class Priority(IntEnum):
-    """How soon a change is sent."""
-
-    LOW = 0
-    MEDIUM = 1
-    HIGH = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Resource:
-    """One thing that can be subscribed; ``path`` as the controller spells it, e.g. ``/rw/panel/opmode``."""
-
-    path: str
-    priority: Priority = Priority.MEDIUM
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""Values of Robot Web Services: states, grants and codes of a controller, RAPID values, system parameters.
+"""Values of Robot Web Services: states, grants and codes, what is subscribed, RAPID values, system parameters.
 
 States are spelled as on the wire (reference/rws.md §5-6), return codes as in ABB's table (§3.4-3.5). RAPID values are
 literals without blanks (§6.5):
@@ -32,6 +32,9 @@ from yumi.errors import CommandRefused, ProtocolError, SettingsError
 REALM = "validusers@robapi.abb"
 SESSION_COOKIE = "-http-session-"
 CONNECTION_COOKIE = "ABBCX"
+
+PROTOCOL = "robapi2_subscription"
+"""Sub-protocol of a subscription's WebSocket."""
 
 
 class OperatingMode(Enum):
@@ -108,6 +111,22 @@ class EventType(IntEnum):
     INFORMATION = 1
     WARNING = 2
     ERROR = 3
+
+
+class Priority(IntEnum):
+    """How soon a change is sent."""
+
+    LOW = 0
+    MEDIUM = 1
+    HIGH = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Resource:
+    """One thing that can be subscribed; ``path`` as the controller spells it, e.g. ``/rw/panel/opmode``."""
+
+    path: str
+    priority: Priority = Priority.MEDIUM
 
 
 class Grant(Enum):

@@ -11,7 +11,8 @@ from yumi.driver.gripper import GripperSignals
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
 from yumi.robot.gripper import GripperModules, ServoState
 from yumi.robot.joints import Side
-from yumi.rws.client import Change, Priority, Resource
+from yumi.rws.client import Change
+from yumi.rws.types import Priority, Resource
 
 MODULES = {Side.RIGHT: GripperModules.SERVO, Side.LEFT: GripperModules.VISION_VACUUM}
 

@@ -9,8 +9,6 @@ import pytest
 from yumi.errors import ProtocolError
 from yumi.rws.client import (
     Change,
-    Priority,
-    Resource,
     event_log,
     group_of,
     read_changes,
@@ -20,6 +18,7 @@ from yumi.rws.client import (
     write_resources,
 )
 from yumi.rws.documents import Link, State, decode_form
+from yumi.rws.types import Priority, Resource
 from yumi.virtual.rws import http as virtual_documents
 from yumi.virtual.rws.subscriptions import read_resources
 

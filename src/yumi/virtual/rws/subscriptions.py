@@ -16,9 +16,8 @@ from typing import Protocol
 from yumi.errors import ProtocolError
 from yumi.rapid.task import Task
 from yumi.rapid.types import UnknownSymbol
-from yumi.rws.client import PROTOCOL, Priority, Resource
 from yumi.rws.documents import Form, Link, Pairs, State, first_value
-from yumi.rws.types import Code
+from yumi.rws.types import PROTOCOL, Code, Priority, Resource
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
 from yumi.virtual.controller.signals import path_of, printed
