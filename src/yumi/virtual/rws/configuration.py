@@ -17,8 +17,8 @@ from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import CAPACITY, DEVICES, File
 from yumi.virtual.controller.signals import Configuration, Instance, defaults_of
 from yumi.virtual.controller.system import DOMAINS
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, entry, invalid, resource
+from yumi.virtual.rws.http import HttpReply, entry, resource
+from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid
 
 _CFG_BASE = "/rw/cfg/"
 _MOST_TYPES = 70

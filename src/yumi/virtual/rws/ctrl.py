@@ -19,8 +19,8 @@ from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import DEVICES
 from yumi.virtual.controller.system import check_backup, restore_backup, write_backup
 from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Call, Failure, Operation, entry, invalid, not_there, resource
+from yumi.virtual.rws.http import HttpReply, entry, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, invalid, not_there
 
 _BASE = "/ctrl/"
 _NO_VIRTUAL_TIME = "virtual time, which RobotStudio's controllers alone have"

@@ -1,11 +1,11 @@
-"""HTTP as the virtual controller speaks it: requests, replies, the digest login, sessions kept by cookies, documents.
+"""HTTP and the documents it carries, as the virtual controller has them.
 
-The login is HTTP digest (RFC 2617, MD5, qop=auth); a session is forgotten after five idle minutes
-(reference/rws.md §2.1-2.2).
+The first half is HTTP: requests and replies, the digest login (RFC 2617, MD5, qop=auth), and sessions kept by cookies,
+which are forgotten after five idle minutes (reference/rws.md §2.1-2.2).
 
-Documents are pages and errors as XHTML or JSON, events as XHTML (reference/rws.md §3, §14). Clients cut them with
-regular expressions and receive events into buffers of 1024 bytes, so spelling and length count: events are one line of
-ASCII.
+The second half makes and writes documents: pages and errors as XHTML or JSON, those of RobotWare 7 as HAL, and events
+as XHTML (reference/rws.md §3, §14). Clients cut them with regular expressions and receive events into buffers of 1024
+bytes, so spelling and length count: events are one line of ASCII.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ from xml.sax.saxutils import escape
 from yumi.errors import ProtocolError, YumiError
 from yumi.rws.documents import XMLNS, Form, Link, Page, State, Status
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE
+
+# HTTP: requests and replies, login, sessions --------------------------------------------------------------------------
 
 Headers = tuple[tuple[str, str], ...]
 
@@ -307,7 +309,7 @@ def _is_idle(session: Session, now: float) -> bool:
     return now - session.last_used > IDLE_LIFE
 
 
-# Documents
+# Documents: pages, errors and events ----------------------------------------------------------------------------------
 
 _XML = '<?xml version="1.0" encoding="UTF-8"?>'
 _ILLEGAL_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -316,6 +318,19 @@ _ENTITIES = {'"': "&quot;", "\t": "&#9;", "\n": "&#10;", "\r": "&#13;"}
 
 MAX_EVENT = 1024
 """What the receive buffers of common clients hold [byte]."""
+
+
+def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
+    """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
+    links = (Link("self", href), Link("action", f"{href}{'&' if '?' in href else '?'}action=show"))
+    more = () if next_href is None else (Link("next", next_href),)
+    return Page(title, base, states, links + more)
+
+
+def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> State:
+    """An entry of a list that leads to ``href``, by default its title; ``_`` in field names stands for ``-``."""
+    named = {name.replace("_", "-"): text for name, text in fields.items()}
+    return State(type, title, named, (Link("self", title if href is None else href),))
 
 
 def write_page(page: Page, form: Form) -> bytes:

@@ -16,7 +16,8 @@ from yumi.rws.documents import Link, Page, Pairs, State, first_value
 from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.signals import Signal, path_of, printed
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, not_there, resource
+from yumi.virtual.rws.http import entry, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, not_there
 
 _IO_BASE = "/rw/iosystem/"
 _DEFAULT_LIMIT = 100

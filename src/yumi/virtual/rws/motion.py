@@ -26,16 +26,8 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.units import MechanicalUnit, Supervision
 from yumi.virtual.instructions.data import pose_from_rapid, rapid_from_pose, robtarget, wobj_from_rapid
 from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.rws.operations import (
-    Call,
-    Failure,
-    Operation,
-    Values,
-    entry,
-    invalid,
-    refuse_in_manual_mode,
-    resource,
-)
+from yumi.virtual.rws.http import entry, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, refuse_in_manual_mode
 
 _BASE = "/rw/motionsystem/"
 _NO_AXIS = 8.9e9  # 9E9 and above in RAPID: not connected

@@ -1,6 +1,6 @@
 """The operations of Robot Web Services as one table, and who may do them: users, their grants, masterships.
 
-A line of the table is method, path, action and handler, and what is checked before it. Each service (``panel``,
+A line of the table is method, path, action and handler, and what is checked before it. Each service (``system``,
 ``rapid``, …) has its handlers and its part of the table; those of ``/users`` and ``/rw/mastership``
 (reference/rws.md §10) are here, since they know who a client is, what it may do and what it holds.
 """
@@ -21,7 +21,7 @@ from yumi.rws.documents import Link, Page, Pairs, State, Status, first_value
 from yumi.rws.types import GRANTS, Code, Grant, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.http import HttpReply, entry, resource
 
 _MOST_DIGITS = 12
 _MOST_PATHS = 1024  # whose operations are remembered: finding one takes longer than most answers
@@ -307,19 +307,6 @@ class Router:
         resource = match.route.resource
         assert resource is not None, "all routes are added to resources"
         return 0, self._operations[method, resource.canonical], dict(match)
-
-
-def resource(title: str, base: str, href: str, *states: State, next_href: str | None = None) -> Page:
-    """A page with the links every resource has; ``base`` is a path, the service puts the host before it."""
-    links = (Link("self", href), Link("action", f"{href}{'&' if '?' in href else '?'}action=show"))
-    more = () if next_href is None else (Link("next", next_href),)
-    return Page(title, base, states, links + more)
-
-
-def entry(type: str, title: str, href: str | None = None, /, **fields: str) -> State:
-    """An entry of a list that leads to ``href``, by default its title; ``_`` in field names stands for ``-``."""
-    named = {name.replace("_", "-"): text for name, text in fields.items()}
-    return State(type, title, named, (Link("self", title if href is None else href),))
 
 
 _USERS_BASE = "/users/"

@@ -22,9 +22,9 @@ from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
 from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply
+from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.motion import joint_fields, target_fields
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid
 
 _BASE = "/rw/rapid/"
 _NO_CONTENT = 204

@@ -34,6 +34,7 @@ from yumi.virtual.rws.http import (
     nonce_age,
     read_cookies,
     read_credentials,
+    resource,
     write_page,
     write_status,
 )
@@ -50,7 +51,6 @@ from yumi.virtual.rws.operations import (
     Users,
     invalid,
     refusal,
-    resource,
 )
 from yumi.virtual.rws.subscriptions import Rules, Subscriptions, Upgrade
 

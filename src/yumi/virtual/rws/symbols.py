@@ -20,18 +20,8 @@ from yumi.rws.documents import Form, Page, State
 from yumi.rws.types import Code, Grant, RapidValue, decode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import (
-    Answer,
-    Call,
-    Failure,
-    Operation,
-    Values,
-    entry,
-    invalid,
-    refuse_in_manual_mode,
-    resource,
-)
+from yumi.virtual.rws.http import HttpReply, entry, resource
+from yumi.virtual.rws.operations import Answer, Call, Failure, Operation, Values, invalid, refuse_in_manual_mode
 from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Event
 from yumi.virtual.rws import ctrl
 from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.operations import Call, Failure, Operation, Values, entry, invalid, not_there, resource
+from yumi.virtual.rws.http import HttpReply, entry, resource
+from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid, not_there
 
 _ROOT_SERVICES = ("ctrl", "rw", "progress", "fileservice", "users", "subscription")
 

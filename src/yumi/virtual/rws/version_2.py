@@ -21,8 +21,17 @@ from yumi.rws.documents import FORM_TYPE, Form, Link, Page, Pairs, State, Status
 from yumi.rws.types import REALM, Code
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.rws.configuration import path_of_file
-from yumi.virtual.rws.http import HttpReply, HttpRequest, Session, write_hal, write_hal_status, write_page, write_status
-from yumi.virtual.rws.operations import Answer, Call, Domains, Failure, Operation, Router, Values, resource
+from yumi.virtual.rws.http import (
+    HttpReply,
+    HttpRequest,
+    Session,
+    resource,
+    write_hal,
+    write_hal_status,
+    write_page,
+    write_status,
+)
+from yumi.virtual.rws.operations import Answer, Call, Domains, Failure, Operation, Router, Values
 from yumi.virtual.rws.service import RwsService, form_of
 from yumi.virtual.rws.subscriptions import Rules
 
