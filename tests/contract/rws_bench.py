@@ -18,9 +18,9 @@ from yumi.rws.types import CollisionState, ControllerState, OperatingMode, Signa
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore
 from yumi.virtual.controller.signals import Configuration, Instance, Signal, Signals
-from yumi.virtual.controller.system import TaskSettings
+from yumi.virtual.controller.system import Identity, Jobs, OwnSettings, TaskSettings
 from yumi.virtual.controller.tasks import InstalledTask
-from yumi.virtual.controller.units import YUMI_UNITS, Identity, Jobs, MotionSystem, OwnSettings
+from yumi.virtual.controller.units import YUMI_UNITS, MotionSystem
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService

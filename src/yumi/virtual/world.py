@@ -27,8 +27,8 @@ from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient, EgmNetwork, EgmOptions, Outgoing
 from yumi.virtual.controller.events import Fault, FaultKind, Way, fault_named
 from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.system import Robot, System, delivered_system
-from yumi.virtual.controller.units import ROBOTWARE_6, ArmUnit, Identity
+from yumi.virtual.controller.system import ROBOTWARE_6, Identity, Robot, System, delivered_system
+from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.mechanics.motion import ArmModel

@@ -20,18 +20,18 @@ from yumi.virtual.controller.egm import EgmOutcome
 from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore, rapid_devices
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
-from yumi.virtual.controller.system import System, TaskSettings, event_routines, modules_of, task_settings
-from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
-from yumi.virtual.controller.units import (
-    ArmUnit,
-    Contact,
+from yumi.virtual.controller.system import (
     Identity,
     Jobs,
-    MechanicalUnit,
-    MotionSystem,
     OwnSettings,
-    SyncPoints,
+    System,
+    TaskSettings,
+    event_routines,
+    modules_of,
+    task_settings,
 )
+from yumi.virtual.controller.tasks import InstalledTask, RapidExecution, TaskHost
+from yumi.virtual.controller.units import ArmUnit, Contact, MechanicalUnit, MotionSystem, SyncPoints
 from yumi.virtual.instructions.calibration import add_calibration, add_measurements
 from yumi.virtual.instructions.data import JointTarget, add_data, jointtarget
 from yumi.virtual.instructions.egm import add_egm

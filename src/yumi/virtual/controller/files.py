@@ -10,6 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from yumi.rapid.devices import Devices, Entry, LoggedEvent, NoNetwork
 from yumi.rapid.program import Severity
@@ -17,7 +18,9 @@ from yumi.rapid.task import Task
 from yumi.rws.types import EventType
 from yumi.virtual.controller.events import Event, EventLog, Refusal, Refused
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
-from yumi.virtual.controller.units import Identity
+
+if TYPE_CHECKING:
+    from yumi.virtual.controller.system import Identity
 
 DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"

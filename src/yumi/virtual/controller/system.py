@@ -1,16 +1,16 @@
-"""What is installed on the virtual controller: its robot, system parameters, files, the modules its tasks begin with.
+"""The virtual controller as a system: what is installed, its identity, own settings and jobs, its tasks and backups.
 
 The robots are data, each with system parameters of its own (``stock``). The modules are ours (the state machine of
 `yumi.controller_files`), a user's own RAPID files, or those of a backup as a controller or RobotStudio writes it:
 ``BACKINFO``, ``SYSPAR``, ``RAPID/TASKn/PROGMOD``, ``RAPID/TASKn/SYSMOD`` and ``HOME``. The virtual controller writes
-and restores such backups, too.
+and restores such backups, too. A backup is one of the jobs, which take their time.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime, timezone
 from enum import Enum
 from operator import itemgetter
@@ -20,17 +20,45 @@ from xml.etree import ElementTree
 
 import yumi.controller_files
 import yumi.virtual.controller
-from yumi.errors import SettingsError
+from yumi.errors import SettingsError, YumiError
 from yumi.rapid.program import SystemEvent
 from yumi.robot.arms import Arm, irb120, irb14050, yumi_arm
 from yumi.robot.joints import Side
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.files import DEVICES, ENCODING, decoded
 from yumi.virtual.controller.signals import Configuration, Instance
-from yumi.virtual.controller.units import NO_UNIT, YUMI_OPTIONS, YUMI_UNITS, MechanicalUnit
+from yumi.virtual.controller.units import NO_UNIT, YUMI_UNITS, MechanicalUnit
 
 if TYPE_CHECKING:
     from yumi.virtual.controller.controller import Irc5
+
+# What is installed ------------------------------------------------------------------------------------------------
+
+ROBOTWARE_6 = "6.13.00.00"
+
+# The strings clients compare with are exact; without 604-1 they take the two arms for one group.
+YUMI_OPTIONS = (
+    "RobotWare Base",
+    "English",
+    "623-1 Multitasking",
+    "604-1 MultiMove Coordinated",
+    "709-1 DeviceNet Master/Slave",
+    "617-1 FlexPendant Interface",
+    "616-1 PC Interface",
+    "841-1 EtherNet/IP Scanner/Adapter",
+    "613-1 Collision Detection",
+    "611-1 Path Recovery",
+    "612-1 Path Offset",
+    "988-1 RW Add-In Prepared",
+    "Leadthrough",
+    "689-1 Externally Guided Motion (EGM)",
+    "UDPUC Driver",
+    "Drive System IRB 14000",
+    "Hall Sensor Calibration",
+    "IRB 14000-0.5/0.5",
+    "SmartGripper",
+    "StateMachine Core",
+)
 
 _STOCK = Path(next(iter(yumi.virtual.controller.__path__)))
 _OPTIONS = (
@@ -297,6 +325,128 @@ def _read(path: Path) -> bytes:
     return content
 
 
+# Identity, settings and jobs --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """Who the controller is.
+
+    Attributes:
+        system_name: name of the RobotWare system.
+        controller_name: name of the controller, usually its serial number.
+        robotware: version name; clients want three groups of digits with a dot behind, and at least 6.09
+            for EGM with seven axes.
+        options: RobotWare options, in the order they are listed.
+        is_virtual: what the controller calls itself; ours claims to be real, since its gripper is there.
+        system_id: identifier of the system.
+    """
+
+    system_name: str = "YuMi"
+    controller_name: str = "14000-500000"
+    robotware: str = ROBOTWARE_6
+    options: tuple[str, ...] = YUMI_OPTIONS
+    is_virtual: bool = False
+    system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"
+
+
+@dataclass(slots=True)
+class OwnSettings:
+    """Settings of the controller that are not system parameters.
+
+    Attributes:
+        language: of the FlexPendant, such as ``en``.
+        timezone: name in the tz database; empty for that of this machine.
+        timeserver: address of the time server; empty for none.
+        address, mask, gateway, method: of the network connection; it is not this machine's.
+        dns: address of the name server; empty for none.
+        routes: gateway by destination.
+        mode_lock: ``unlocked``, ``locked`` or ``permlocked``: whether the operating mode may be changed.
+        pin: that unlocks it.
+        backup_state: in the words of RWS.
+    """
+
+    language: str = "en"
+    timezone: str = ""
+    timeserver: str = ""
+    address: str = "192.168.125.1"
+    mask: str = "255.255.255.0"
+    gateway: str = ""
+    method: str = "fixip"
+    dns: str = ""
+    routes: dict[str, str] = field(default_factory=dict)
+    mode_lock: str = "unlocked"
+    pin: str = ""
+    backup_state: str = "None"
+
+
+_JOBS_REMEMBERED = 50
+
+
+@dataclass(slots=True)
+class Job:
+    """Work that takes its time, such as a backup; a client reads how far it is at ``/progress/{number}``.
+
+    Attributes:
+        number: as in its address.
+        work: done at its end; what it raises is the failure.
+        left: time until then [s].
+        is_done: whether it has ended.
+        failure: why it has failed; empty as long as it has not.
+    """
+
+    number: int
+    work: Callable[[], None]
+    left: float
+    is_done: bool = False
+    failure: str = ""
+
+
+class Jobs:
+    """The jobs of a controller; it remembers the latest ones after their end."""
+
+    def __init__(self) -> None:
+        self._jobs: dict[int, Job] = {}
+        self._begun = 0
+        self._later: list[tuple[float, Callable[[], None]]] = []
+
+    def begin(self, work: Callable[[], None], duration: float) -> Job:
+        """Do ``work`` in ``duration`` [s]."""
+        self._begun += 1
+        job = self._jobs[self._begun] = Job(self._begun, work, duration)
+        for number in [each for each, known in self._jobs.items() if known.is_done][:-_JOBS_REMEMBERED]:
+            del self._jobs[number]
+        return job
+
+    def find(self, number: str) -> Job | None:
+        """The job of that number, or None."""
+        return next((job for job in self._jobs.values() if str(job.number) == number), None)
+
+    def later(self, delay: float, work: Callable[[], None]) -> None:
+        """Do something of the controller's own in ``delay`` [s], such as the end of a pulse."""
+        self._later.append((delay, work))
+
+    def advance(self, dt: float) -> None:
+        """Let ``dt`` [s] pass."""
+        for job in tuple(self._jobs.values()) if self._jobs else ():
+            if job.is_done:
+                continue
+            job.left -= dt
+            if job.left <= 0.0:
+                job.is_done = True
+                try:
+                    job.work()
+                except YumiError as error:
+                    job.failure = str(error)
+        if self._later:
+            waiting, self._later = [(left - dt, work) for left, work in self._later], []
+            for left, work in waiting:
+                if left > 0.0:
+                    self._later.append((left, work))
+                else:
+                    work()
+
+
 # Tasks ------------------------------------------------------------------------------------------------------------
 
 
@@ -412,6 +562,9 @@ def modules_of(task: TaskSettings, system: System, configuration: Configuration)
             if path.partition(":")[0].upper() in DEVICES:
                 paths.append(path)
     return tuple(paths)
+
+
+# Backups that the controller makes and restores -------------------------------------------------------------------
 
 
 def write_backup(controller: Irc5, path: str) -> None:

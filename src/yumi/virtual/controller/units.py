@@ -1,4 +1,4 @@
-"""The controller's identity, settings and jobs, and its mechanical units with what their programs set.
+"""The controller's mechanical units, with what their programs set.
 
 The YuMi's units are those of reference/statemachine.md §9: each arm is one of six axes, and one of its own for the
 seventh. An `ArmUnit` is one arm with its EGM client and gripper, as its RAPID task sees it; tasks that wait for one
@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
-from yumi.errors import RapidError, YumiError
+from yumi.errors import RapidError
 from yumi.robot.dynamics import ArmDynamics
 from yumi.robot.joints import Pose, Side
 from yumi.robot.kinematics import compose
@@ -22,152 +22,6 @@ from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.gripper import VirtualGripper
 from yumi.virtual.mechanics.motion import CircleMode
 from yumi.virtual.mechanics.path import NO_LIMIT, Acceleration, SpeedLimit, StoredPath, WorldZone
-
-# The strings clients compare with are exact; without 604-1 they take the two arms for one group.
-YUMI_OPTIONS = (
-    "RobotWare Base",
-    "English",
-    "623-1 Multitasking",
-    "604-1 MultiMove Coordinated",
-    "709-1 DeviceNet Master/Slave",
-    "617-1 FlexPendant Interface",
-    "616-1 PC Interface",
-    "841-1 EtherNet/IP Scanner/Adapter",
-    "613-1 Collision Detection",
-    "611-1 Path Recovery",
-    "612-1 Path Offset",
-    "988-1 RW Add-In Prepared",
-    "Leadthrough",
-    "689-1 Externally Guided Motion (EGM)",
-    "UDPUC Driver",
-    "Drive System IRB 14000",
-    "Hall Sensor Calibration",
-    "IRB 14000-0.5/0.5",
-    "SmartGripper",
-    "StateMachine Core",
-)
-
-ROBOTWARE_6 = "6.13.00.00"
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """Who the controller is.
-
-    Attributes:
-        system_name: name of the RobotWare system.
-        controller_name: name of the controller, usually its serial number.
-        robotware: version name; clients want three groups of digits with a dot behind, and at least 6.09
-            for EGM with seven axes.
-        options: RobotWare options, in the order they are listed.
-        is_virtual: what the controller calls itself; ours claims to be real, since its gripper is there.
-        system_id: identifier of the system.
-    """
-
-    system_name: str = "YuMi"
-    controller_name: str = "14000-500000"
-    robotware: str = ROBOTWARE_6
-    options: tuple[str, ...] = YUMI_OPTIONS
-    is_virtual: bool = False
-    system_id: str = "{6B6F9A2E-3B1D-4B5C-9A64-9E0D2C1F7A11}"
-
-
-@dataclass(slots=True)
-class OwnSettings:
-    """Settings of the controller that are not system parameters.
-
-    Attributes:
-        language: of the FlexPendant, such as ``en``.
-        timezone: name in the tz database; empty for that of this machine.
-        timeserver: address of the time server; empty for none.
-        address, mask, gateway, method: of the network connection; it is not this machine's.
-        dns: address of the name server; empty for none.
-        routes: gateway by destination.
-        mode_lock: ``unlocked``, ``locked`` or ``permlocked``: whether the operating mode may be changed.
-        pin: that unlocks it.
-        backup_state: in the words of RWS.
-    """
-
-    language: str = "en"
-    timezone: str = ""
-    timeserver: str = ""
-    address: str = "192.168.125.1"
-    mask: str = "255.255.255.0"
-    gateway: str = ""
-    method: str = "fixip"
-    dns: str = ""
-    routes: dict[str, str] = field(default_factory=dict)
-    mode_lock: str = "unlocked"
-    pin: str = ""
-    backup_state: str = "None"
-
-
-_JOBS_REMEMBERED = 50
-
-
-@dataclass(slots=True)
-class Job:
-    """Work that takes its time, such as a backup; a client reads how far it is at ``/progress/{number}``.
-
-    Attributes:
-        number: as in its address.
-        work: done at its end; what it raises is the failure.
-        left: time until then [s].
-        is_done: whether it has ended.
-        failure: why it has failed; empty as long as it has not.
-    """
-
-    number: int
-    work: Callable[[], None]
-    left: float
-    is_done: bool = False
-    failure: str = ""
-
-
-class Jobs:
-    """The jobs of a controller; it remembers the latest ones after their end."""
-
-    def __init__(self) -> None:
-        self._jobs: dict[int, Job] = {}
-        self._begun = 0
-        self._later: list[tuple[float, Callable[[], None]]] = []
-
-    def begin(self, work: Callable[[], None], duration: float) -> Job:
-        """Do ``work`` in ``duration`` [s]."""
-        self._begun += 1
-        job = self._jobs[self._begun] = Job(self._begun, work, duration)
-        for number in [each for each, known in self._jobs.items() if known.is_done][:-_JOBS_REMEMBERED]:
-            del self._jobs[number]
-        return job
-
-    def find(self, number: str) -> Job | None:
-        """The job of that number, or None."""
-        return next((job for job in self._jobs.values() if str(job.number) == number), None)
-
-    def later(self, delay: float, work: Callable[[], None]) -> None:
-        """Do something of the controller's own in ``delay`` [s], such as the end of a pulse."""
-        self._later.append((delay, work))
-
-    def advance(self, dt: float) -> None:
-        """Let ``dt`` [s] pass."""
-        for job in tuple(self._jobs.values()) if self._jobs else ():
-            if job.is_done:
-                continue
-            job.left -= dt
-            if job.left <= 0.0:
-                job.is_done = True
-                try:
-                    job.work()
-                except YumiError as error:
-                    job.failure = str(error)
-        if self._later:
-            waiting, self._later = [(left - dt, work) for left, work in self._later], []
-            for left, work in waiting:
-                if left > 0.0:
-                    self._later.append((left, work))
-                else:
-                    work()
-
 
 NO_UNIT = "NoIntegratedUnit"
 """ABB's word for "none" in the two integration fields."""
