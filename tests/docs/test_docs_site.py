@@ -16,7 +16,7 @@ import docs_site
 
 from yumi.driver.bringup import ANNOUNCEMENT, REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
-from yumi.driver.state_machine import FIRST_CONTACT
+from yumi.driver.state_machine import FIRST_SPEED_SCALE
 
 DOCS = ROOT / "docs"
 REAL_ROBOT = "docs/how-to/real-robot.md"
@@ -100,7 +100,7 @@ def test_page_about_the_real_robot_begins_with_what_was_never_tried_and_leads_to
     for step in ("Motors on", "Program pointers to main, start", "Calibrate a gripper", "End the EGM motion"):
         assert f"- *{step}" in moves
     motion = " ".join(parts["The first motion"].split())
-    assert f"Everything moves at a tenth of its speed at first (`speed_scale` is {FIRST_CONTACT:g})" in motion
+    assert f"Everything moves at a tenth of its speed at first (`speed_scale` is {FIRST_SPEED_SCALE:g})" in motion
     assert "keep the emergency stop within reach" in motion
 
 

@@ -125,7 +125,7 @@ def _flat(angles: Sequence[Any]) -> list[float]:
     return [float(value) for value in values]
 
 
-def in_chain_order(
+def _in_chain_order(
     side: Side, values: Mapping[str, Any] | Sequence[Any], others: Joints | None = None
 ) -> Sequence[Any]:
     """Values of all joints of an arm in chain order: a mapping by joint name, or a sequence that is in this order.
@@ -497,8 +497,8 @@ class MotionExecutor:
             CommandRefused: a goal is impossible; nothing moves.
             RobotNotReady: an arm does not follow.
         """
-        speed_scale = checked_scale("speed_scale", speed_scale)
-        acceleration = checked_scale("acceleration", acceleration)
+        speed_scale = _checked_scale("speed_scale", speed_scale)
+        acceleration = _checked_scale("acceleration", acceleration)
         starts = {side: self.snapshot(side).sent for side in goals}
         checked = {
             side: checked_goal(side, goal, starts[side] if others_stay else None) for side, goal in goals.items()
@@ -553,7 +553,7 @@ class MotionExecutor:
                 side: posture_for(side, tool0, None, None, starts[side], YUMI_LIMITS) for side, tool0 in targets.items()
             }
             return self.move(positions, speed_scale, acceleration, check=check)
-        scale = checked_scale("speed_scale", speed_scale) or 1.0
+        scale = _checked_scale("speed_scale", speed_scale) or 1.0
         paths = {
             side: ToolMotion(
                 tools[side],
@@ -940,7 +940,7 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
     try:
         check_count(len(points))
         return tuple(
-            TrajectoryPoint(float(time), *(tuple(map(float, in_chain_order(side, each))) for each in values))
+            TrajectoryPoint(float(time), *(tuple(map(float, _in_chain_order(side, each))) for each in values))
             for time, *values in points
         )
     except (TypeError, ValueError) as error:
@@ -956,7 +956,7 @@ def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Jo
     It may be the name of a pose, too. Joints that a goal by name leaves out are taken from ``others``.
     """
     try:
-        values = [float(value) for value in in_chain_order(side, goal, others)]
+        values = [float(value) for value in _in_chain_order(side, goal, others)]
     except (TypeError, ValueError) as error:
         raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(goal)[:100]}.") from error
     if len(values) != JOINT_COUNT:
@@ -969,7 +969,7 @@ def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Jo
     return joints(values)
 
 
-def checked_scale(name: str, value: object) -> float | None:
+def _checked_scale(name: str, value: object) -> float | None:
     """A fraction of the joints' limits as a plain number, which another process can read; None stays."""
     if value is None:
         return None

@@ -4,18 +4,8 @@ To add one: a subclass of :class:`Controller` in ``control/controllers/``, a lin
 (``driver/wiring.py``), and its name and type in ``config/controllers.yaml``. For its test, ``VirtualArmRig`` of
 ``yumi_evaluation`` runs it with a virtual arm in virtual time.
 
-Goals for the joints of one arm, as they lie in a buffer, and how a controller takes them out.
-
-A buffer holds the latest value only: the one way state and goals cross between the control process and the driver.
-
-Running statistics, and the timing of the stages of a cycle: where the microseconds of a reply go.
-
-::
-
-    begin ─ receive ─ decode ─ update ─ limit ─ encode ─ send ─ after the reply
-            └ the arm's read ┘ manager limiter  └ the arm's write ┘
-
-The cycle notes the stages of the middle, the arm those within its read and write, the control loop the first and last.
+Goals for the joints reach it through a :class:`Buffer`, which holds the latest value only: the one way state and goals
+cross between the control process and the driver. A :class:`StageClock` notes where the microseconds of a reply go.
 """
 
 from __future__ import annotations
@@ -30,6 +20,148 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, ArmState, Joints
 from yumi.settings import Parameter, Value, Values, texts
+
+
+class GoalKind(IntFlag):
+    """What the controllers that command an arm take; each kind has a buffer of its own."""
+
+    NONE = 0
+    POSITION = 1
+    VELOCITY = 2
+    FORWARD_POSITION = 4
+    FORWARD_VELOCITY = 8
+    TOOL = 16
+
+
+class Controller(ABC):
+    """One controller of one arm.
+
+    The controller manager calls everything here, between two cycles or inside one, always in the control process.
+
+    Attributes:
+        kind: the type string of ros2_control, ``package/Class``.
+        is_command: whether it wants commands, one at a time per interface; else it only watches.
+        goal_kind: which goals it takes while it is active.
+    """
+
+    kind: str
+    is_command = True
+    goal_kind = GoalKind.NONE
+
+    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
+        """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``.
+
+        What upstream's controller of the same type has and this one does not is a fixed one, with the reason.
+        """
+        return ()
+
+    def configure(self, values: Values) -> None:
+        """Take parameter values, complete, of their own types and inside their ranges; also while active.
+
+        Raises:
+            CommandRefused: the values do not go together; nothing was changed.
+        """
+
+    def clean_up(self) -> None:
+        """Forget what configuring prepared; called before it is configured anew or unloaded."""
+
+    @abstractmethod
+    def activate(self, state: ArmState) -> None:
+        """Begin from ``state``; whatever was commanded before is forgotten."""
+
+    def deactivate(self) -> None:
+        """End; the arm holds from now on."""
+
+    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        """The interfaces it claims while active, ``<joint>/position`` and the like."""
+        return tuple(f"{name}/position" for name in joint_names) if self.is_command else ()
+
+    def state_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
+        """The interfaces it reads while active."""
+        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
+
+    def update(self, state: ArmState) -> ArmCommand | None:
+        """The command for ``state``; None holds the arm. Reads ``state.dt`` for the time that passed.
+
+        Positions and velocities of interfaces it does not claim count only where no controller claims them.
+        """
+        return None
+
+    def check(self, message: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would take ``message`` now; changes nothing.
+
+        Raises:
+            CommandRefused: it would not, and why.
+        """
+        raise CommandRefused(f"A controller of type {self.kind} takes no commands.")
+
+    def receive(self, message: object, state: ArmState | None) -> None:
+        """Take a command between two cycles: a trajectory, a cancel. Only while active.
+
+        Args:
+            message: a picklable value the controller knows.
+            state: the arm's newest state; None while it is not heard.
+
+        Raises:
+            CommandRefused: it breaks a rule; nothing was changed.
+        """
+        self.check(message, state)
+
+    def note_withheld(self, position: Joints) -> None:
+        """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
+
+        It would make up for that as soon as the way is free, so a controller that leads the arm no further gives it up.
+        """
+
+    def take_reports(self) -> Sequence[object]:
+        """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""
+        return ()
+
+    @property
+    def reference(self) -> Joints | None:
+        """Where the controller is going, chain order [rad]; None when it has nowhere to go."""
+        return None
+
+
+# ---- the lifecycle
+
+
+class State(Enum):
+    """Primary states; the values are the labels that ros2_control tools compare."""
+
+    UNCONFIGURED = "unconfigured"
+    INACTIVE = "inactive"
+    ACTIVE = "active"
+    FINALIZED = "finalized"
+
+
+class Transition(Enum):
+    """What moves a controller from state to state."""
+
+    CONFIGURE = "configure"
+    ACTIVATE = "activate"
+    DEACTIVATE = "deactivate"
+    CLEANUP = "cleanup"
+    SHUTDOWN = "shutdown"
+
+
+TRANSITIONS: dict[tuple[State, Transition], State] = {
+    (State.UNCONFIGURED, Transition.CONFIGURE): State.INACTIVE,
+    (State.INACTIVE, Transition.ACTIVATE): State.ACTIVE,
+    (State.ACTIVE, Transition.DEACTIVATE): State.INACTIVE,
+    (State.INACTIVE, Transition.CLEANUP): State.UNCONFIGURED,
+    (State.UNCONFIGURED, Transition.SHUTDOWN): State.FINALIZED,
+    (State.INACTIVE, Transition.SHUTDOWN): State.FINALIZED,
+    (State.ACTIVE, Transition.SHUTDOWN): State.FINALIZED,
+}
+
+
+def allowed(state: State) -> tuple[Transition, ...]:
+    """The transitions that may leave ``state``."""
+    return tuple(transition for (source, transition) in TRANSITIONS if source is state)
+
+
+# ---- what others see of an arm's controllers
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,108 +185,107 @@ class Statistics:
     deviation: float = 0.0
 
 
-class RunningStatistics:
-    """Adds up a series of values by Welford's method: no memory that grows, a handful of operations for each value."""
+@dataclass(frozen=True, slots=True)
+class ControllerInfo:
+    """One controller as the manager knows it.
 
-    __slots__ = ("_count", "_current", "_maximum", "_mean", "_minimum", "_squares")
+    Attributes:
+        name: its name, unique on this arm.
+        kind: ros2_control's type string.
+        state: its lifecycle state.
+        required: the command interfaces it needs when active.
+        claimed: the command interfaces it holds now.
+        required_state: the state interfaces it needs when active.
+        execution_time: how long its updates took since it was activated last [s].
+    """
 
-    def __init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget all values."""
-        self._count = 0
-        self._current = self._mean = self._squares = 0.0
-        self._minimum, self._maximum = inf, -inf
-
-    def add(self, value: float) -> None:
-        """Take one more value."""
-        self._count += 1
-        self._current = value
-        step = value - self._mean
-        self._mean += step / self._count
-        self._squares += step * (value - self._mean)
-        self._minimum, self._maximum = min(self._minimum, value), max(self._maximum, value)
-
-    def result(self) -> Statistics:
-        """The statistics of the values until now."""
-        if not self._count:
-            return Statistics()
-        deviation = sqrt(self._squares / self._count)
-        return Statistics(self._count, self._current, self._mean, self._minimum, self._maximum, deviation)
+    name: str
+    kind: str
+    state: State
+    required: tuple[str, ...]
+    claimed: tuple[str, ...]
+    required_state: tuple[str, ...] = ()
+    execution_time: Statistics = field(default_factory=Statistics)
 
 
-T = TypeVar("T")
+class InterfaceInfo(NamedTuple):
+    """One command or state interface; a tuple, since there are many in each answer.
 
-BEGIN, RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY = range(8)
-"""Indices of marks: the cycle began, or the stage of that name was done."""
+    Attributes:
+        name: ``<joint>/<kind>``.
+        is_available: whether its component offers it now.
+        is_claimed: whether an active controller holds it; state interfaces are never claimed.
+    """
 
-MARK_COUNT = 8
+    name: str
+    is_available: bool
+    is_claimed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
-class StageTimes:
-    """How long each stage of one cycle took [s].
+class HardwareInfo:
+    """The hardware component of one arm.
 
     Attributes:
-        receive: taking the datagrams from the socket.
-        decode: bytes to state, with what the session counts.
-        update: the controllers.
-        limit: the limiter.
-        encode: command to bytes.
-        send: handing them to the socket.
-        after_reply: what can wait until after the reply, without the flight recorder itself.
+        name: its name.
+        state: its lifecycle state.
+        command_interfaces: what can be commanded.
+        state_interfaces: what is measured.
+        read_time: how long reading the arm took, cycle by cycle [s].
+        write_time: how long answering it took [s].
+        period: time between two cycles [s].
     """
 
-    receive: float
-    decode: float
-    update: float
-    limit: float
-    encode: float
-    send: float
-    after_reply: float
-
-    @staticmethod
-    def of(marks: Sequence[float]) -> StageTimes:
-        """From the marks of one cycle [s]; a stage that was not noted took no time."""
-        durations, last = [], marks[BEGIN]
-        for mark in marks[RECEIVE:]:
-            durations.append(max(0.0, mark - last))
-            last = max(last, mark)
-        return StageTimes(*durations)
-
-    @property
-    def reply(self) -> float:
-        """From the beginning of the cycle until the reply had left [s]."""
-        return self.receive + self.decode + self.update + self.limit + self.encode + self.send
+    name: str
+    state: State
+    command_interfaces: tuple[InterfaceInfo, ...]
+    state_interfaces: tuple[InterfaceInfo, ...]
+    read_time: Statistics = field(default_factory=Statistics)
+    write_time: Statistics = field(default_factory=Statistics)
+    period: Statistics = field(default_factory=Statistics)
 
 
-class StageClock:
-    """Notes when the stages of the current cycle were done.
+class ParameterInfo(NamedTuple):
+    """A parameter of a controller and what it holds.
+
+    Attributes:
+        parameter: what may be set.
+        value: what is set.
+    """
+
+    parameter: Parameter
+    value: Value
+
+
+def find_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | None:
+    """The parameter called ``name``, or the group of fixed ones that it belongs to."""
+    known = {parameter.name: parameter for parameter in parameters}
+    words = name.split(".")
+    groups = (known.get(".".join(words[:count])) for count in range(len(words) - 1, 0, -1))
+    return known.get(name) or next((each for each in groups if each and each.is_group), None)
+
+
+def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
+    """Refuse a parameter ``joints`` that does not name the joints of the arm.
 
     Args:
-        now: returns the time on the machine's monotonic clock [s]. Without it every stage takes no time.
+        values: complete values of parameters.
+        joint_names: of the arm, chain order.
+        in_order: whether the order counts.
+
+    Raises:
+        CommandRefused: it names others, or in another order.
     """
+    given = texts(values, "joints")
+    if given == tuple(joint_names) or (not in_order and sorted(given) == sorted(joint_names)):
+        return
+    order = " in this order: commands come by index" if in_order else ", in any order"
+    foreign = next((name for name in given if name not in joint_names), None)
+    reason = f"{foreign!r} is not a joint of this arm" if foreign else f"it is {', '.join(given)}"
+    raise CommandRefused(f"Parameter 'joints': {reason}; name {', '.join(joint_names)}{order}.")
 
-    __slots__ = ("_now", "marks")
 
-    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
-        self.marks = [0.0] * MARK_COUNT
-        self._now = now
-
-    def begin(self, now: float) -> None:
-        """A cycle begins; ``now`` by the same clock."""
-        self.marks = [now] * MARK_COUNT
-
-    def note(self, stage: int) -> None:
-        """``stage`` is done."""
-        self.marks[stage] = self._now()
-
-    def timed(self, stage: int, result: T) -> T:
-        """``stage`` is done and this is its ``result``."""
-        self.marks[stage] = self._now()
-        return result
-
+# ---- goals in buffers
 
 V = TypeVar("V")
 
@@ -185,17 +316,6 @@ class MemoryBuffer(Generic[V]):
 
 UNKNOWN: Joints = (nan, nan, nan, nan, nan, nan, nan)
 """Positions or velocities that a goal does not have."""
-
-
-class GoalKind(IntFlag):
-    """What the controllers that command an arm take; each kind has a buffer of its own."""
-
-    NONE = 0
-    POSITION = 1
-    VELOCITY = 2
-    FORWARD_POSITION = 4
-    FORWARD_VELOCITY = 8
-    TOOL = 16
 
 
 class Goal(NamedTuple):
@@ -307,226 +427,112 @@ def looks_like_degrees(index: int, position: float) -> bool:
     return abs(position) > 2.0 * pi and YUMI_LIMITS.lower[index] <= radians(position) <= YUMI_LIMITS.upper[index]
 
 
-class Controller(ABC):
-    """One controller of one arm.
+# ---- the stages of a cycle and their times
+#
+#     begin ─ receive ─ decode ─ update ─ limit ─ encode ─ send ─ after the reply
+#             └ the arm's read ┘ manager limiter  └ the arm's write ┘
+#
+# The cycle notes the stages of the middle, the arm those within its read and write, the control loop the first and the
+# last.
 
-    The controller manager calls everything here, between two cycles or inside one, always in the control process.
+T = TypeVar("T")
+
+BEGIN, RECEIVE, DECODE, UPDATE, LIMIT, ENCODE, SEND, AFTER_REPLY = range(8)
+"""Indices of marks: the cycle began, or the stage of that name was done."""
+
+MARK_COUNT = 8
+
+
+@dataclass(frozen=True, slots=True)
+class StageTimes:
+    """How long each stage of one cycle took [s].
 
     Attributes:
-        kind: the type string of ros2_control, ``package/Class``.
-        is_command: whether it wants commands, one at a time per interface; else it only watches.
-        goal_kind: which goals it takes while it is active.
+        receive: taking the datagrams from the socket.
+        decode: bytes to state, with what the session counts.
+        update: the controllers.
+        limit: the limiter.
+        encode: command to bytes.
+        send: handing them to the socket.
+        after_reply: what can wait until after the reply, without the flight recorder itself.
     """
 
-    kind: str
-    is_command = True
-    goal_kind = GoalKind.NONE
+    receive: float
+    decode: float
+    update: float
+    limit: float
+    encode: float
+    send: float
+    after_reply: float
 
-    def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
-        """What can be set, with one parameter for each joint where it differs: ``gains.<joint>.p``.
-
-        What upstream's controller of the same type has and this one does not is a fixed one, with the reason.
-        """
-        return ()
-
-    def configure(self, values: Values) -> None:
-        """Take parameter values, complete, of their own types and inside their ranges; also while active.
-
-        Raises:
-            CommandRefused: the values do not go together; nothing was changed.
-        """
-
-    def clean_up(self) -> None:
-        """Forget what configuring prepared; called before it is configured anew or unloaded."""
-
-    @abstractmethod
-    def activate(self, state: ArmState) -> None:
-        """Begin from ``state``; whatever was commanded before is forgotten."""
-
-    def deactivate(self) -> None:
-        """End; the arm holds from now on."""
-
-    def command_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        """The interfaces it claims while active, ``<joint>/position`` and the like."""
-        return tuple(f"{name}/position" for name in joint_names) if self.is_command else ()
-
-    def state_interfaces(self, joint_names: tuple[str, ...]) -> tuple[str, ...]:
-        """The interfaces it reads while active."""
-        return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
-
-    def update(self, state: ArmState) -> ArmCommand | None:
-        """The command for ``state``; None holds the arm. Reads ``state.dt`` for the time that passed.
-
-        Positions and velocities of interfaces it does not claim count only where no controller claims them.
-        """
-        return None
-
-    def check(self, message: object, state: ArmState | None) -> None:
-        """Whether :meth:`receive` would take ``message`` now; changes nothing.
-
-        Raises:
-            CommandRefused: it would not, and why.
-        """
-        raise CommandRefused(f"A controller of type {self.kind} takes no commands.")
-
-    def receive(self, message: object, state: ArmState | None) -> None:
-        """Take a command between two cycles: a trajectory, a cancel. Only while active.
-
-        Args:
-            message: a picklable value the controller knows.
-            state: the arm's newest state; None while it is not heard.
-
-        Raises:
-            CommandRefused: it breaks a rule; nothing was changed.
-        """
-        self.check(message, state)
-
-    def note_withheld(self, position: Joints) -> None:
-        """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
-
-        It would make up for that as soon as the way is free, so a controller that leads the arm no further gives it up.
-        """
-
-    def take_reports(self) -> Sequence[object]:
-        """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""
-        return ()
+    @staticmethod
+    def of(marks: Sequence[float]) -> StageTimes:
+        """From the marks of one cycle [s]; a stage that was not noted took no time."""
+        durations, last = [], marks[BEGIN]
+        for mark in marks[RECEIVE:]:
+            durations.append(max(0.0, mark - last))
+            last = max(last, mark)
+        return StageTimes(*durations)
 
     @property
-    def reference(self) -> Joints | None:
-        """Where the controller is going, chain order [rad]; None when it has nowhere to go."""
-        return None
+    def reply(self) -> float:
+        """From the beginning of the cycle until the reply had left [s]."""
+        return self.receive + self.decode + self.update + self.limit + self.encode + self.send
 
 
-class State(Enum):
-    """Primary states; the values are the labels that ros2_control tools compare."""
-
-    UNCONFIGURED = "unconfigured"
-    INACTIVE = "inactive"
-    ACTIVE = "active"
-    FINALIZED = "finalized"
-
-
-class Transition(Enum):
-    """What moves a controller from state to state."""
-
-    CONFIGURE = "configure"
-    ACTIVATE = "activate"
-    DEACTIVATE = "deactivate"
-    CLEANUP = "cleanup"
-    SHUTDOWN = "shutdown"
-
-
-TRANSITIONS: dict[tuple[State, Transition], State] = {
-    (State.UNCONFIGURED, Transition.CONFIGURE): State.INACTIVE,
-    (State.INACTIVE, Transition.ACTIVATE): State.ACTIVE,
-    (State.ACTIVE, Transition.DEACTIVATE): State.INACTIVE,
-    (State.INACTIVE, Transition.CLEANUP): State.UNCONFIGURED,
-    (State.UNCONFIGURED, Transition.SHUTDOWN): State.FINALIZED,
-    (State.INACTIVE, Transition.SHUTDOWN): State.FINALIZED,
-    (State.ACTIVE, Transition.SHUTDOWN): State.FINALIZED,
-}
-
-
-def allowed(state: State) -> tuple[Transition, ...]:
-    """The transitions that may leave ``state``."""
-    return tuple(transition for (source, transition) in TRANSITIONS if source is state)
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerInfo:
-    """One controller as the manager knows it.
-
-    Attributes:
-        name: its name, unique on this arm.
-        kind: ros2_control's type string.
-        state: its lifecycle state.
-        required: the command interfaces it needs when active.
-        claimed: the command interfaces it holds now.
-        required_state: the state interfaces it needs when active.
-        execution_time: how long its updates took since it was activated last [s].
-    """
-
-    name: str
-    kind: str
-    state: State
-    required: tuple[str, ...]
-    claimed: tuple[str, ...]
-    required_state: tuple[str, ...] = ()
-    execution_time: Statistics = field(default_factory=Statistics)
-
-
-class InterfaceInfo(NamedTuple):
-    """One command or state interface; a tuple, since there are many in each answer.
-
-    Attributes:
-        name: ``<joint>/<kind>``.
-        is_available: whether its component offers it now.
-        is_claimed: whether an active controller holds it; state interfaces are never claimed.
-    """
-
-    name: str
-    is_available: bool
-    is_claimed: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class HardwareInfo:
-    """The hardware component of one arm.
-
-    Attributes:
-        name: its name.
-        state: its lifecycle state.
-        command_interfaces: what can be commanded.
-        state_interfaces: what is measured.
-        read_time: how long reading the arm took, cycle by cycle [s].
-        write_time: how long answering it took [s].
-        period: time between two cycles [s].
-    """
-
-    name: str
-    state: State
-    command_interfaces: tuple[InterfaceInfo, ...]
-    state_interfaces: tuple[InterfaceInfo, ...]
-    read_time: Statistics = field(default_factory=Statistics)
-    write_time: Statistics = field(default_factory=Statistics)
-    period: Statistics = field(default_factory=Statistics)
-
-
-class ParameterInfo(NamedTuple):
-    """A parameter of a controller and what it holds.
-
-    Attributes:
-        parameter: what may be set.
-        value: what is set.
-    """
-
-    parameter: Parameter
-    value: Value
-
-
-def find_parameter(parameters: Iterable[Parameter], name: str) -> Parameter | None:
-    """The parameter called ``name``, or the group of fixed ones that it belongs to."""
-    known = {parameter.name: parameter for parameter in parameters}
-    words = name.split(".")
-    groups = (known.get(".".join(words[:count])) for count in range(len(words) - 1, 0, -1))
-    return known.get(name) or next((each for each in groups if each and each.is_group), None)
-
-
-def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) -> None:
-    """Refuse a parameter ``joints`` that does not name the joints of the arm.
+class StageClock:
+    """Notes when the stages of the current cycle were done.
 
     Args:
-        values: complete values of parameters.
-        joint_names: of the arm, chain order.
-        in_order: whether the order counts.
-
-    Raises:
-        CommandRefused: it names others, or in another order.
+        now: returns the time on the machine's monotonic clock [s]. Without it every stage takes no time.
     """
-    given = texts(values, "joints")
-    if given == tuple(joint_names) or (not in_order and sorted(given) == sorted(joint_names)):
-        return
-    order = " in this order: commands come by index" if in_order else ", in any order"
-    foreign = next((name for name in given if name not in joint_names), None)
-    reason = f"{foreign!r} is not a joint of this arm" if foreign else f"it is {', '.join(given)}"
-    raise CommandRefused(f"Parameter 'joints': {reason}; name {', '.join(joint_names)}{order}.")
+
+    __slots__ = ("_now", "marks")
+
+    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
+        self.marks = [0.0] * MARK_COUNT
+        self._now = now
+
+    def begin(self, now: float) -> None:
+        """A cycle begins; ``now`` by the same clock."""
+        self.marks = [now] * MARK_COUNT
+
+    def note(self, stage: int) -> None:
+        """``stage`` is done."""
+        self.marks[stage] = self._now()
+
+    def timed(self, stage: int, result: T) -> T:
+        """``stage`` is done and this is its ``result``."""
+        self.marks[stage] = self._now()
+        return result
+
+
+class RunningStatistics:
+    """Adds up a series of values by Welford's method: no memory that grows, a handful of operations for each value."""
+
+    __slots__ = ("_count", "_current", "_maximum", "_mean", "_minimum", "_squares")
+
+    def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all values."""
+        self._count = 0
+        self._current = self._mean = self._squares = 0.0
+        self._minimum, self._maximum = inf, -inf
+
+    def add(self, value: float) -> None:
+        """Take one more value."""
+        self._count += 1
+        self._current = value
+        step = value - self._mean
+        self._mean += step / self._count
+        self._squares += step * (value - self._mean)
+        self._minimum, self._maximum = min(self._minimum, value), max(self._maximum, value)
+
+    def result(self) -> Statistics:
+        """The statistics of the values until now."""
+        if not self._count:
+            return Statistics()
+        deviation = sqrt(self._squares / self._count)
+        return Statistics(self._count, self._current, self._mean, self._minimum, self._maximum, deviation)

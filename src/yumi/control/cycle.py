@@ -1,12 +1,7 @@
 """The cycle: one datagram in, one reply out. The robot's datagram is the clock; nothing else runs here.
 
-:class:`ArmPort` is what it needs of an arm's hardware, real or virtual.
-
-The flight recorder: the last ten seconds of every cycle of one arm, in memory that never grows.
-
-It works on a block of memory that is passed in: an array for tests and virtual time, shared memory in the driver, so
-that another process reads it while the control loop goes on recording. Each cycle has a slot with the cycle's
-number at both ends; a slot that was replaced while it was read is left out.
+:class:`ArmPort` is what it needs of an arm's hardware, real or virtual. :class:`FlightRecorder` remembers the last ten
+seconds of every cycle of one arm.
 """
 
 from __future__ import annotations
@@ -26,38 +21,6 @@ from yumi.robot.joints import JOINT_COUNT, ArmCommand, ArmState, Joints
 
 if TYPE_CHECKING:
     from _typeshed import WriteableBuffer
-
-
-class WireCounters(NamedTuple):
-    """What an arm's connection has received: counts since the start, the rest of the session.
-
-    Attributes:
-        session: number of the session, 0 before the first.
-        missed: states the robot sent that got no answer of their own; lost, late and stale ones.
-        lost: states that never arrived (gaps in the sequence numbers).
-        late: states that waited together with a newer one, which was answered instead.
-        stale: states that arrived after a newer one was answered.
-        repeated: states that arrived before.
-        malformed: datagrams that could not be read.
-        foreign: datagrams from other addresses than the robot's.
-        jitter: mean difference of two datagrams' delays [s].
-        worst_jitter: the largest such difference [s].
-        drift_ppm: by how much the robot's clock is faster than ours [ppm].
-        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
-    """
-
-    session: int = 0
-    missed: int = 0
-    lost: int = 0
-    late: int = 0
-    stale: int = 0
-    repeated: int = 0
-    malformed: int = 0
-    foreign: int = 0
-    jitter: float = 0.0
-    worst_jitter: float = 0.0
-    drift_ppm: float = 0.0
-    cycle_time: float = 0.0
 
 
 class ArmPort(Protocol):
@@ -115,6 +78,40 @@ def run_cycle(
     arm.write(sent)
     return Cycle(state, desired, sent)
 
+
+class WireCounters(NamedTuple):
+    """What an arm's connection has received: counts since the start, the rest of the session.
+
+    Attributes:
+        session: number of the session, 0 before the first.
+        missed: states the robot sent that got no answer of their own; lost, late and stale ones.
+        lost: states that never arrived (gaps in the sequence numbers).
+        late: states that waited together with a newer one, which was answered instead.
+        stale: states that arrived after a newer one was answered.
+        repeated: states that arrived before.
+        malformed: datagrams that could not be read.
+        foreign: datagrams from other addresses than the robot's.
+        jitter: mean difference of two datagrams' delays [s].
+        worst_jitter: the largest such difference [s].
+        drift_ppm: by how much the robot's clock is faster than ours [ppm].
+        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
+    """
+
+    session: int = 0
+    missed: int = 0
+    lost: int = 0
+    late: int = 0
+    stale: int = 0
+    repeated: int = 0
+    malformed: int = 0
+    foreign: int = 0
+    jitter: float = 0.0
+    worst_jitter: float = 0.0
+    drift_ppm: float = 0.0
+    cycle_time: float = 0.0
+
+
+# ---- the flight recorder
 
 RECORDED_CYCLES = 2480
 """Cycles that can be read back: 10 s of 4.032 ms."""
@@ -174,7 +171,11 @@ def flight_memory() -> array[float]:
 
 
 class FlightRecorder:
-    """Remembers the newest cycles of one arm; one process only may record, any may read.
+    """Remembers the newest cycles of one arm, in memory that never grows; one process only may record, any may read.
+
+    The memory is passed in: an array for tests and virtual time, shared memory in the driver, so that another process
+    reads it while the control loop goes on recording. Each cycle has a slot with the cycle's number at both ends; a
+    slot that was replaced while it was read is left out.
 
     Args:
         memory: FLIGHT_SIZE numbers of 8 bytes, 0 at first.

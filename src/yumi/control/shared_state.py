@@ -258,7 +258,6 @@ class Factor(NamedTuple):
 # ---- shared memory
 
 V = TypeVar("V")
-_Numbers = tuple[Any, ...]
 
 _READ_ATTEMPTS = 10  # a writer on another processor is done by then; one that we took the processor from never will be
 _COUNTERS = Struct("qq")  # writes begun, finished: equal and not 0 when the value is whole

@@ -304,11 +304,6 @@ def stretched(plan: ArmPlan, end: float) -> ArmPlan:
     return replace(plan, spline=Spline(segments, spline.last._replace(time=end, velocity=(), acceleration=())))
 
 
-def resting_at(position: Joints) -> Spline:
-    """A spline that stays at one place."""
-    return Spline(Segments(), TrajectoryPoint(0.0, position))
-
-
 def segment_between(start: TrajectoryPoint, end: TrajectoryPoint) -> Segment:
     """The segment from ``start`` to ``end``, as smooth as what both of them give."""
     t = end.time - start.time

@@ -37,7 +37,7 @@ ANNOUNCEMENT = "Bring-up will: "
 STOP_PROGRAM = "stop the RAPID program"
 """The step before a program that runs is started anew."""
 
-DEADLINE = 5.0
+_OBEY_TIMEOUT = 5.0
 """Longest wait for motors, program or state machines to obey [s]."""
 
 LONGEST_ROUTINE = 300.0
@@ -217,7 +217,7 @@ class Bringup:
     def _steps_to_restart(self, *, is_running: bool) -> list[Step]:
         def start() -> None:
             self.panel.start_rapid()
-            self.machines.wait_for_idle(DEADLINE)
+            self.machines.wait_for_idle(_OBEY_TIMEOUT)
 
         stop = [Step(STOP_PROGRAM, self.panel.stop_rapid)] if is_running else []
         to_main = Step("move the program pointers to main", self.panel.move_pp_to_main)
@@ -397,7 +397,7 @@ class ControllerPanel:
             wait_until(
                 self._clock,
                 lambda: self.are_motors_on,
-                DEADLINE,
+                _OBEY_TIMEOUT,
                 lambda: (
                     f"Motors do not go on, the controller is in {self._client.controller_state().value!r}; "
                     "release the emergency stop and acknowledge it on the FlexPendant."
@@ -413,7 +413,7 @@ class ControllerPanel:
         if self.are_motors_on:
             self._client.set_motors(False)
             refusal = "Motors do not go off; use the stop button."
-            wait_until(self._clock, lambda: not self.are_motors_on, DEADLINE, refusal)
+            wait_until(self._clock, lambda: not self.are_motors_on, _OBEY_TIMEOUT, refusal)
 
     def start_rapid(self) -> None:
         """Start the program where its pointers are.
@@ -465,8 +465,9 @@ class ControllerPanel:
         wait_until(
             self._clock,
             lambda: self._client.execution() is state,
-            DEADLINE,
-            f"The RAPID program is not {state.value} after {DEADLINE:g} s; look at the event log on the FlexPendant.",
+            _OBEY_TIMEOUT,
+            f"The RAPID program is not {state.value} after {_OBEY_TIMEOUT:g} s; look at the event log on the "
+            "FlexPendant.",
         )
 
     def read_signal(self, name: str) -> str:

@@ -60,10 +60,10 @@ FIRST_DATAGRAM = 5.0
 BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
 
-LONGEST_RESTART = 120.0
+_LONGEST_RESTART = 120.0
 """Longest wait for a controller that is starting [s]."""
 
-LONGEST_HANG = 5.0
+_LONGEST_HANG = 5.0
 """Longest wait for one that takes connections but ends no reply [s]: one that is starting takes none."""
 
 WAITING = "wait for the controller, which does not answer"
@@ -377,7 +377,7 @@ class Recovery:
             nonlocal next_attempt, is_reported
             if self._clock.now() < next_attempt:
                 return False
-            if self._answers(begin + LONGEST_HANG):
+            if self._answers(begin + _LONGEST_HANG):
                 return True
             next_attempt = self._clock.now() + _ATTEMPT_PERIOD
             if not is_reported:
@@ -387,10 +387,10 @@ class Recovery:
             return False
 
         refusal = (
-            f"The controller at {self._client.address} has not answered for {LONGEST_RESTART:g} s; check its power and "
-            "the network cable."
+            f"The controller at {self._client.address} has not answered for {_LONGEST_RESTART:g} s; check its power "
+            "and the network cable."
         )
-        wait_until(self._clock, answers, LONGEST_RESTART, refusal, check=check)
+        wait_until(self._clock, answers, _LONGEST_RESTART, refusal, check=check)
         return is_reported
 
     def _answers(self, patience: float) -> bool:

@@ -135,7 +135,7 @@ def machine_name(state: RobotState, side: Side) -> str:
     return "no state machine" if machine is None else machine.name
 
 
-BOTH_ARMS = tuple(Side)
+_BOTH_ARMS = tuple(Side)
 Arms = tuple[Side, ...]
 
 
@@ -262,12 +262,12 @@ NEEDED: Mapping[Request, tuple[Condition, ...]] = {
 not need it. That a stop is confirmed is checked by :class:`StopLog`, which reads the event log."""
 
 
-def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = BOTH_ARMS) -> Condition | None:
+def unmet(conditions: Iterable[Condition], state: RobotState, arms: Arms = _BOTH_ARMS) -> Condition | None:
     """The first condition that is not met."""
     return next((condition for condition in conditions if not condition.is_met(state, arms)), None)
 
 
-def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH_ARMS) -> str:
+def reason_of(condition: Condition, state: RobotState, arms: Arms = _BOTH_ARMS) -> str:
     """Why a condition is not met."""
     after = " after an emergency stop" if state.controller_state is ControllerState.EMERGENCY_STOP_RESET else ""
     return condition.reason.format(
@@ -280,13 +280,13 @@ def reason_of(condition: Condition, state: RobotState, arms: Arms = BOTH_ARMS) -
     )
 
 
-def sentence_of(condition: Condition, state: RobotState, arms: Arms = BOTH_ARMS, intro: str = "") -> str:
+def sentence_of(condition: Condition, state: RobotState, arms: Arms = _BOTH_ARMS, intro: str = "") -> str:
     """Why a condition is not met, and what to do; ``intro`` says what is refused for it."""
     text = f"{intro}{reason_of(condition, state, arms)}; {condition.remedy}."
     return text[0].upper() + text[1:]
 
 
-def check_request(request: Request, state: RobotState, arms: Arms = BOTH_ARMS, intro: str = "") -> None:
+def check_request(request: Request, state: RobotState, arms: Arms = _BOTH_ARMS, intro: str = "") -> None:
     """Refuse a request that a condition forbids; that a stop is confirmed is left to the log of stops.
 
     Args:
@@ -434,7 +434,7 @@ def needs_person(code: int) -> bool:
     return code in {_EMERGENCY_STOP, _GUARD_STOP, *_COLLISIONS} or code in _SAFETY_CHAIN
 
 
-def is_guard_stop(code: int) -> bool:
+def _is_guard_stop(code: int) -> bool:
     """Whether an event of this number is a guard stop, which also comes when the mode switch leaves AUTO."""
     return code == _GUARD_STOP or code in _SAFETY_CHAIN
 
@@ -449,7 +449,7 @@ def is_without_person(event: Event) -> bool:
     return is_watchdog or event.code in {_EGM_TIMEOUT, _RESTARTED}
 
 
-def are_without_person(events: Iterable[Event]) -> bool:
+def _are_without_person(events: Iterable[Event]) -> bool:
     """Whether none of the events since the program was started shows a person at the robot, or another fault.
 
     Args:
@@ -605,7 +605,7 @@ class StopLog:
             known = self._known
             if known.stop is not None or not self.is_complete:
                 return False
-            if not are_without_person(event for event, _ in self._recent):
+            if not _are_without_person(event for event, _ in self._recent):
                 return False
             return known.cause is None or is_without_person(known.cause)
 
@@ -732,13 +732,13 @@ class StopLog:
         self._recent.extendleft((event, now) for event in reversed(fresh))
         stop = self._known.stop
         confirmed = next((index for index, event in enumerate(fresh) if event.code == _AUTO_CONFIRMED), len(fresh))
-        if confirmed < len(fresh) and stop is not None and all(map(is_guard_stop, stop.codes)):
+        if confirmed < len(fresh) and stop is not None and all(map(_is_guard_stop, stop.codes)):
             # Leaving AUTO is a guard stop, too; who has confirmed AUTO at the FlexPendant has looked at the robot.
             self._stop_events, stop = (), None
         stops = tuple(
             event
             for index, event in reversed(list(enumerate(fresh)))
-            if needs_person(event.code) and (index < confirmed or not is_guard_stop(event.code))
+            if needs_person(event.code) and (index < confirmed or not _is_guard_stop(event.code))
         )
         is_awaited = not self._stop_events and now <= self._awaits_event_until
         if stops and stop is not None and is_awaited and stop.codes == (stops[-1].code,):

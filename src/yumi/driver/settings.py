@@ -22,8 +22,7 @@ from yumi.control.limiter import FULL
 from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
-from yumi.driver.state_machine import LOWEST as SLOWEST
-from yumi.driver.state_machine import EgmMotionSettings
+from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part
 from yumi.robot.gripper import GripperModules
@@ -63,7 +62,7 @@ class RobotSettings:
     user: str = "Default User"
     password: str = field(default="robotics", repr=False)
     timeout: float = bounded(2.0, 0.1, 4.0, "s")
-    speed_scale: float | None = bounded(None, SLOWEST, FULL)
+    speed_scale: float | None = bounded(None, LOWEST_SPEED_SCALE, FULL)
 
 
 @dataclass(frozen=True, slots=True)

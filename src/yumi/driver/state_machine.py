@@ -3,7 +3,8 @@
 The interface is that of ABB's StateMachine Add-In 1.1 (reference/statemachine.md); the RAPID modules in
 ``controller_files`` have the same.
 
-The setting ``speed_scale``: its value, what each arm's control loop gets of it, and the robot's own limit.
+:class:`SpeedSetting` is the setting ``speed_scale``: what was asked for, and what each arm's control loop gets of it
+within the robot's own limit, with which EGM was started there.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from yumi.rws.client import RwsClient
 from yumi.rws.types import RapidValue
 from yumi.settings import bounded
 
-LOWEST = 0.01
+LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
 
-FIRST_CONTACT = 0.1
+FIRST_SPEED_SCALE = 0.1
 """What holds at a robot that is not on this machine, until it is raised."""
 
 
@@ -60,7 +61,7 @@ class SpeedSetting:
         self._buffers = buffers or {}
         self.is_in_egm = is_in_egm
         self._started_with = dict.fromkeys(Side, FULL)
-        self._value = checked(value)
+        self._value = checked_speed_scale(value)
         self._write()
 
     @property
@@ -80,7 +81,7 @@ class SpeedSetting:
             CommandRefused: the value is out of range; nothing was changed.
         """
         with self._lock:
-            self._value = checked(value)
+            self._value = checked_speed_scale(value)
             self._write()
         return str(self)
 
@@ -107,14 +108,14 @@ class SpeedSetting:
             buffer.write(Factor(self._of_arm(side)))
 
 
-def checked(value: float) -> float:
+def checked_speed_scale(value: float) -> float:
     """``value`` as a plain number; raises CommandRefused when it is none, or out of range."""
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"speed_scale is {value!r}; give a number from {LOWEST:g} to 1.") from error
-    if not LOWEST <= number <= FULL:
-        raise CommandRefused(f"speed_scale is {number:g}; allowed is {LOWEST:g} to 1.")
+        raise CommandRefused(f"speed_scale is {value!r}; give a number from {LOWEST_SPEED_SCALE:g} to 1.") from error
+    if not LOWEST_SPEED_SCALE <= number <= FULL:
+        raise CommandRefused(f"speed_scale is {number:g}; allowed is {LOWEST_SPEED_SCALE:g} to 1.")
     return number
 
 

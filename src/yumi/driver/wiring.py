@@ -54,7 +54,7 @@ from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.readiness import StopLog
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
-from yumi.driver.state_machine import FIRST_CONTACT, SpeedSetting
+from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
@@ -157,7 +157,7 @@ def first_speed_scale(settings: Settings) -> float:
     """What speeds begin with: slow at a robot that is not on this machine, unless the settings say otherwise."""
     if settings.robot.speed_scale is not None:
         return settings.robot.speed_scale
-    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_CONTACT
+    return FULL if ip_address(resolve(settings.robot.address)).is_loopback else FIRST_SPEED_SCALE
 
 
 def build_grippers(

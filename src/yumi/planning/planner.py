@@ -461,17 +461,17 @@ _ADJACENT_LINKS = ((1, 2), (2, 3), (2, 4), (3, 4), (4, 5), (4, 6), (5, 6), (5, 7
 _NEVER_TOUCHING_LINKS = ((1, 3), (3, 5), (3, 6), (3, 7), (3, 8), (4, 7))
 
 
-def body_link() -> str:
+def _body_link() -> str:
     """The link of everything that stands still."""
     return prefixed("yumi_body")
 
 
-def link_names(side: Side) -> tuple[str, ...]:
+def _link_names(side: Side) -> tuple[str, ...]:
     """The arm's links in chain order, then its gripper, as in the robot's description."""
-    return (*(prefixed(f"yumi_link_{number}_{side.value}") for number in range(1, 8)), gripper_link(side))
+    return (*(prefixed(f"yumi_link_{number}_{side.value}") for number in range(1, 8)), _gripper_link(side))
 
 
-def gripper_link(side: Side) -> str:
+def _gripper_link(side: Side) -> str:
     return prefixed(f"gripper_{side.value}_base")
 
 
@@ -495,10 +495,10 @@ def planning_description(
     grown = clearance / 2.0
     boxes = [middle_and_size(box) for box in BODY_SHAPES]
     boxes += [(obstacle.centre, obstacle.size) for obstacle in obstacles]
-    parts = [_link(body_link(), (_box(centre, size, grown) for centre, size in boxes))]
+    parts = [_link(_body_link(), (_box(centre, size, grown) for centre, size in boxes))]
     for side in Side:
         own = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
-        names, parent = link_names(side), body_link()
+        names, parent = _link_names(side), _body_link()
         for index, origin in enumerate((joint_1_origin(side), *JOINT_ORIGINS)):
             lower, upper, speed = limits.lower[index], limits.upper[index], limits.velocity[index]
             limit = f'<limit lower="{lower}" upper="{upper}" effort="{JOINT_EFFORT}" velocity="{speed}"/>'
@@ -528,7 +528,7 @@ def semantic_description(*, with_fingers: bool = True) -> str:
                 ET.SubElement(group, "group", name=each)
         else:
             tip = prefixed(f"yumi_tool0_{sides[0].value}")
-            ET.SubElement(group, "chain", base_link=body_link(), tip_link=tip)
+            ET.SubElement(group, "chain", base_link=_body_link(), tip_link=tip)
     if with_fingers:
         for side in Side:
             group = ET.SubElement(robot, "group", name=f"{side.word}_gripper")
@@ -552,9 +552,13 @@ def semantic_description(*, with_fingers: bool = True) -> str:
 def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str]]:
     """Pairs of links that need not be checked, with MoveIt's word for the reason."""
     for side in Side:
-        names = link_names(side)
-        yield body_link(), names[0], "Adjacent"
-        yield body_link(), names[1], "Adjacent"  # the shoulder turns it beside the body, a few millimetres away at home
+        names = _link_names(side)
+        yield _body_link(), names[0], "Adjacent"
+        yield (
+            _body_link(),
+            names[1],
+            "Adjacent",
+        )  # the shoulder turns it beside the body, a few millimetres away at home
         for pairs, reason in ((_ADJACENT_LINKS, "Adjacent"), (_NEVER_TOUCHING_LINKS, "Never")):
             for first, second in pairs:
                 yield names[first - 1], names[second - 1], reason
@@ -566,7 +570,7 @@ def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str
                 for first, second in (*_ADJACENT_LINKS, *_NEVER_TOUCHING_LINKS):
                     if second == len(names):
                         yield names[first - 1], finger, "Never"
-    yield link_names(Side.RIGHT)[0], link_names(Side.LEFT)[0], "Never"  # bolted to one body, next to each other
+    yield _link_names(Side.RIGHT)[0], _link_names(Side.LEFT)[0], "Never"  # bolted to one body, next to each other
 
 
 def _link(name: str, solids: Iterable[str] = ()) -> str:

@@ -478,7 +478,7 @@ def _topic(side: Side) -> str:
     return f"{side.value}/cycle"
 
 
-PERIOD = 0.02
+CYCLES_PERIOD = 0.02
 """How often a full recording reads the memories [s]: the less there is to write at once, the less others wait."""
 
 SOURCE_PERIOD = 0.1
@@ -705,7 +705,7 @@ class FullRecorder:
 
     def _run(self) -> None:
         try:
-            while not self._is_over.wait(PERIOD):
+            while not self._is_over.wait(CYCLES_PERIOD):
                 self._follow()
             self._follow()
             self._writer.close()

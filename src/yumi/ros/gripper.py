@@ -277,7 +277,7 @@ class GripperServices:
             raise RobotNotReady(reason)
 
 
-PERIOD = 0.04
+_STATE_PERIOD = 0.04
 """Time between two messages [s]: the controller reports changes every 50 ms, and none may be missed."""
 
 FAILURES, FAILURE = "goals_failed", "last_failure"
@@ -333,7 +333,7 @@ class GripperTopics:
         self._published_failures = failures.newest
         self._last: ServoState | None = None
         self._count = 0
-        timers.every(PERIOD, f"{side.value}/gripper", self._publish)
+        timers.every(_STATE_PERIOD, f"{side.value}/gripper", self._publish)
 
     def _publish(self) -> None:
         reading, failures = self._reading(), self._failures.newest

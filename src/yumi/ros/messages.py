@@ -621,10 +621,10 @@ def _word(value: Enum | None) -> str:
     return "" if value is None else str(value.value)
 
 
-PERIOD = 1.0
+_LOG_PERIOD = 1.0
 """The same reason is logged once in this time [s], with how often it came meanwhile."""
 
-MOST = 10
+_MOST_LINES = 10
 """Lines in one period, however many reasons there are: each message may have another invalid name."""
 
 _REASONS = 50  # remembered; the oldest make room
@@ -662,16 +662,16 @@ class RefusalLog:
         self._log = log
         self._now = now
         self._last: OrderedDict[str, float] = OrderedDict()  # when a reason was logged
-        self._begin = -PERIOD  # of the period whose lines are counted
+        self._begin = -_LOG_PERIOD  # of the period whose lines are counted
         self._lines = 0
         self._unlogged = 0  # refusals since the last line
 
     def warn(self, sentence: str) -> None:
         """Log a refusal, unless its reason was logged just now; what was not logged is counted with the next line."""
         now, reason = self._now(), _NUMBER.sub("#", sentence)
-        if now - self._begin >= PERIOD:
+        if now - self._begin >= _LOG_PERIOD:
             self._begin, self._lines = now, 0
-        if now - self._last.get(reason, -PERIOD) < PERIOD or self._lines >= MOST:
+        if now - self._last.get(reason, -_LOG_PERIOD) < _LOG_PERIOD or self._lines >= _MOST_LINES:
             self._unlogged += 1
             return
         self._last[reason] = now

@@ -39,7 +39,7 @@ from yumi_interfaces.srv import (
 from yumi.control.limiter import FULL
 from yumi.driver.readiness import Mode
 from yumi.driver.robot_manager import RobotManager
-from yumi.driver.state_machine import LOWEST, SpeedSetting
+from yumi.driver.state_machine import LOWEST_SPEED_SCALE, SpeedSetting
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import Side
 from yumi.ros.messages import (
@@ -309,7 +309,7 @@ class SpeedScaleInterface:
         self._log = node.get_logger()
         described = ParameterDescriptor(
             description="The factor on the speed of every controller.",
-            floating_point_range=[FloatingPointRange(from_value=LOWEST, to_value=FULL)],
+            floating_point_range=[FloatingPointRange(from_value=LOWEST_SPEED_SCALE, to_value=FULL)],
         )
         node.add_on_set_parameters_callback(self._on_set_parameters)
         node.declare_parameter(NAME, speed.value, described)  # the callback takes a value of the command line

@@ -600,10 +600,10 @@ def rob_target_of(state: State) -> RobTarget:
     names = ("cf1", "cf4", "cf6", "cfx") if "cf1" in state.fields else ("j1", "j4", "j6", "jx")
     one, four, six, x = (state.whole(name) for name in names)
     external = [name for name in state.fields if name.startswith(("eax", "ej"))]
-    return RobTarget(pose_of(state), (one, four, six, x), external_axes_of(state, external))
+    return RobTarget(pose_of(state), (one, four, six, x), _external_axes_of(state, external))
 
 
-def external_axes_of(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
+def _external_axes_of(state: State, names: Sequence[str]) -> tuple[float | None, ...]:
     """External axes [rad]."""
     found = [state.number(name) for name in names]
     return tuple(None if angle > _NOT_CONNECTED else radians(angle) for angle in found)

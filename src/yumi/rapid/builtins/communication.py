@@ -47,7 +47,7 @@ RAWBYTES = Library(CONSTANTS)
 MOST_BYTES = 1024
 ENCODING = "latin-1"
 BITS_OF_DNUM = 52
-LARGEST_BYTE = 255
+_LARGEST_BYTE = 255
 
 # inttypes by value: struct's letter for the integers of 1, 2, 4 and 8 bytes, negative where they have a sign.
 INTEGERS = {1: "B", 2: "H", 4: "I", 8: "Q", -1: "b", -2: "h", -4: "i", -8: "q"}
@@ -231,7 +231,7 @@ def text_to_byte(call: Call) -> float:
     if call.present("Char"):
         if len(text) != 1:
             raise RapidRuntimeError("ERR_ARGVALERR", rf"StrToByte \Char takes one character, not '{text}'.")
-        return float(ord(text) & LARGEST_BYTE)
+        return float(ord(text) & _LARGEST_BYTE)
     base = next((base for name, (base, _) in _BASES.items() if call.present(name)), 10)
     return float(_byte(call, _parsed_integer(call, text, base)))
 
@@ -244,7 +244,7 @@ def _parsed_integer(call: Call, text: str, base: int) -> float:
 
 
 def _byte(call: Call, value: Any) -> int:
-    return _integer(call, value, LARGEST_BYTE)
+    return _integer(call, value, _LARGEST_BYTE)
 
 
 def _integer(call: Call, value: float, largest: int) -> int:
@@ -507,8 +507,8 @@ def _bytes_to_send(call: Call) -> bytes:
         content = bytes(call["RawData"].data)
     elif call.present("Data"):
         values = call["Data"]
-        if any(value != int(value) or not 0 <= value <= LARGEST_BYTE for value in values):
-            raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name} sends integers from 0 to {LARGEST_BYTE}.")
+        if any(value != int(value) or not 0 <= value <= _LARGEST_BYTE for value in values):
+            raise RapidRuntimeError("ERR_INT_NOTVAL", f"{call.name} sends integers from 0 to {_LARGEST_BYTE}.")
         content = bytes(int(value) for value in values)[:MOST_BYTES]
     else:
         raise RapidRuntimeError("ERR_ARGVALERR", rf"{call.name} needs \Str, \RawData or \Data.")

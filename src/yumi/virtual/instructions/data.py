@@ -188,7 +188,7 @@ _SHORTEST_MM = 1e-6  # between the points of a frame
 _NOT_NORMALISED = 1e-2  # how far the length of a quaternion may be from 1
 
 
-def pose_in_mm(value: Any) -> Pose:
+def _pose_in_mm(value: Any) -> Pose:
     """A RAPID pose, in its own unit [mm]."""
     return Pose(tuple(value[0]), unit_quaternion(value[1]))
 
@@ -297,11 +297,11 @@ def fitted_frame(call: Call) -> Any:
 def mirrored_target(call: Call) -> Any:
     r"""In the xy plane of a frame; the tool's x axis is mirrored with it, with \MirY its y axis."""
     target, plane = call["Point"], call["MirPlane"]
-    plane_to_world = compose(pose_in_mm(plane.uframe), pose_in_mm(plane.oframe))
+    plane_to_world = compose(_pose_in_mm(plane.uframe), _pose_in_mm(plane.oframe))
     wobj = call.get("WObj")
     wobj_to_world = Pose((0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     if wobj is not None:
-        wobj_to_world = compose(pose_in_mm(wobj.uframe), pose_in_mm(wobj.oframe))
+        wobj_to_world = compose(_pose_in_mm(wobj.uframe), _pose_in_mm(wobj.oframe))
     to_plane = compose(inverse(plane_to_world), wobj_to_world)
     pose = compose(to_plane, Pose(tuple(target.trans), unit_quaternion(target.rot)))
     mirror = np.diag([1.0, 1.0, -1.0])
@@ -322,13 +322,13 @@ for _name, _signature, _returns, _compute in (
         _moved_in_tool,
     ),
     ("OrientZYX", "num ZAngle, num YAngle, num XAngle", "orient", _orientation_of_angles),
-    ("PoseMult", "pose Pose1, pose Pose2", "pose", lambda a, b: _rapid_in_mm(compose(pose_in_mm(a), pose_in_mm(b)))),
-    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid_in_mm(inverse(pose_in_mm(pose)))),
+    ("PoseMult", "pose Pose1, pose Pose2", "pose", lambda a, b: _rapid_in_mm(compose(_pose_in_mm(a), _pose_in_mm(b)))),
+    ("PoseInv", "pose Pose", "pose", lambda pose: _rapid_in_mm(inverse(_pose_in_mm(pose)))),
     (
         "PoseVect",
         "pose Pose, pos Pos",
         "pos",
-        lambda pose, pos: compose(pose_in_mm(pose), Pose(pos, (1, 0, 0, 0))).position,
+        lambda pose, pos: compose(_pose_in_mm(pose), Pose(pos, (1, 0, 0, 0))).position,
     ),
     ("DotProd", "pos Vector1, pos Vector2", "num", lambda a, b: sum(x * y for x, y in zip(a, b, strict=True))),
     ("Vectmagn", "pos Vector", "num", lambda vector: dist(vector, (0.0, 0.0, 0.0))),

@@ -442,7 +442,7 @@ def add_world_zones(library: Library, unit: ArmUnit) -> None:
         library.instruction(name, signature)(implementation)
 
 
-FINGER_TIMEOUT = 5.0
+_FINGER_TIMEOUT = 5.0
 """How long an instruction waits for the fingers [s] (reference/statemachine.md §5.3)."""
 
 _POSITION_ALLOWANCE_MM = 1.0
@@ -507,15 +507,15 @@ class GripperInstructions:
         self._gripper.jog(opens=opens)
         begin = call.task.now
         while call.task.now - begin < SETTLING_TIME or self._gripper.speed != 0.0:
-            if call.task.now - begin >= FINGER_TIMEOUT:
-                self._fail(_GripperFailure.WRONG_STATE, f"The fingers have been moving for {FINGER_TIMEOUT:g} s.")
+            if call.task.now - begin >= _FINGER_TIMEOUT:
+                self._fail(_GripperFailure.WRONG_STATE, f"The fingers have been moving for {_FINGER_TIMEOUT:g} s.")
             yield None
         self._gripper.stop()
 
     def vacuum_on(self, call: Call, channel: int) -> Wait:
         """g_VacuumOn: done at once, or with a threshold [kPa] when the pressure is below it."""
         self._gripper.set_vacuum(channel, is_on=True)
-        deadline = call.task.now + FINGER_TIMEOUT
+        deadline = call.task.now + _FINGER_TIMEOUT
         while call.present("threshold") and self.pressure(call, channel) > call["threshold"]:
             if call.task.now >= deadline:
                 self._fail(
@@ -560,10 +560,10 @@ class GripperInstructions:
             self._fail(_GripperFailure.FAILED_GRIP_POSITION, f"The fingers hold something {position_mm:.1f} mm wide.")
 
     def _standing(self, call: Call, failure: _GripperFailure) -> Wait:
-        deadline = call.task.now + FINGER_TIMEOUT
+        deadline = call.task.now + _FINGER_TIMEOUT
         while self._gripper.is_moving:
             if call.task.now >= deadline:
-                self._fail(failure, f"The fingers have been moving for {FINGER_TIMEOUT:g} s.")
+                self._fail(failure, f"The fingers have been moving for {_FINGER_TIMEOUT:g} s.")
             yield None
         if self._gripper.state is ServoState.ERROR:
             self._fail(failure, "The gripper reports an error.")
