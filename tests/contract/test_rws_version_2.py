@@ -15,8 +15,8 @@ from websockets.sync.client import connect
 
 from rws_examples_2 import PASSWORD, SYMBOL, USER
 from yumi.errors import CommandRefused, NoConnection, SettingsError
+from yumi.virtual.faults import inject_fault
 from yumi.virtual.rws.http_server import self_signed_context
-from yumi.virtual.world import inject_fault
 
 pytest.importorskip("cryptography", reason="needs yumi-ros2[robotware7]")
 from yumi.virtual.rws.http import HttpReply, HttpRequest

@@ -37,6 +37,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.rws.types import GRANTS, EventType, Grant
 from yumi.virtual.controller.egm import Outgoing
 from yumi.virtual.controller.system import System
+from yumi.virtual.faults import FAULTS_PATH
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 from yumi.virtual.mechanics.path import PREFETCH
 from yumi.virtual.rws.http import HttpReply, HttpRequest
@@ -45,7 +46,7 @@ from yumi.virtual.rws.operations import Failure
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Channel, Upgrade
 from yumi.virtual.rws.version_2 import ROBOTWARE_7, RwsService2
-from yumi.virtual.world import FAULTS_PATH, FaultInjection, World, WorldSettings
+from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")

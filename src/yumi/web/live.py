@@ -76,7 +76,7 @@ from yumi.robot.kinematics import (
     wrist_of,
     wrist_target,
 )
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import fault_named, inject_fault
 
 if TYPE_CHECKING:
     from yumi.planning.planner import Plan, Planner
@@ -451,13 +451,12 @@ class Operator:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
     async def _inject(self, message: Inject) -> None:
-        from yumi.virtual.world import inject_fault  # noqa: PLC0415 - as aiohttp
-
         try:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
             await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
-            meaning = next((each.value.meaning for each in Fault if each.value.name == message.name), message.name)
+            known = fault_named(message.name)
+            meaning = message.name if known is None else known.value.meaning
             self._send({"type": "done", "id": message.id, "result": f"Done: {meaning}"})
         except Exception as error:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})

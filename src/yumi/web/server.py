@@ -44,7 +44,7 @@ from yumi.recording.mcap import EVENTS, STATE, recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.web.live import (
     AnyMessage,
     Ask,
