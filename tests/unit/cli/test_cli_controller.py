@@ -13,7 +13,7 @@ from yumi.clock import ManualClock
 from yumi.robot.joints import Side
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.server import HttpServer
 from yumi.virtual.world import FaultInjection, World
 
 
