@@ -40,6 +40,7 @@ from yumi.driver.readiness import (
 )
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
+from yumi.planning.planner import PlanningProcess
 from yumi.recording.mcap import EVENTS, STATE, recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
@@ -54,7 +55,6 @@ from yumi.web.live import (
     LiveRobot,
     Operator,
     PlanMotion,
-    PlanningProcess,
     Seen,
     TakeControl,
 )
