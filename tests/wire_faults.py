@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from yumi.egm.codec import RobotCodec, RobotMessage, SensorCodec
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import Fault, Way
 
 LONGEST_STEP = 1.25 * CYCLE
 """No reference is farther from the one before than a joint may go in this time [s]."""

@@ -10,8 +10,8 @@ from click.testing import CliRunner
 
 from yumi.cli.main import main
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
-from yumi.virtual.rws.http_server import HttpServer
 from yumi.virtual.rws.service import RwsService
+from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World
 
 PROGRAM = r"""MODULE Ask

@@ -27,7 +27,7 @@ from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 FAR, NEAR, MOVING, THERE = radians(60.0), radians(3.0), radians(1.0), radians(0.5)
 STANDING = 1e-4  # [rad] between two looks

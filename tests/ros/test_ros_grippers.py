@@ -28,7 +28,7 @@ from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, read_grippe
 from yumi.robot.joints import CYCLE, Side, finger_names
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import TimerThread
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(60)]

@@ -27,7 +27,7 @@ from yumi.process.supervision import Command
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.move_and_grab import GOALS, MoveAndGrab
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 

@@ -24,7 +24,7 @@ from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 # Both arms are in motion: a machine that stands still for 100 ms stops them by itself, with another cause.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]

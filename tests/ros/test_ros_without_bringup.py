@@ -16,8 +16,9 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.http_server import HttpServer, Upgrade
 from yumi.virtual.rws.service import RwsService
+from yumi.virtual.rws.subscriptions import Upgrade
+from yumi.virtual.server import HttpServer
 from yumi.virtual.world import World, WorldSettings
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

@@ -11,7 +11,7 @@ from yumi.control.cycle import Frame
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import StopNotConfirmed
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 GOALS: dict[Side, Joints] = {
     Side.RIGHT: joints([radians(value) for value in (20.0, -118.4, -110.0, 40.0, -30.0, 42.5, 20.0)]),

@@ -15,7 +15,7 @@ from yumi.process.supervision import Command
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 TIMEOUT = 60.0
 

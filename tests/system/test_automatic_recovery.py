@@ -9,7 +9,7 @@ from yumi.driver.egm_control import ATTEMPTS, AutomaticRecovery, RecoverySetting
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.rws.types import EventType
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 
 class SelfRecovering(MovingSystem):

@@ -23,7 +23,7 @@ from yumi.cli.main import main
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import Side, named_pose
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 

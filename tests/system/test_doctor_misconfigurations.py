@@ -33,8 +33,8 @@ from yumi.rws.documents import TaskInfo
 from yumi.rws.types import CollisionState, ControllerState, Grant, OperatingMode
 from yumi.testing.virtual_yumi import VirtualYumi
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Fault, Way
 from yumi.virtual.controller.system import delivered_system
+from yumi.virtual.faults import Fault, Way
 from yumi.virtual.world import World, WorldSettings
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}

@@ -31,7 +31,7 @@ from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, named_pose
 from yumi.robot.kinematics import compose, matrix, tool0_to_body
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.web.live import MAX_ANGULAR, MAX_JOINT_SPEED, MAX_LINEAR
 
 

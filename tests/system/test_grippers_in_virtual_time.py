@@ -31,7 +31,7 @@ from yumi.robot.gripper import (
 )
 from yumi.robot.joints import CYCLE, Side, home
 from yumi.rws.types import ExecutionState
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 CLOSE = grip(Direction.INWARDS, 10.0)

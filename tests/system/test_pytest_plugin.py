@@ -16,7 +16,7 @@ from yumi.errors import CommandRefused, RobotNotReady
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState
 from yumi.testing.virtual_yumi import ControllerProcess
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 pytestmark = pytest.mark.real_time
 

@@ -13,7 +13,7 @@ from yumi.errors import NoConnection, RobotNotReady
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.transport import AnswerTimeout
 from yumi.rws.types import ControllerState
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 NO_JUMP = 1.001
 LEFT_BEHIND = "end the EGM motion that runs (the arms come to rest)"

@@ -11,7 +11,7 @@ from yumi.driver.readiness import Mode
 from yumi.errors import YumiError
 from yumi.robot.joints import Side
 from yumi.rws.types import ControllerState
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 MODULE = "MODULE Pick\nPROC pickOne()\nENDPROC\nENDMODULE\n"
 WRITE_VARIABLE = ("write_variable", "T_ROB_L", "TRobSG", "target_position_input", "1")

@@ -22,7 +22,7 @@ from yumi.robot.dynamics import HAND
 from yumi.robot.joints import CYCLE, Pose, Side, joints
 from yumi.rws import types as rapid_values
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import Fault, Way
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
 from yumi.robot.joints import Side
 from yumi.rws.client import Change, OnChange, OnLost, Subscription
 from yumi.rws.types import ControllerState, EventType, ExecutionState, OperatingMode, Resource
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 NOTICED = 0.2 + 0.004  # and the cycle in which the virtual robot does it
 

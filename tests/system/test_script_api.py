@@ -18,7 +18,7 @@ from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side, home
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 EXAMPLES = Path(__file__).parents[2] / "examples"

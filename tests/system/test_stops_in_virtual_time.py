@@ -14,7 +14,7 @@ from yumi.driver.readiness import HISTORY, Mode
 from yumi.errors import NoConnection, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.joints import Joints, Side, joints
 from yumi.rws.types import ControllerState, EventType, ExecutionState
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 
 NO_JUMP = 1.001
 CAUSES = {

@@ -19,7 +19,7 @@ from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
 from yumi.rws.types import ControllerState, ExecutionState
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.virtual.mechanics.motion import ArmModel
 
 TIMEOUT = 1.5

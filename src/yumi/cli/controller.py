@@ -36,7 +36,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import EXECUTION, Change, RwsClient, event_log, signal_state, variable_value
 from yumi.rws.documents import Page, State, decode_form
 from yumi.rws.types import GRANTS, Resource
-from yumi.virtual.controller.events import Fault, FaultKind, Way
+from yumi.virtual.faults import Fault, FaultKind, Way, inject_fault
 
 _WIDTH = Measure("width", 0.0, 2.0 * TRAVEL, is_open=True)
 _LEAK = Measure("leak", 0.0, 1.0, is_open=False)
@@ -274,8 +274,6 @@ def fault(
         return
     numbers = {"duration": duration, "by": by}
     chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
-    from yumi.virtual.world import inject_fault  # noqa: PLC0415 - a quick --help
-
     inject_fault(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
     click.echo(f"{name}: done")
 

@@ -25,11 +25,11 @@ from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
 from yumi.rws.transport import ConnectionLost, Listener
 from yumi.virtual.controller.controller import Irc5
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault, inject_fault
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.subscriptions import Upgrade
-from yumi.virtual.world import FaultInjection, World, WorldSettings, inject_fault
+from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 log = logging.getLogger(__name__)
 

@@ -12,9 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from ipaddress import IPv4Address
 from math import inf, isfinite, radians
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
-
-import httpx
 
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, NoConnection, YumiError
@@ -25,15 +24,17 @@ from yumi.rws.documents import Pairs, decode_form, first_value
 from yumi.rws.types import ControllerState, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.egm import LASTING, SINGLE, EgmClient, EgmNetwork, EgmOptions, Outgoing
-from yumi.virtual.controller.events import Fault, FaultKind, Way, fault_named
 from yumi.virtual.controller.signals import Configuration
 from yumi.virtual.controller.system import ROBOTWARE_6, Identity, Robot, System, delivered_system
 from yumi.virtual.controller.units import ArmUnit
+from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
 from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.service import RwsService
+
+if TYPE_CHECKING:
+    from yumi.virtual.rws.service import RwsService
 
 _EGM_PORTS = {Side.LEFT: "6511", Side.RIGHT: "6512"}  # where the system parameters name none
 _ADD_IN = "StateMachine Core"
@@ -222,9 +223,7 @@ def _with_addresses(configuration: Configuration, settings: WorldSettings, robot
     return configuration
 
 
-FAULTS_PATH = "/virtual/faults"
 _LONGEST_FAULT = 86_400.0  # [s]
-_ANSWER_TIMEOUT = 4.0  # [s]
 _GRIPPER_ERROR = 7  # any; the gripper's numbers are not published
 _OTHER_FILE = "HOME:/Pick.mod"
 _OTHER_PROGRAM = """MODULE Pick
@@ -490,31 +489,3 @@ def _host_of(url: str) -> str:
 
 def _plain_reply(status: int, sentence: str) -> HttpReply:
     return HttpReply(status, (("Content-Type", "text/plain; charset=utf-8"),), sentence.encode())
-
-
-def inject_fault(address: str, name: str, form: Mapping[str, str]) -> None:
-    """Inject a fault into the virtual controller at ``address``.
-
-    Raises:
-        NoConnection: nothing answers there.
-        CommandRefused: the fault is unknown or refused, or it is not a virtual controller.
-    """
-    try:
-        try:
-            reply = _post(f"http://{address}{FAULTS_PATH}/{name}", form)
-        except (httpx.RemoteProtocolError, httpx.ReadError):  # it speaks TLS, with a certificate of its own
-            reply = _post(f"https://{address}{FAULTS_PATH}/{name}", form)
-    except httpx.HTTPError as error:
-        raise NoConnection(
-            f"Nothing answers at {address} ({error}). A virtual controller is started with `yumi controller`."
-        ) from error
-    if not reply.is_success:
-        is_virtual = reply.headers.get("Content-Type", "").startswith("text/plain")
-        sentence = reply.text if is_virtual else ""
-        raise CommandRefused(sentence or f"What answers at {address} is not a virtual controller of this package.")
-
-
-def _post(url: str, form: Mapping[str, str]) -> httpx.Response:
-    # The certificate that a virtual controller makes itself is trusted on this machine alone.
-    is_far = not is_loopback(httpx.URL(url).host)
-    return httpx.post(url, data=form, timeout=_ANSWER_TIMEOUT, trust_env=False, verify=is_far)

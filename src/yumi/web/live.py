@@ -9,17 +9,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import multiprocessing
-import os
-import signal
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
@@ -63,7 +57,7 @@ from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose, Side
 from yumi.robot.kinematics import (
     DifferentialSolver,
     compose,
@@ -76,10 +70,10 @@ from yumi.robot.kinematics import (
     wrist_of,
     wrist_target,
 )
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import fault_named, inject_fault
 
 if TYPE_CHECKING:
-    from yumi.planning.planner import Plan, Planner
+    from yumi.planning.planner import Plan, PlanningProcess
 
 log = logging.getLogger(__name__)
 
@@ -429,7 +423,18 @@ class Operator:
                 if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
                     raise CommandRefused("A pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z.")
                 goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
-            plan = await self._planning.plan(self._live.surroundings, start, goals)
+            surroundings = self._live.surroundings
+            grippers, tools, obstacles = shapes_of(surroundings)
+            plan = await self._planning.plan(
+                start,
+                goals,
+                timeout=_PLANNING_TIMEOUT,
+                speed_scale=PLANNED_SPEED_SCALE,
+                grippers=grippers,
+                tools=tools,
+                obstacles=obstacles,
+                limits=limits_of(surroundings),
+            )
             self._plans += 1
             self._plan = plan
             shown = {
@@ -451,13 +456,12 @@ class Operator:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
 
     async def _inject(self, message: Inject) -> None:
-        from yumi.virtual.world import inject_fault  # noqa: PLC0415 - as aiohttp
-
         try:
             if not self._live.is_virtual:
                 raise CommandRefused("Only a virtual robot takes faults.")
             await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
-            meaning = next((each.value.meaning for each in Fault if each.value.name == message.name), message.name)
+            known = fault_named(message.name)
+            meaning = message.name if known is None else known.value.meaning
             self._send({"type": "done", "id": message.id, "result": f"Done: {meaning}"})
         except Exception as error:
             self._send({"type": "failed", "id": message.id, "error": _failure(error)})
@@ -682,59 +686,12 @@ PLANNED_SPEED_SCALE = 0.5
 """Share of the joints' speeds that a page plans for, before speed_scale."""
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
-_LOWEST_PRIORITY = 19
 
 
-class PlanningProcess:
-    """Plans in a process of its own, at the lowest priority; it is started with the first plan."""
-
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._worker = 0  # its number
-
-    async def plan(
-        self, surroundings: Surroundings, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]
-    ) -> Plan:
-        """A motion of the arms in ``goal`` [rad], or tool0 in the body's frame; raises as :meth:`Planner.plan`."""
-        loop = asyncio.get_running_loop()
-        try:
-            if self._pool is None:
-                context = multiprocessing.get_context("spawn")  # a fork would have copies of this process's sockets
-                self._pool = ProcessPoolExecutor(1, context, _begin_worker)
-                self._worker = await loop.run_in_executor(self._pool, os.getpid)
-            shapes = msgspec.json.encode(surroundings)
-            return await loop.run_in_executor(self._pool, _plan_in_worker, shapes, dict(start), dict(goal))
-        except BrokenProcessPool as error:
-            self._pool = None
-            raise CommandRefused("The process that plans has ended before its plan was made; plan again.") from error
-
-    def close(self) -> None:
-        """End it, without waiting for a plan that is being made."""
-        if self._pool is not None:
-            for process in multiprocessing.active_children():
-                if process.pid == self._worker:
-                    process.terminate()
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = None
-
-
-def _begin_worker() -> None:
-    os.nice(_LOWEST_PRIORITY)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
-
-
-@lru_cache(maxsize=1)  # reading the shapes takes a while
-def _planner(surroundings: bytes) -> Planner:
-    from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
-
-    known = msgspec.json.decode(surroundings, type=Surroundings)
-    grippers, tools, obstacles = shapes_of(known)
-    limits = YUMI_LIMITS if known.velocity is None else replace(YUMI_LIMITS, velocity=known.velocity)
-    return Planner(grippers, tools=tools, obstacles=obstacles, limits=limits)
-
-
-def _plan_in_worker(surroundings: bytes, start: Mapping[Side, Joints], goal: Mapping[Side, Joints | Pose]) -> Plan:
-    return _planner(surroundings).plan(start, goal, timeout=_PLANNING_TIMEOUT, speed_scale=PLANNED_SPEED_SCALE)
+def limits_of(surroundings: Surroundings) -> JointLimits:
+    """The joints' limits, no faster than the driver allows them to be."""
+    known = surroundings.velocity
+    return YUMI_LIMITS if known is None else replace(YUMI_LIMITS, velocity=known)
 
 
 # ---- the connection to the driver

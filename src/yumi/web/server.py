@@ -40,11 +40,12 @@ from yumi.driver.readiness import (
 )
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
+from yumi.planning.planner import PlanningProcess
 from yumi.recording.mcap import EVENTS, STATE, recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.web.live import (
     AnyMessage,
     Ask,
@@ -54,7 +55,6 @@ from yumi.web.live import (
     LiveRobot,
     Operator,
     PlanMotion,
-    PlanningProcess,
     Seen,
     TakeControl,
 )

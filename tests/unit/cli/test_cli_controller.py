@@ -11,9 +11,9 @@ from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.robot.joints import Side
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import Fault, Way
 from yumi.virtual.rws.http import HttpReply
-from yumi.virtual.rws.http_server import HttpServer
+from yumi.virtual.server import HttpServer
 from yumi.virtual.world import FaultInjection, World
 
 

@@ -35,7 +35,8 @@ from yumi.process.supervision import DRIVER_READY, PROCESSES, ChildProcess, Comm
 from yumi.robot.joints import CYCLE, Joints, Side, home, joints
 from yumi.rws.transport import HttpTransport, Listener, WebSocket, until
 from yumi.virtual.mechanics.motion import ArmModel
-from yumi.virtual.rws.http_server import HttpServer, Upgrade
+from yumi.virtual.rws.subscriptions import Upgrade
+from yumi.virtual.server import HttpServer
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmEnd
 
 LISTENER = Listener("rws", lambda text: None, lambda sentence: None)

@@ -11,7 +11,7 @@ from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from yumi.rws.types import ControllerState
 from yumi.testing.virtual_yumi import VirtualYumi
-from yumi.virtual.controller.events import Fault
+from yumi.virtual.faults import Fault
 from yumi.virtual.mechanics.gripper import Workpiece
 
 

@@ -14,9 +14,9 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import Side
 from yumi.rws.types import CollisionState, ControllerState, OperatingMode
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import FAULTS_PATH, Fault, Way
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.world import FAULTS_PATH, FaultInjection, World
+from yumi.virtual.world import FaultInjection, World
 
 LOCAL = "127.0.0.1:4711"
 

@@ -25,9 +25,10 @@ from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import Surroundings
 from yumi.errors import SettingsError
-from yumi.planning.planner import Plan
+from yumi.planning.planner import Plan, PlanningProcess
+from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import ZERO, Pose, Side, home
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home
 from yumi.robot.kinematics import (
     IDENTITY,
     compose,
@@ -46,7 +47,6 @@ from yumi.web.live import (
     MAX_LINEAR,
     OLDEST_SEEN,
     Distances,
-    PlanningProcess,
     ToolJog,
     within_joint_speed,
 )
@@ -391,8 +391,9 @@ def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: p
         TrajectoryPoint(time, position, ZERO, ZERO) for time, position in ((0.0, start[Side.RIGHT]), (1.0, goal))
     )
 
-    async def plan(self: object, surroundings: Surroundings, begin: Any, goals: Any) -> Plan:
-        assert [box.name for box in surroundings.boxes] == ["table"]
+    async def plan(self: object, begin: Any, goals: Any, *, obstacles: tuple[Obstacle, ...], **options: Any) -> Plan:
+        assert [box.name for box in obstacles] == ["table"]
+        assert options["limits"] == YUMI_LIMITS
         assert (begin, goals) == (start, {Side.RIGHT: goal})
         return Plan(start, {Side.RIGHT: points}, 1.0, 0.5, 0.02)
 

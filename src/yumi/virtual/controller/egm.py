@@ -22,7 +22,7 @@ from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.robot.arms import rotation_vectors
 from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector, joint_names
 from yumi.robot.kinematics import compose, inverse, matrix
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.motion import (
     DEFAULT_BANDS,

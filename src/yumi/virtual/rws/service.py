@@ -1,7 +1,7 @@
 """The virtual controller's side of Robot Web Services as a calculation: logins, formats, and the table of operations.
 
-A request comes in as a value and an answer goes out as one. ``yumi.virtual.rws.http_server`` owns the port, the
-controller the behaviour.
+A request comes in as a value and an answer goes out as one. ``yumi.virtual.server`` owns the port, the controller the
+behaviour.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import RobotMessage, SensorCodec, parse
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.controller.egm import EgmClient, EgmNetwork, Outgoing, field_borders
-from yumi.virtual.controller.events import Fault, Way
+from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
 from yumi.virtual.mechanics.motion import EgmRun
 

@@ -17,7 +17,8 @@ from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
 from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
 from yumi.virtual.rws.http import HttpReply, HttpRequest
-from yumi.virtual.rws.http_server import Channel, HttpServer, Upgrade
+from yumi.virtual.rws.subscriptions import Channel, Upgrade
+from yumi.virtual.server import HttpServer
 
 
 def heard(target: str, body: bytes = b"", method: str = "POST") -> HttpRequest:
