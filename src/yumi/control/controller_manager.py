@@ -127,7 +127,7 @@ class HardwareComponent:
         Args:
             session: EGM session of the cycle.
             now: when the datagram arrived [s].
-            marks: of the cycle's stations, see :class:`yumi.control.controller.StageClock`.
+            marks: of the cycle's stages, see :class:`yumi.control.controller.StageClock`.
         """
         is_new = self._last is None or self._last[0] != session
         if is_new or now - self._begin > STATISTICS_WINDOW:
@@ -713,7 +713,7 @@ class ControllerManager:
                 self._fail(loaded, error)
 
     def note_times(self, state: ArmState, marks: Sequence[float]) -> None:
-        """After the reply to ``state``: take the times of the cycle's stations into the statistics."""
+        """After the reply to ``state``: take the times of the cycle's stages into the statistics."""
         self._component.note(state.session, state.time, marks)
         if self._merged is not None:
             for loaded, duration in zip(self._commanding, self._merged.times, strict=True):

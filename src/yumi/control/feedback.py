@@ -164,11 +164,23 @@ _MOTION = 1e-4  # [rad] over all joints: a plan that moves
 _DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is led by less, whatever its noise
 _FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
 
+UNHEARD_CYCLES = 3
+"""So many commands more than usual may be on their way: with those that always are, less than five."""
+
+TAKEN_AT_ONCE = 0.75
+"""Share of what a joint's speed may change in a cycle by which it may change when a command is heard again."""
+
+_LATENCIES = 1, 25  # commands that are always on their way: of a robot on the same machine; of the slowest network
+_LEARNING = 0.1  # of a difference in each cycle that shows one
+_REMEMBERED = 100  # commands; as many are on their way in 0.4 s
+_SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the plan is the same
+
 
 class ReferenceMonitor:
-    """Whether the robot follows its references at all; often a firewall drops our outgoing datagrams.
+    """Which of our references the robot follows, if any; often a firewall drops our outgoing datagrams.
 
-    The robot's planned position is the integral of its references (reference/egm.md §6.1), so both are compared.
+    The robot's planned position is the integral of its references (reference/egm.md §6.1): how it has moved shows which
+    command moved it, and whether it moves at all although it is led.
 
     Args:
         gain: of the robot's position loop [1/s].
@@ -181,11 +193,19 @@ class ReferenceMonitor:
         self.are_ignored = False
         self._gain = gain
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
+        self._commands = [self._sent]  # the newest that its plan has shown, then those that it has not shown yet
+        self._latency = float(_LATENCIES[0])  # how many of them are usual
+        self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
         self._acting = self._sent  # what moves the robot from there to its next state
         self._plan: Joints = ZERO  # where the robot planned to be some time ago
         self._due: Joints = ZERO  # how far it has been led since [rad]
         self._due_for = 0.0  # how long ago that was [s]
+
+    @property
+    def heard(self) -> ArmCommand:
+        """The newest command that the robot's plan has shown."""
+        return self._commands[0]
 
     def begin(self, state: ArmState, sent: ArmCommand | None = None) -> None:
         """Compare from here on, as nothing is known; ``sent`` where a session begins with this command."""
@@ -193,6 +213,46 @@ class ReferenceMonitor:
         self._compare_from(state)
         if sent is not None:
             self._sent = sent
+            self._commands = [sent]
+
+    def compare(self, state: ArmState | None) -> None:
+        """With each state, before its reply: which of the commands so far has moved the plan to where it is now.
+
+        Where two explain it alike the newer one counts: a command that repeats the one before shows nothing.
+
+        Args:
+            state: what the robot reports, as far as it is plausible; None where that is open.
+        """
+        last, self._seen = self._seen, state
+        commands = self._commands
+        if state is None or last is None or len(commands) == 1 or last.session != state.session or state.dt <= 0.0:
+            return
+        fading = self._gain * state.dt  # the robot's loop closes the lead meanwhile
+        share = -expm1(-fading) / fading if fading > 0.0 else 1.0
+        moved = change_rate(state.planned, last.planned, state.dt * share)
+        speeds = [self.speeds(last, command) for command in commands]
+        differences = [dist(each, moved) for each in speeds]
+        closest = min(differences) + _SAME_SPEED
+        newest = max(index for index, difference in enumerate(differences) if difference <= closest)
+        if newest in (1, 2) and dist(speeds[0], speeds[newest]) > _SAME_SPEED:
+            # The robot goes on along the commands, however late; one that has missed some jumps to the newest.
+            self._latency += _LEARNING * (len(commands) - 1 - newest - self._latency)
+            self._latency = max(_LATENCIES[0], min(_LATENCIES[1], self._latency))
+        del commands[:newest]
+
+    def are_unheard(self, limits: JointLimits, period: float) -> bool:
+        """Whether commands are missing that would change the robot's speed by more than it may in a cycle.
+
+        Args:
+            limits: of the joints.
+            period: of the robot's cycle [s].
+        """
+        if len(self._commands) - 1 < self._latency + UNHEARD_CYCLES:
+            return False
+        heard, newest = self._commands[0], self._commands[-1]
+        rows = zip(heard.position, newest.position, heard.velocity, newest.velocity, limits.acceleration, strict=True)
+        most = TAKEN_AT_ONCE * period
+        return any(abs(self._gain * (q - p) + w - v) > top * most for p, q, v, w, top in rows)
 
     def observe(self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool) -> None:
         """After each reply.
@@ -205,6 +265,12 @@ class ReferenceMonitor:
         """
         before, self._sent = self._sent, sent
         self._last, self._acting = state, before
+        if not state.is_running:
+            self._commands = [sent]  # which is to be where the robot is
+        elif sent != self._commands[-1]:
+            self._commands.append(sent)
+            if len(self._commands) > _REMEMBERED:
+                del self._commands[1]
         if not is_valid or (is_at_rest and not self.are_ignored):
             self._compare_from(state)
             return

@@ -21,7 +21,7 @@ from operator import sub
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
-from yumi.control.feedback import DOUBTED, FeedbackCheck, ReferenceMonitor
+from yumi.control.feedback import DOUBTED, TAKEN_AT_ONCE, FeedbackCheck, ReferenceMonitor
 from yumi.control.motion import (
     EGM_GAIN,
     Setpoint,
@@ -325,6 +325,11 @@ class FeedForwardLimiter:
             # A speed that sets in now must not take the way since the last known plan for the motion of one cycle.
             self._planned, self._position, self._position_before = planned, position, position
 
+    def follow(self, speeds: list[float]) -> None:
+        """Go on from the motion of a robot that has not heard the last commands: ``speeds`` [rad/s] of its joints."""
+        if self._is_feeding:
+            self._speeds, self._rates = speeds, [0.0] * JOINT_COUNT
+
     def observe(self, planned: Joints, position: Joints) -> None:
         """Where the robot planned to be and the position reference it got then, both [rad], (7,), after each reply.
 
@@ -462,10 +467,10 @@ class Limiter:
     ) -> None:
         self.counters = LimiterCounters()
         self.longest_step = LATE_CYCLE * period
+        self._period = period
         self.is_at_rest = True
         self._shortest_step = _NO_TIME * period
         self._limits = limits
-        self._near = min(limits.acceleration) * FEEDBACK_DELAY / EGM_GAIN  # a lead that any robot may have
         self._gain = gain
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._positions = PositionLimiter(limits)
@@ -481,6 +486,7 @@ class Limiter:
         self._entering: ArmState | None = None  # of a new session that got no reply yet
         self._has_stood = False  # whether its plan did not move from one state to the next
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
+        self._is_waiting = False  # for the robot to hear it again
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
@@ -556,6 +562,7 @@ class Limiter:
             # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
             self._positions.rest_at(self._positions.position)
             self._state = None
+        self._references.compare(self._state)
         return self._state
 
     def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
@@ -587,7 +594,14 @@ class Limiter:
         if dt < self._shortest_step:
             return self._last
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
+            self._is_waiting = False
             return self._come_to(state, dt)
+        was_waiting, self._is_waiting = self._is_waiting, self._references.are_unheard(self._limits, self._period)
+        if self._is_waiting:
+            if not was_waiting:  # to brake would lead the robot further ahead by what it has not heard
+                self._positions.rest_at(self._positions.position)
+            desired = self._heard_last()
+            self._speeds.follow(self._references.speeds(state, self._references.heard))
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
@@ -642,7 +656,8 @@ class Limiter:
 
     def _next(self, state: ArmState, desired: ArmCommand | None, dt: float) -> ArmCommand:
         """The command of a cycle in which the robot follows."""
-        if desired is None or self._is_settling or self.problem is not Problem.NONE:
+        holds = desired is None or self._is_settling or self.problem is not Problem.NONE
+        if desired is None or (holds and not self._is_waiting):
             command = self._hold(state, dt)
             self._settling_for += state.dt
             is_near = dist(command.position, state.planned) < _SLIGHT_LEAD
@@ -652,9 +667,6 @@ class Limiter:
         self._settling_for = 0.0
         if not _is_finite(desired):
             self.counters.refused += 1
-            return self._hold(state, dt)
-        if not self._is_near(state):
-            self.counters.slowed += 1
             return self._hold(state, dt)
         self.is_at_rest, self._stop_within = False, None
         goal = inside(desired.position, self._limits, self._positions.position)
@@ -784,20 +796,14 @@ class Limiter:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""
         return self._positions.next(inside(goal, self._limits, self._positions.position), dt, state.dt)
 
-    def _is_near(self, state: ArmState) -> bool:
-        """Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead.
-
-        Else the robot does not get our commands, and all that piles up would reach it as one blow. A robot that follows
-        speeds only makes nothing of a lead.
-        """
-        if self._gain == 0.0:
-            return True
-        last, planned = self._positions.position, state.planned
-        if dist(last, planned) < self._near:
-            return True
-        rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)
-        # At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
-        return all(abs(last - now) < (abs(v) + top * FEEDBACK_DELAY) / EGM_GAIN for last, now, v, top in rows)
+    def _heard_last(self) -> ArmCommand:
+        """Where a command waits that the robot does not hear: as near to the last one it heard as it may set out to."""
+        last, gain = self._positions.position, self._gain
+        if gain == 0.0:
+            return ArmCommand(last)
+        rows = zip(self._references.heard.position, last, self._limits.acceleration, strict=True)
+        most = TAKEN_AT_ONCE * self._period / gain
+        return ArmCommand(joints([p + max(-top * most, min(top * most, q - p)) for p, q, top in rows]))
 
 
 FULL = 1.0

@@ -70,7 +70,7 @@ class ArmLoop:
         limiter: what its commands must pass.
         snapshots: where the outside world looks.
         recorder: what remembers the cycles; without one it has its own.
-        stages: what notes where their time goes; the hardware's own stations too, when it has the same one.
+        stages: what notes where their time goes; the hardware's own too, when it has the same one.
         period: time between two datagrams of the arm [s].
         speed: the factor on its speeds, which its controllers share.
         collisions: what keeps both arms apart; None where nothing does.

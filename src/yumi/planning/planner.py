@@ -562,11 +562,8 @@ def disabled_pairs(*, with_fingers: bool = True) -> Iterator[tuple[str, str, str
     for side in Side:
         names = _link_names(side)
         yield _body_link(), names[0], "Adjacent"
-        yield (
-            _body_link(),
-            names[1],
-            "Adjacent",
-        )  # the shoulder turns it beside the body, a few millimetres away at home
+        # The shoulder turns it beside the body, a few millimetres away at home.
+        yield _body_link(), names[1], "Adjacent"
         for pairs, reason in ((_ADJACENT_LINKS, "Adjacent"), (_NEVER_TOUCHING_LINKS, "Never")):
             for first, second in pairs:
                 yield names[first - 1], names[second - 1], reason
