@@ -12,9 +12,6 @@ from yumi.egm.codec import RobotCodec, RobotMessage, SensorCodec
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi.virtual.faults import Fault, Way
 
-LONGEST_STEP = 1.25 * CYCLE
-"""No reference is farther from the one before than a joint may go in this time [s]."""
-
 AMPLITUDE, PERIOD = radians(8.0), 1.0
 """Of the swing of both arms: up to 50 degrees per second, which leads the robot by up to 10 degrees."""
 
@@ -39,6 +36,7 @@ class Attack:
         duration: how long it lasts [s]; None where it is one datagram.
         strays: how far the reference may be from the swing while the motion goes on [rad].
         delays: whether the motion may go on later than it would have: then it is the range of the swing that counts.
+        stops: whether the robot misses so many references that they stop at once, which it does not hear.
         unanswered: how many datagrams of the robot may stay without an answer of their own; None while it lasts.
     """
 
@@ -48,6 +46,7 @@ class Attack:
     duration: float | None = None
     strays: float = radians(1.0)
     delays: bool = False
+    stops: bool = False
     unanswered: int | None = 0
 
     def __str__(self) -> str:
@@ -79,9 +78,9 @@ LASTING = (
     Attack(Fault.EGM_SWAP_ARMS, None, None, 0.5, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_OFFSET, 5.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_OFFSET, 30.0, None, 0.3, strays=_MANY, delays=True, unanswered=None),
-    Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, delays=True, unanswered=None),
-    Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
-    Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
+    Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
+    Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
     Attack(Fault.EGM_DUPLICATE, 1.0, Way.FROM_ROBOT, 0.5),
     # Each reference that comes twice makes the robot a cycle later for the rest of the session (reference/egm.md §4.3).
@@ -174,11 +173,11 @@ class Tapped:
         return self.heard[max(0, first - 1) :]
 
 
-def check_limits(heard: Sequence[Heard]) -> None:
+def check_limits(heard: Sequence[Heard], *, stops: bool = False) -> None:
     """Every reference is in range, and none asks for more speed or acceleration than the joints have.
 
-    A cycle that comes late gives more room, by a quarter of a cycle at most, so each step was made for one to one and a
-    quarter cycles. After a cycle without a reference the motion may go on from rest or as before.
+    Each step is what the joints may do in one cycle, however late. After a cycle without a reference the motion may go
+    on from rest or as before; so it may anywhere where it ``stops`` at once, see :class:`Attack`.
     """
     limits = YUMI_LIMITS
     slack = 1.0 + 1e-3
@@ -188,20 +187,14 @@ def check_limits(heard: Sequence[Heard]) -> None:
         assert limits.outside(this.position) is None, f"out of range {where}"
         step = joints([new - old for old, new in zip(last.position, this.position, strict=True)])
         for change, old, top, gain in zip(step, before, limits.velocity, limits.acceleration, strict=True):
-            assert abs(change) <= slack * top * LONGEST_STEP, f"too fast {where}"
+            assert abs(change) <= slack * top * CYCLE, f"too fast {where}"
             if this is not heard[1]:
-                now, then = _speeds(change), _speeds(old)
-                if this.cycle > last.cycle + 1:  # the robot stood at the last reference meanwhile
+                now, then = change / CYCLE, (old / CYCLE, old / CYCLE)
+                if stops or this.cycle > last.cycle + 1:  # the robot stood at the last reference meanwhile
                     then = min(then[0], 0.0), max(then[1], 0.0)
-                apart = max(now[0] - then[1], then[0] - now[1], 0.0)
-                assert apart <= 1.05 * gain * LONGEST_STEP, f"{apart / (gain * CYCLE):.1f} times too abrupt {where}"
+                apart = max(now - then[1], then[0] - now, 0.0)
+                assert apart <= 1.05 * gain * CYCLE, f"{apart / (gain * CYCLE):.1f} times too abrupt {where}"
         before = step
-
-
-def _speeds(step: float) -> tuple[float, float]:
-    """The lowest and the highest speed that a step may have been made for [rad/s]."""
-    one, other = step / LONGEST_STEP, step / CYCLE
-    return min(one, other), max(one, other)
 
 
 def _deg(position: Joints) -> list[float]:

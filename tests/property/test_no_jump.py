@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from egm_loop import FULL_SPEED, EgmLoop
 from yumi.control.controller import State
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import LATE_CYCLE
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints
 
 Action = Callable[[EgmLoop], None]
@@ -98,7 +97,7 @@ def assert_no_jump(before: Cycle, after: Cycle) -> None:
     is_new = after.state.session != before.state.session or not after.state.is_running
     if is_new and after.sent.position == after.state.position:
         return  # a robot that did not follow begins where it is; else it may follow, and the last command goes on
-    room = min(after.state.dt, LATE_CYCLE * CYCLE)
+    room = min(after.state.dt, CYCLE)
     steps = zip(before.sent.position, after.sent.position, YUMI_LIMITS.velocity, strict=True)
     assert all(abs(new - old) <= speed * room * 1.001 + 1e-9 for old, new, speed in steps)
 

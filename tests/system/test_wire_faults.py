@@ -112,7 +112,7 @@ def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(rig: Rig,
     for side in Side:
         passed = rig.passed(side)
         heard = passed.since(begin[side])
-        check_limits(heard)
+        check_limits(heard, stops=attack.stops)
         check_path(heard, paths[side], replace(attack, strays=max(attack.strays, STALLED)))
         first = begin[side] if attack.unanswered is not None else passed.cycle - 50
         answered = {each.cycle for each in heard}

@@ -79,7 +79,7 @@ def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(system: S
     for side in Side:
         passed = system.passed(side)
         heard = passed.since(begin[side])
-        check_limits(heard)
+        check_limits(heard, stops=attack.stops)
         check_path(heard, paths[side], attack)
         first = begin[side] if attack.unanswered is not None else passed.cycle - 50
         sent, answered = {cycle for cycle, _ in passed.sent}, {each.cycle - 1 for each in heard}

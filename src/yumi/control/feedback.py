@@ -165,14 +165,13 @@ _DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is led by l
 _FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
 
 UNHEARD_CYCLES = 3
-"""So many commands more than usual may be on their way: with those that always are, less than five."""
+"""After so many cycles in which one command moves the robot the later ones are not heard: they are four by then."""
 
 TAKEN_AT_ONCE = 0.75
 """Share of what a joint's speed may change in a cycle by which it may change when a command is heard again."""
 
-_LATENCIES = 1, 25  # commands that are always on their way: of a robot on the same machine; of the slowest network
-_LEARNING = 0.1  # of a difference in each cycle that shows one
-_REMEMBERED = 100  # commands; as many are on their way in 0.4 s
+_EXPLAINED, _EXPLAINED_SHARE = 0.05, 0.02  # [rad/s] over all joints, and of the speed: near enough to a command's speed
+_REMEMBERED = 40  # commands: the first of them, and the newest
 _SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the plan is the same
 
 
@@ -184,17 +183,19 @@ class ReferenceMonitor:
 
     Args:
         gain: of the robot's position loop [1/s].
+        fastest: speeds that the robot's joints do not exceed under EGM [rad/s], (7,).
 
     Attributes:
         are_ignored: whether the plan stood still although references led it, and has not moved since.
     """
 
-    def __init__(self, gain: float) -> None:
+    def __init__(self, gain: float, fastest: Joints) -> None:
         self.are_ignored = False
         self._gain = gain
+        self._fastest = fastest
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
-        self._commands = [self._sent]  # the newest that its plan has shown, then those that it has not shown yet
-        self._latency = float(_LATENCIES[0])  # how many of them are usual
+        self._commands = [self._sent]  # the one that its plan has shown, then those that it has not shown yet
+        self._repeated = 0  # cycles in a row in which the first of them moved the robot
         self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
         self._acting = self._sent  # what moves the robot from there to its next state
@@ -204,7 +205,7 @@ class ReferenceMonitor:
 
     @property
     def heard(self) -> ArmCommand:
-        """The newest command that the robot's plan has shown."""
+        """The command that moves the robot, as its plan shows; the oldest of those that are alike."""
         return self._commands[0]
 
     def begin(self, state: ArmState, sent: ArmCommand | None = None) -> None:
@@ -213,41 +214,46 @@ class ReferenceMonitor:
         self._compare_from(state)
         if sent is not None:
             self._sent = sent
-            self._commands = [sent]
+            self._commands, self._repeated = [sent], 0
 
     def compare(self, state: ArmState | None) -> None:
         """With each state, before its reply: which of the commands so far has moved the plan to where it is now.
 
-        Where two explain it alike the newer one counts: a command that repeats the one before shows nothing.
-
         Args:
-            state: what the robot reports, as far as it is plausible; None where that is open.
+            state: what the robot reports; None where that is not plausible, or it does not follow.
         """
         last, self._seen = self._seen, state
         commands = self._commands
         if state is None or last is None or len(commands) == 1 or last.session != state.session or state.dt <= 0.0:
+            self._repeated = 0
             return
         fading = self._gain * state.dt  # the robot's loop closes the lead meanwhile
         share = -expm1(-fading) / fading if fading > 0.0 else 1.0
         moved = change_rate(state.planned, last.planned, state.dt * share)
-        speeds = [self.speeds(last, command) for command in commands]
+        speeds = [self._bounded(self.speeds(last, command)) for command in commands]
         differences = [dist(each, moved) for each in speeds]
-        closest = min(differences) + _SAME_SPEED
-        newest = max(index for index, difference in enumerate(differences) if difference <= closest)
-        if newest in (1, 2) and dist(speeds[0], speeds[newest]) > _SAME_SPEED:
-            # The robot goes on along the commands, however late; one that has missed some jumps to the newest.
-            self._latency += _LEARNING * (len(commands) - 1 - newest - self._latency)
-            self._latency = max(_LATENCIES[0], min(_LATENCIES[1], self._latency))
-        del commands[:newest]
+        closest = min(differences)
+        if closest > _EXPLAINED + _EXPLAINED_SHARE * hypot(*moved):  # false feedback, or a robot that moves otherwise
+            self._repeated = 0
+            return
+        alike = [index for index, each in enumerate(differences) if each <= closest + _SAME_SPEED]
+        self._repeated = self._repeated + 1 if alike == [0] else 0
+        # Where a motion turns round, commands before and after are alike; where all are, the arm stands.
+        del commands[: alike[0] if len(alike) < len(commands) else -1]
+
+    @property
+    def is_repeating(self) -> bool:
+        """Whether the robot goes on by one command although it was sent others since."""
+        return self._repeated >= UNHEARD_CYCLES
 
     def are_unheard(self, limits: JointLimits, period: float) -> bool:
-        """Whether commands are missing that would change the robot's speed by more than it may in a cycle.
+        """Whether it has not heard commands that would change its speed by more than it may in a cycle.
 
         Args:
             limits: of the joints.
             period: of the robot's cycle [s].
         """
-        if len(self._commands) - 1 < self._latency + UNHEARD_CYCLES:
+        if not self.is_repeating:
             return False
         heard, newest = self._commands[0], self._commands[-1]
         rows = zip(heard.position, newest.position, heard.velocity, newest.velocity, limits.acceleration, strict=True)
@@ -265,9 +271,7 @@ class ReferenceMonitor:
         """
         before, self._sent = self._sent, sent
         self._last, self._acting = state, before
-        if not state.is_running:
-            self._commands = [sent]  # which is to be where the robot is
-        elif sent != self._commands[-1]:
+        if sent != self._commands[-1]:
             self._commands.append(sent)
             if len(self._commands) > _REMEMBERED:
                 del self._commands[1]
@@ -310,6 +314,11 @@ class ReferenceMonitor:
         """How fast a robot moves that follows ``sent`` [rad/s]."""
         rows = zip(sent.position, state.planned, sent.velocity, strict=True)
         return [self._gain * (ahead - now) + speed for ahead, now, speed in rows]
+
+    def _bounded(self, speeds: list[float]) -> list[float]:
+        """The speeds of joints that are slowed together where one asks for more than its highest speed [rad/s]."""
+        most = max(abs(speed) / top for speed, top in zip(speeds, self._fastest, strict=True))
+        return speeds if most <= 1.0 else [speed / most for speed in speeds]
 
     def _compare_from(self, state: ArmState) -> None:
         self._plan, self._due, self._due_for = state.planned, ZERO, 0.0

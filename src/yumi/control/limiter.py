@@ -400,9 +400,7 @@ FOLLOWING = 5.0
 """Time constants of the robot's position loop after which it stands where its references lead it: what is left is less
 than a hundredth of the lead. Until then a new session does not mean that the last command is of no effect."""
 
-LATE_CYCLE = 1.25
-"""A gap in the feedback gives no more room to move than a cycle late by a quarter: the robot takes it at once."""
-
+_LATE = 1.25  # periods: the robot has repeated the last command meanwhile
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
@@ -445,8 +443,10 @@ class Limiter:
 
     Attributes:
         counters: what it changed so far.
-        longest_step: no command moves further than the joints may within this time [s].
+        longest_step: no command moves further than the joints may within this time, a cycle of the robot [s]: the robot
+            takes a command in one cycle, however long ago the one before was.
         is_at_rest: whether the command stands, and does not lead the robot any more.
+        is_waiting: whether the command waits since the robot does not hear it.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -466,17 +466,18 @@ class Limiter:
         collisions: ArmCollisionLimiter | None = None,
     ) -> None:
         self.counters = LimiterCounters()
-        self.longest_step = LATE_CYCLE * period
-        self._period = period
+        self.longest_step = period
         self.is_at_rest = True
+        self.is_waiting = False
         self._shortest_step = _NO_TIME * period
         self._limits = limits
+        self._near = min(limits.acceleration) * FEEDBACK_DELAY / EGM_GAIN  # a lead that any robot may have
         self._gain = gain
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._positions = PositionLimiter(limits)
         self._speeds = FeedForwardLimiter(limits, gain)
         self._feedback = FeedbackCheck(limits, other_arm)
-        self._references = ReferenceMonitor(gain)
+        self._references = ReferenceMonitor(gain, limits.velocity)
         self._collisions = collisions
         self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
         self._session = 0
@@ -486,7 +487,6 @@ class Limiter:
         self._entering: ArmState | None = None  # of a new session that got no reply yet
         self._has_stood = False  # whether its plan did not move from one state to the next
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
-        self._is_waiting = False  # for the robot to hear it again
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
@@ -562,7 +562,8 @@ class Limiter:
             # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
             self._positions.rest_at(self._positions.position)
             self._state = None
-        self._references.compare(self._state)
+        is_followed = state.is_running and not self._feedback.in_a_row  # else the plan may be the expected one
+        self._references.compare(self._state if is_followed else None)
         return self._state
 
     def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
@@ -588,20 +589,23 @@ class Limiter:
             return self._begin(state)
         if state.dt <= 0.0:
             self._positions.rest_at(self._positions.position)  # without datagrams the command has stood still
-        if not 0.0 < state.dt <= self.longest_step:
+        if not 0.0 < state.dt <= _LATE * self.longest_step:
             self._speeds.resume(state.planned, self._positions.position)
         dt = min(state.dt, self.longest_step)
         if dt < self._shortest_step:
             return self._last
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
-            self._is_waiting = False
+            self.is_waiting = False
             return self._come_to(state, dt)
-        was_waiting, self._is_waiting = self._is_waiting, self._references.are_unheard(self._limits, self._period)
-        if self._is_waiting:
-            if not was_waiting:  # to brake would lead the robot further ahead by what it has not heard
-                self._positions.rest_at(self._positions.position)
+        references = self._references
+        if self.is_waiting:  # until the robot hears it, or the arm is held for hearing nothing
+            self.is_waiting = references.is_repeating and self.problem is Problem.NONE
+        elif self.problem is Problem.NONE and references.are_unheard(self._limits, self.longest_step):
+            self.is_waiting = True
+            self._positions.rest_at(self._positions.position)  # to brake would lead it on by what it does not hear
+        if self.is_waiting:
             desired = self._heard_last()
-            self._speeds.follow(self._references.speeds(state, self._references.heard))
+            self._speeds.follow(references.speeds(state, references.heard))
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
@@ -657,7 +661,7 @@ class Limiter:
     def _next(self, state: ArmState, desired: ArmCommand | None, dt: float) -> ArmCommand:
         """The command of a cycle in which the robot follows."""
         holds = desired is None or self._is_settling or self.problem is not Problem.NONE
-        if desired is None or (holds and not self._is_waiting):
+        if desired is None or (holds and not self.is_waiting):
             command = self._hold(state, dt)
             self._settling_for += state.dt
             is_near = dist(command.position, state.planned) < _SLIGHT_LEAD
@@ -667,6 +671,9 @@ class Limiter:
         self._settling_for = 0.0
         if not _is_finite(desired):
             self.counters.refused += 1
+            return self._hold(state, dt)
+        if not self._is_near(state) and not self.is_waiting:
+            self.counters.slowed += 1
             return self._hold(state, dt)
         self.is_at_rest, self._stop_within = False, None
         goal = inside(desired.position, self._limits, self._positions.position)
@@ -796,13 +803,28 @@ class Limiter:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""
         return self._positions.next(inside(goal, self._limits, self._positions.position), dt, state.dt)
 
+    def _is_near(self, state: ArmState) -> bool:
+        """Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead.
+
+        Else the robot does not get our commands, and all that piles up would reach it as one blow. A robot that follows
+        speeds only makes nothing of a lead.
+        """
+        if self._gain == 0.0:
+            return True
+        last, planned = self._positions.position, state.planned
+        if dist(last, planned) < self._near:
+            return True
+        rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)
+        # At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
+        return all(abs(last - now) < (abs(v) + top * FEEDBACK_DELAY) / EGM_GAIN for last, now, v, top in rows)
+
     def _heard_last(self) -> ArmCommand:
         """Where a command waits that the robot does not hear: as near to the last one it heard as it may set out to."""
         last, gain = self._positions.position, self._gain
         if gain == 0.0:
             return ArmCommand(last)
         rows = zip(self._references.heard.position, last, self._limits.acceleration, strict=True)
-        most = TAKEN_AT_ONCE * self._period / gain
+        most = TAKEN_AT_ONCE * self.longest_step / gain
         return ArmCommand(joints([p + max(-top * most, min(top * most, q - p)) for p, q, top in rows]))
 
 

@@ -13,7 +13,7 @@ from enum import Enum
 from math import degrees
 
 from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
-from yumi.control.limiter import LATE_CYCLE, SpeedScale
+from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     STANDING,
     PointMotion,
@@ -132,7 +132,7 @@ class JointGoalController(Controller):
         speed: SpeedScale | None = None,
     ) -> None:
         self._speed = speed or SpeedScale()
-        self._longest_step = LATE_CYCLE * period  # the guard's
+        self._longest_step = period  # as the limiter has it
         self._goals = goals
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
