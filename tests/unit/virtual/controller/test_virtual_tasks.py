@@ -324,7 +324,7 @@ def test_program_is_replaced_while_routines_of_a_stop_run(tmp_path: Path) -> Non
     controller.replace_program({"HOME:/other.mod": "MODULE Other PROC main() WaitTime 5; ENDPROC ENDMODULE"})
     assert not controller.is_running
     task = controller.tasks["T_ROB_L"]
-    assert [each.name for each in task.modules] == ["Other"]
+    assert [each.name for each in task.modules] == ["user", "Other"]
     assert task.execution is Execution.READY
 
 
