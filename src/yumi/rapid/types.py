@@ -489,6 +489,33 @@ class LiveVariable(Variable):
         _VALUE.__set__(self, new)
 
 
+class ProtectedVariable(Variable):
+    """A persistent of RobotWare's own, such as tool0: a PERS parameter takes it, and nothing changes it.
+
+    Its value is set once: watchers have nothing to wait for.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, name: str, type_: Type, value: Any) -> None:
+        super().__init__(name, type_, UNSET, Storage.PERS, is_local=False)
+        _VALUE.__set__(self, value)
+
+    @property
+    def value(self) -> Any:
+        return _VALUE.__get__(self)
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        if new is not UNSET:  # as it is before its value is known
+            # The manual says that no program changes it, and names no error for an assignment to a parameter; this one
+            # is SetDataVal's of data that is read-only.
+            raise RapidRuntimeError("ERR_SYM_ACCESS", f"'{self.name}' is RobotWare's own and cannot be changed.")
+
+    def watch(self, watcher: Callable[[], None]) -> None:
+        self.watchers.append(watcher)
+
+
 class Part:
     """A component or element of another datum; writing it replaces the whole value there."""
 

@@ -53,6 +53,54 @@ def test_inout_parameter_takes_variables_and_persistents() -> None:
     assert (bench.read("a"), bench.read("b")) == ("2", "1")
 
 
+PREDEFINED = """
+  PERS tooldata own:=[TRUE,[[0,0,1],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+  PROC show(PERS tooldata tool, PERS wobjdata wobj, INOUT loaddata load)
+    TPWrite ArgName(tool) + ValToStr(tool.robhold) + ValToStr(wobj.ufprog) + ValToStr(load.mass);
+    IF IsPers(tool) deeper tool;
+  ENDPROC
+  PROC deeper(PERS tooldata tool)
+    TPWrite ValToStr(tool.tload.mass);
+  ENDPROC
+  PROC change(PERS tooldata tool)
+    tool := own;
+  ENDPROC
+  PROC shift(INOUT tooldata tool)
+    tool.tframe.trans.x := 5;
+  ENDPROC
+"""
+
+
+def test_predefined_tool_work_object_and_load_are_passed_to_pers_and_inout_parameters() -> None:
+    bench = started("show tool0, wobj0, load0;", PREDEFINED)
+    assert bench.lines == ["tool0TRUETRUE0.001", "0.001"]
+
+
+@pytest.mark.parametrize("call", ["change tool0;", "shift tool0;", 'SetDataVal "tool0", own;'])
+def test_predefined_tool_is_not_changed_through_a_parameter(call: str) -> None:
+    assert error_of(call, PREDEFINED) == "ERR_SYM_ACCESS"
+    handled = f"{call} TPWrite ValToStr(tool0 = own); ERROR TPWrite ValToStr(tool0 = own); TRYNEXT;"
+    assert started(handled, PREDEFINED).lines == ["FALSE", "FALSE"]
+
+
+@pytest.mark.parametrize("assignment", ["tool0 := own;", "wobj0.ufprog := FALSE;", "load0.mass := 1;"])
+def test_assignment_to_a_predefined_tool_work_object_or_load_is_refused(assignment: str) -> None:
+    assert f"'{assignment[:5]}' cannot be changed here" in refusal(assignment, PREDEFINED)
+
+
+def test_predefined_tool_is_not_a_variable_and_not_a_constant() -> None:
+    assert "'tool0' cannot be changed here" in refusal("p tool0;", "PROC p(VAR tooldata tool) ENDPROC")
+    assert "'tool0' is not a constant" in refusal("", "PERS tooldata copy := tool0;")
+
+
+def test_interrupt_may_watch_a_predefined_persistent() -> None:
+    body = "CONNECT watch WITH seen; IPers tool0, watch; change tool0; ERROR TRYNEXT;"
+    bench = started(body, f'{PREDEFINED} VAR intnum watch; TRAP seen TPWrite "changed"; ENDTRAP')
+    bench.run(0.1)
+    assert bench.lines == []
+    assert bench.stop.error == ""
+
+
 def test_array_parameter_takes_any_size() -> None:
     total = "FUNC num total(num x{*}) VAR num s; FOR i FROM 1 TO Dim(x,1) DO s := s + x{i}; ENDFOR RETURN s; ENDFUNC"
     assert evaluated("total(a) + total([10,20])", declarations=f"CONST num a{{3}} := [1,2,3]; {total}") == "36"
