@@ -246,9 +246,20 @@ class ArrayType:
 
     def convert(self, value: Any) -> Any:
         if type(value) is tuple:  # of a datum, which holds converted values only
+            self._check_sizes(value)
             return value
         row = self.row
         return tuple(row.convert(item) for item in value)
+
+    def _check_sizes(self, value: Any) -> None:
+        """The sizes of an open array are known at run time only; raises ERR_INVDIM for others than these."""
+        found, first = [], value
+        for _ in self.sizes:
+            found.append(len(first))
+            first = first[0]
+        if any(size not in (0, length) for size, length in zip(self.sizes, found, strict=True)):
+            given = described(ArrayType(self.element, tuple(found)))
+            raise RapidRuntimeError("ERR_INVDIM", f"{given} is found where {described(self)} is needed.")
 
     @property
     def row(self) -> Type:
@@ -375,7 +386,8 @@ def is_assignable(wanted: Type, given: Type) -> bool:
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):
         same_rank = len(wanted.sizes) == len(given.sizes)
-        sizes_fit = same_rank and all(w in (0, g) for w, g in zip(wanted.sizes, given.sizes, strict=True))
+        # Those of an open array are compared when it is executed.
+        sizes_fit = same_rank and all(0 in (w, g) or w == g for w, g in zip(wanted.sizes, given.sizes, strict=True))
         return sizes_fit and is_assignable(wanted.element, given.element)
     return wanted is given or wanted == given
 

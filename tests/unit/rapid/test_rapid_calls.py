@@ -106,6 +106,46 @@ def test_array_parameter_takes_any_size() -> None:
     assert evaluated("total(a) + total([10,20])", declarations=f"CONST num a{{3}} := [1,2,3]; {total}") == "36"
 
 
+ARRAYS = """
+  VAR num three{3} := [1,2,3]; VAR num two{2} := [8,9]; VAR num zeros{3}; VAR num square{2,2} := [[1,2],[3,4]];
+  VAR num wide{2,3}; VAR num copy{3}; VAR num copies{2,2};
+  PROC keep(num a{*}) copy := a; ENDPROC
+  PROC keep_all(num a{*,*}) copies := a; ENDPROC
+  PROC fill(VAR num a{*}) a := three; ENDPROC
+  PROC swap(VAR num a{*}, INOUT num b{*}) VAR num c{3}; c := a; a := b; b := c; ENDPROC
+  FUNC bool same(num a{*}) RETURN three = a AND a = three; ENDFUNC
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "values"),
+    [
+        ("keep three;", {"copy": "[1,2,3]"}),
+        ("keep_all square;", {"copies": "[[1,2],[3,4]]"}),
+        ("fill zeros;", {"zeros": "[1,2,3]"}),
+        ("swap three, zeros;", {"three": "[0,0,0]", "zeros": "[1,2,3]"}),
+        ("IF same(three) AND NOT same(two) AND NOT same(zeros) keep three;", {"copy": "[1,2,3]"}),
+    ],
+)
+def test_array_parameter_is_assigned_and_compared_with_arrays_of_its_size(body: str, values: dict[str, str]) -> None:
+    bench = started(body, ARRAYS)
+    assert {name: bench.read(name) for name in values} == values
+
+
+@pytest.mark.parametrize("body", ["keep two;", "keep_all wide;", "fill two;", "swap three, two;"])
+def test_array_parameter_of_another_size_is_an_error_of_the_assignment(body: str) -> None:
+    assert error_of(body, ARRAYS) == "ERR_INVDIM"
+    bench = started(f"{body} ERROR IF ERRNO = ERR_INVDIM TRYNEXT;", ARRAYS)
+    assert [bench.read(name) for name in ("copy", "copies", "two")] == ["[0,0,0]", "[[0,0],[0,0]]", "[8,9]"]
+
+
+@pytest.mark.parametrize("value", ["two", "n", "square"])
+def test_datum_of_other_dimensions_is_not_read_or_written_by_its_name(value: str) -> None:
+    data = f"{ARRAYS} VAR num n; PERS num stored{{3}} := [4,5,6];"
+    assert error_of(f'GetDataVal "stored", {value};', data) == "ERR_INVDIM"
+    assert error_of(f'SetDataVal "stored", {value};', data) == "ERR_INVDIM"
+
+
 def test_present_is_whether_an_optional_argument_was_passed() -> None:
     procedure = 'PROC p(\\num x) IF Present(x) THEN TPWrite ""\\Num:=x; ELSE TPWrite "none"; ENDIF ENDPROC'
     assert started("p; p\\x:=3;", procedure).lines == ["none", "3"]
