@@ -150,7 +150,8 @@ for _name, _signature, _compute in (
 ):
     MATHS.formula(_name, _signature, "num", _compute)
     if _name not in ("Exp", "Max", "Min", "Distance"):
-        MATHS.formula(f"{_name}Dnum", _signature.replace("num ", "dnum "), "dnum", _compute)
+        _signature = _signature.replace("num ", "dnum ").replace("dnum Exponent", "num Exponent")  # of PowDnum
+        MATHS.formula(f"{_name}Dnum", _signature, "dnum", _compute)
 MATHS.formula("NumToDnum", "num Value", "dnum", float)
 
 
