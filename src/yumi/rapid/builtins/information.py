@@ -76,7 +76,7 @@ def part_of_time(call: Call) -> float:
 
 # Names and versions -----------------------------------------------------------------------------------------------
 
-FACTS = ("SerialNo", "SWVersion", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
+FACTS = ("SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
 
 
 @INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in FACTS), "string")

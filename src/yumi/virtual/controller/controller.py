@@ -169,6 +169,7 @@ class Irc5:
             self.effective,
             self.signals,
             self.identity,
+            system.robot,
             self.events,
             now=lambda: self.time,
             tasks=lambda: self.tasks,

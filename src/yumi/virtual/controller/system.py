@@ -83,6 +83,7 @@ class Robot:
     Attributes:
         name: as `yumi controller --robot` has it.
         title: ABB's name.
+        system_name: of the RobotWare system and the controller where none is given.
         arms: kinematics of each arm; a robot with one arm has the right one's place.
         units: its mechanical units, the first of each arm being the robot itself.
         options: of the controller.
@@ -92,11 +93,22 @@ class Robot:
 
     name: str
     title: str
+    system_name: str
     arms: Mapping[Side, Callable[[], Arm]]
     units: tuple[MechanicalUnit, ...]
     options: tuple[str, ...]
     stock: Path
     is_yumi: bool = False
+
+    @property
+    def type_name(self) -> str:
+        """What GetSysInfo calls it, such as 120-3/0.6."""
+        return self.title.removeprefix("IRB ")
+
+    @property
+    def serial_number(self) -> str:
+        """Of the robot: the number of its model, and one of ours."""
+        return f"{self.type_name.partition('-')[0]}-500000"
 
     def unit_of(self, side: Side) -> str:
         """Name of the mechanical unit of an arm."""
@@ -106,6 +118,7 @@ class Robot:
 YUMI = Robot(
     "yumi",
     "IRB 14000-0.5/0.5",
+    "YuMi",
     {side: lambda side=side: yumi_arm(side) for side in Side},  # type: ignore[misc]
     YUMI_UNITS,
     YUMI_OPTIONS,
@@ -119,6 +132,7 @@ ROBOTS: Mapping[str, Robot] = {
         Robot(
             "irb14050",
             "IRB 14050-0.5/0.5",
+            "IRB_14050",
             {Side.RIGHT: irb14050},
             (
                 MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
@@ -130,6 +144,7 @@ ROBOTS: Mapping[str, Robot] = {
         Robot(
             "irb120",
             "IRB 120-3/0.6",
+            "IRB_120",
             {Side.RIGHT: irb120},
             (MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 6, NO_UNIT, NO_UNIT, motion_task="T_ROB1"),),
             (*_OPTIONS, "Drive System IRB 120", "IRB 120-3/0.6"),
