@@ -93,7 +93,7 @@ class Performance:
         system = delivered_system() if robot == "yumi" else factory_system(ROBOTS[robot])
         self.world = World(WorldSettings(system=with_programs(system, {task: [path]})))
         self.task = self.world.controller.tasks[task]
-        self.module = self.task.modules[0].name
+        self.module = self.task.modules[-1].name
         self._robot, self._tool = robot, np.array([*tool, 1.0])
         controller, touch = self.world.controller, next(expected.numbers("touch"), [np.inf])[0]
         controller.set_motors(on=True)

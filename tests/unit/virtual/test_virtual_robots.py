@@ -59,6 +59,25 @@ def run(world: World, limit: float = 30.0, each: Callable[[], None] = lambda: No
     return positions
 
 
+@pytest.mark.parametrize(
+    ("robot", "facts"),
+    [
+        ("yumi", "14000-500000 14000-0.5/0.5 YuMi YuMi"),
+        ("irb14050", "14050-500000 14050-0.5/0.5 IRB_14050 IRB_14050"),
+        ("irb120", "120-500000 120-3/0.6 IRB_120 IRB_120"),
+    ],
+)
+def test_robot_names_itself_in_get_sys_info(tmp_path: Path, robot: str, facts: str) -> None:
+    names = ("SerialNo", "RobotType", "CtrlId", "SystemName")
+    file, task = tmp_path / "main.mod", ROBOTS[robot].units[0].task
+    text = '+" "+'.join(f"GetSysInfo(\\{name})" for name in names)
+    versions = 'TPWrite GetSysInfo(\\SWVersion)+" "+GetSysInfo(\\SWVersionName);'
+    file.write_text(f"MODULE Facts PROC main() TPWrite {text}; {versions} ENDPROC ENDMODULE", encoding="ascii")
+    world = World(WorldSettings(system=with_programs(factory_system(ROBOTS[robot]), {task: [file]})))
+    run(world)
+    assert world.controller.screens[task] == (facts, "ROBOTWARE_6.13.00.00 6.13.00.00")
+
+
 SQUARE = """
     PERS tooldata pen:=[TRUE,[[0,0,50],[1,0,0,0]],[0.2,[0,0,20],[1,0,0,0],0,0,0]];
     CONST robtarget corner:=[[400,-60,300],[0,0,1,0],[-1,0,-1,0],[9E9,9E9,9E9,9E9,9E9,9E9]];

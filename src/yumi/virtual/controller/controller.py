@@ -21,12 +21,15 @@ from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore, rapid_devices
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
 from yumi.virtual.controller.system import (
+    DELIVERED_FILES,
+    USER_MODULE,
     Identity,
     Jobs,
     OwnSettings,
     System,
     TaskSettings,
     event_routines,
+    is_user_module,
     modules_of,
     task_settings,
 )
@@ -126,7 +129,7 @@ class Irc5:
         self.controller_state = ControllerState.MOTORS_OFF
         self.speed_ratio = 100
         self.time = start_time
-        self.files = FileStore(system.files, lambda: self.time)
+        self.files = FileStore({**DELIVERED_FILES, **system.files}, lambda: self.time)
         self.collision_state = CollisionState.INIT
         self.is_restarting = False
         self.started_at = self.energy_reset_at = start_time
@@ -166,6 +169,7 @@ class Irc5:
             self.effective,
             self.signals,
             self.identity,
+            system.robot,
             self.events,
             now=lambda: self.time,
             tasks=lambda: self.tasks,
@@ -176,7 +180,7 @@ class Irc5:
         self._outputs = self._system_outputs()
         for task in self.tasks.values():
             task.host.devices = self.devices
-        if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
+        if any(each.has_program for each in self.execution.installed.values()):  # from the factory there is none
             try:
                 self.execution.move_pp_to_main()
             except Refused as refused:  # what does not fit can be mended over RWS
@@ -329,10 +333,15 @@ class Irc5:
         self.execution.unload_module(task, name)
 
     def replace_program(self, files: Mapping[str, str]) -> None:
-        """Load another program into the motion tasks, or that of the configuration when ``files`` is empty."""
+        """Load another program into the motion tasks, or that of the configuration when ``files`` is empty.
+
+        The module `user` stays where the program does not bring one.
+        """
         self.execution.stop("Another program is loaded.")
         self.files.update(files)
-        paths = list(files) or [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        configured = [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        kept = [] if any(map(is_user_module, files.values())) else [each for each in configured if each == USER_MODULE]
+        paths = [*kept, *files] if files else configured
         self.execution.replace_program({path: self.files[path] for path in paths})
 
     def acknowledge_collision(self) -> None:
