@@ -245,12 +245,13 @@ class EgmClient:
         self._signals = signals
 
     def activate(self, activation: EgmActivation) -> None:
-        """EGMActJoint: the settings of the runs that follow.
+        """EGMActJoint: the settings of the runs that follow; a position stream goes on, with the new tool.
 
         Raises:
-            RobotNotReady: there is no identity yet, or EGM runs.
+            RobotNotReady: there is no identity yet, or EGM moves the arm.
         """
-        self._check_state(EgmState.CONNECTED)
+        if not self.is_streaming:
+            self._check_state(EgmState.CONNECTED)
         self._activation = activation
 
     def run_joint(self, run: EgmRun) -> None:
@@ -299,7 +300,7 @@ class EgmClient:
 
     def stream_stop(self) -> None:
         """EGMStreamStop: end a position stream; a run goes on."""
-        if self._session is not None and not self._session.is_run and not self._session.is_over:
+        if self._session is not None and self.is_streaming:
             self._session.end(MciState.STOPPED)
             self.state = EgmState.CONNECTED
 
@@ -336,6 +337,11 @@ class EgmClient:
     def is_running(self) -> bool:
         """Whether EGM moves the arm."""
         return self._run_session() is not None
+
+    @property
+    def is_streaming(self) -> bool:
+        """Whether a position stream is going on."""
+        return self._session is not None and not self._session.is_run and not self._session.is_over
 
     @property
     def resumes(self) -> bool:
@@ -393,7 +399,7 @@ class EgmClient:
     def _check_state(self, needed: EgmState) -> None:
         if self.state is not needed:
             raise RobotNotReady(
-                f"EGM of the {self._arm.side.word} arm is {self.state.name.lower()}: "
+                f"EGM of the {self._arm.kinematics.name} is {self.state.name.lower()}: "
                 f"it has to be {needed.name.lower()} for this."
             )
 
@@ -429,7 +435,7 @@ class EgmClient:
         if not session.is_run or session.is_over:
             return
         if egm is None or not self._arm.motors_on:
-            self.fault = f"The {self._arm.side.word} arm was stopped while EGM was running."
+            self.fault = f"The {self._arm.kinematics.name} was stopped while EGM was running."
             self.abort()
         elif session.silence > self._comm_timeout:
             sentence = f"No data from the UdpUc device for {self._comm_timeout:g} s (41822)."
@@ -526,7 +532,7 @@ class EgmClient:
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
-                f"The {self._arm.side.word} arm got an EGM reference that is not a finite number.",
+                f"The {self._arm.kinematics.name} got an EGM reference that is not a finite number.",
             )
         elif goal is not None and self._run.pos_corr_gain > 0.0 and self._bounds.outside(goal) is not None:
             self._leave_bounds(goal)
@@ -655,10 +661,12 @@ class EgmNetwork:
     Args:
         cycle_time: of the robot [s].
         seed: of what is lost, reordered and cut at random.
+        names: of the arms in sentences; those of a YuMi's arms without them.
     """
 
-    def __init__(self, cycle_time: float = CYCLE, seed: int = 0) -> None:
+    def __init__(self, cycle_time: float = CYCLE, seed: int = 0, names: Mapping[Side, str] | None = None) -> None:
         self._cycle_time = cycle_time
+        self._names = names or {side: f"{side.word} arm" for side in Side}
         self._random = Random(seed)
         self._now = 0.0
         self._effects: dict[tuple[Fault, Side], _LastingFault] = {}
@@ -685,9 +693,9 @@ class EgmNetwork:
         """
         if fault in SINGLE:
             if fault is Fault.EGM_STALE and len(self._sent[side]) < amount:
-                count = len(self._sent[side])
+                name, count = self._names[side], len(self._sent[side])
                 raise CommandRefused(
-                    f"The {side.word} arm has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
+                    f"The {name} has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
                 )
             self._once[side].append(_SingleFault(fault, amount))
         else:

@@ -128,7 +128,7 @@ class EgmInstructions:
             max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
         )
         self._do(lambda: self._client.activate(activation))
-        if call.present("StreamStart"):
+        if call.present("StreamStart") and not self._client.is_streaming:
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
 
     def act_joint(self, call: Call) -> None:
@@ -202,8 +202,7 @@ class EgmInstructions:
             raise RapidRuntimeError(
                 FATAL, f"{call.name}: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
             )
-        if not self._unit.arm.is_stationary:
-            raise RapidRuntimeError(FATAL, f"{call.name}: the arm has to stand in a fine point; use WaitRob \\InPos.")
+        yield from self._standing(call)
         self._run = run = EgmRun(
             stop_mode=StopMode(int(call["Mode"])),
             axes=axes,
@@ -216,6 +215,15 @@ class EgmInstructions:
         self._do(lambda: self._client.run_joint(run))
         if run.is_waited:
             yield from self._until_over(call, run)
+
+    def _standing(self, call: Call) -> Wait:
+        """The program's moves have to end in a fine point; EGM's own way to a stop is waited for."""
+        arm = self._unit.arm
+        if not arm.path.is_empty:
+            sentence = f"{call.name}: EGM has to begin in a fine point: end the move before it with zonedata fine."
+            raise RapidRuntimeError(FATAL, sentence)
+        while not arm.is_stationary:
+            yield None
 
     def wait_cond(self, call: Call) -> Wait:
         r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""

@@ -276,7 +276,7 @@ class VirtualArm:
         """
         egm = self.egm
         if egm is None:
-            raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
+            raise RobotNotReady(f"EGM does not move the {self.kinematics.name}: start EGM first.")
         if position is not None:
             egm.reference = position
         egm.reference_velocity = MotionState.standing(egm.reference).velocity if velocity is None else velocity
@@ -300,9 +300,9 @@ class VirtualArm:
     def check_ready(self) -> None:
         """Raise RobotNotReady where RAPID cannot move the arm: the motors are off, or EGM moves it."""
         if not self._motors_on:
-            raise RobotNotReady(f"The motors of the {self.side.word} arm are off: switch them on first.")
+            raise RobotNotReady(f"The motors of the {self.kinematics.name} are off: switch them on first.")
         if self.egm is not None:
-            raise RobotNotReady(f"EGM moves the {self.side.word} arm: end EGM before other motions (50453).")
+            raise RobotNotReady(f"EGM moves the {self.kinematics.name}: end EGM before other motions (50453).")
 
 
 _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past never runs backwards
