@@ -36,6 +36,10 @@ _SAME_DISTANCE = 1e-9  # [m] of distance
 _SHORTEST_LEG = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
 
 
+Offset = Callable[[], Array]
+"""Reads where the arm is to be beside its path."""
+
+
 @dataclass(eq=False, slots=True)
 class Passage:
     """A leg on the path.
@@ -46,7 +50,8 @@ class Passage:
         begin: distance where the arm is on it: the middle of the corner before it [m].
         end: distance of its end, or of the middle of the corner there [m].
         zone_begin: distance where the zone at its end begins [m].
-        is_corrected: whether path corrections count on it.
+        offset: reads how far the arm is to be beside it, along the axes of the path [m], (3,); None where nothing
+            corrects it.
     """
 
     leg: Leg
@@ -54,7 +59,7 @@ class Passage:
     begin: float
     end: float
     zone_begin: float = 0.0
-    is_corrected: bool = False
+    offset: Offset | None = None
 
 
 class Corrector(Protocol):
@@ -63,7 +68,7 @@ class Corrector(Protocol):
     memory: Any
     """What a path that is put aside has to be restored with."""
 
-    def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
+    def corrected(self, position: Joints, passage: Passage, dt: float) -> Joints:
         """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
 
     def restart(self) -> None:
@@ -488,8 +493,7 @@ class PathMotion:
         old, position = self.state, self._position(run, shown)
         self.nominal = position
         if self.corrector is not None:
-            passage = self._passages[0]
-            position = self.corrector.corrected(position, passage.leg, dt, is_corrected=passage.is_corrected)
+            position = self.corrector.corrected(position, self._passages[0], dt)
         velocity = tuple((a - b) / dt for a, b in zip(position, old.position, strict=True))
         change = tuple((a - b) / dt for a, b in zip(velocity, old.velocity, strict=True))
         self.state = MotionState(position, cast("Joints", velocity), cast("Joints", change))
