@@ -429,7 +429,7 @@ def six_axis_configuration(position: Joints) -> Configuration:
     a1, a2, a3, a4, a5, a6 = position  # type: ignore[misc]  # an arm of six joints
     wrist_ahead = _LOWER_ARM * sin(a2) + _REACH * sin(a2 + a3 + _ELBOW_ANGLE)
     cfx = 4 * (wrist_ahead < 0.0) + 2 * (sin(a3 + _ELBOW_ANGLE) < 0.0) + (a5 < -CONFIGURATION_TOLERANCE)
-    return Configuration(*map(quarter_turn, (a1, a4, a6)), cfx)
+    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
 
 
 def _six_axis_postures(tool0: Pose, limits: JointLimits) -> tuple[Joints, ...]:

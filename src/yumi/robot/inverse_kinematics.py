@@ -154,7 +154,7 @@ def configuration(position: Joints) -> Configuration:
     a1, a2, _, a3, a4, a5, a6 = position
     below = -CONFIGURATION_TOLERANCE
     cfx = 4 * (a2 < below) + 2 * (a5 < below) + (a3 < below - pi / 2.0)
-    return Configuration(*map(quarter_turn, (a1, a4, a6)), cfx=cfx)
+    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
 
 
 def arm_angle(side: Side, position: Joints) -> float:

@@ -319,7 +319,8 @@ class MotionInstructions:
 
     def is_there(self, passage: Passage) -> bool:
         """Whether the arm stands behind a leg."""
-        return self.arm.path.has_ended(passage) and self.arm.is_stationary
+        path = self.arm.path
+        return path.has_ended(passage) and path.has_acted and self.arm.is_stationary
 
     def go_on(self) -> None:
         """The program runs: the arm follows the path, also after a stop."""

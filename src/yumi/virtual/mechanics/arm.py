@@ -80,6 +80,7 @@ class VirtualArm:
         self.path = PathMotion(self.planned, self.model.limits)
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
+        self.path.reaction_time = self.reaction_time
         self._load: LoadSupervision | None = None
         self._push, self._push_left = 0.0, 0.0  # by how much [rad], and for how long still [s]
         self.overload: Overload | None = None
@@ -141,6 +142,8 @@ class VirtualArm:
             if self._is_regaining and self._motion.is_finished:
                 self._motion, self._is_regaining = self.path, False
             self._servo.advance(self.planned, dt / steps)
+            if not self.path.has_acted:
+                self.path.act(dt / steps)
             # Only references from outside are supervised: the controller plans its own motions within the limits.
             egm = self.egm
             if egm is not None and self._load is not None and self.overload is None:
