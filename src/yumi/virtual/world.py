@@ -113,7 +113,7 @@ class World:
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._units.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
-        self.network = EgmNetwork(self.cycle_time)
+        self.network = EgmNetwork(self.cycle_time, names={side: arm.kinematics.name for side, arm in self.arms.items()})
         self._egm_host = settings.egm_host
         name = settings.robot_name or robot.system_name
         options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
@@ -406,7 +406,8 @@ class FaultInjection:
     def _running_egm(self, side: Side) -> EgmClient:
         egm = self._world.egm[side]
         if not egm.is_running:
-            raise CommandRefused(f"EGM does not move the {side.word} arm; start EGM first.")
+            name = self._world.arms[side].kinematics.name
+            raise CommandRefused(f"EGM does not move the {name}; start EGM first.")
         return egm
 
     def _place_object(self, side: Side, width_mm: float) -> None:

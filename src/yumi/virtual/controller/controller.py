@@ -742,11 +742,11 @@ def robot_library(
     add_measurements(library, unit, robots)
     add_calibration(library, motion)
     add_recorder(library, motion)
-    add_corrections(library, unit, events)
+    corrections = add_corrections(library, motion)
     if not is_motion_task:
         forbid_motion(library)
     else:
-        add_egm(library, unit, configuration, events)
+        add_egm(library, motion, corrections, configuration)
     if is_motion_task and unit.arm.kinematics.is_of_yumi:
         add_gripper(library, unit.gripper, events)
     add_system(library, unit, units, configuration, sync_points, robots)

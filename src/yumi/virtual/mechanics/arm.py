@@ -80,6 +80,7 @@ class VirtualArm:
         self.path = PathMotion(self.planned, self.model.limits)
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
+        self.path.reaction_time = self.reaction_time
         self._load: LoadSupervision | None = None
         self._push, self._push_left = 0.0, 0.0  # by how much [rad], and for how long still [s]
         self.overload: Overload | None = None
@@ -141,6 +142,8 @@ class VirtualArm:
             if self._is_regaining and self._motion.is_finished:
                 self._motion, self._is_regaining = self.path, False
             self._servo.advance(self.planned, dt / steps)
+            if not self.path.has_acted:
+                self.path.act(dt / steps)
             # Only references from outside are supervised: the controller plans its own motions within the limits.
             egm = self.egm
             if egm is not None and self._load is not None and self.overload is None:
@@ -276,7 +279,7 @@ class VirtualArm:
         """
         egm = self.egm
         if egm is None:
-            raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
+            raise RobotNotReady(f"EGM does not move the {self.kinematics.name}: start EGM first.")
         if position is not None:
             egm.reference = position
         egm.reference_velocity = MotionState.standing(egm.reference).velocity if velocity is None else velocity
@@ -300,9 +303,9 @@ class VirtualArm:
     def check_ready(self) -> None:
         """Raise RobotNotReady where RAPID cannot move the arm: the motors are off, or EGM moves it."""
         if not self._motors_on:
-            raise RobotNotReady(f"The motors of the {self.side.word} arm are off: switch them on first.")
+            raise RobotNotReady(f"The motors of the {self.kinematics.name} are off: switch them on first.")
         if self.egm is not None:
-            raise RobotNotReady(f"EGM moves the {self.side.word} arm: end EGM before other motions (50453).")
+            raise RobotNotReady(f"EGM moves the {self.kinematics.name}: end EGM before other motions (50453).")
 
 
 _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past never runs backwards
