@@ -186,6 +186,55 @@ def test_hsl_sequence(session: Session) -> None:
     assert session.ask("POST", f"{drive}?action=set", "lvalue=0").status == 403
 
 
+# Status servers of ROS-Industrial and PLCs: signals that the user has bound to states of the controller
+
+_STATUS_SIGNALS = """EIO:CFG_1.0:6:1::
+#
+SYSSIG_OUT:
+
+      -Status "RunchOk" -Signal "signalMotionPossible"
+
+      -Status "MotOnState" -Signal "signalMotorOn"
+
+      -Status "EmStop" -Signal "signalRobotEStop"
+
+      -Status "MechUnitActive" -Signal "signalRobotActive" -Arg1 "ROB_L"
+#
+EIO_SIGNAL:
+
+      -Name "signalMotionPossible" -SignalType "DO"
+
+      -Name "signalMotorOn" -SignalType "DO"
+
+      -Name "signalRobotEStop" -SignalType "DO"
+
+      -Name "signalRobotActive" -SignalType "DO"
+"""
+
+
+def test_status_signals_sequence(session: Session) -> None:
+    ask, controller = session.ask, session.controller
+    assert ask("PUT", "/fileservice/$HOME/status.cfg", _STATUS_SIGNALS).status == 201
+    assert ask("POST", "/rw/mastership/cfg?action=request").status == 204
+    assert ask("POST", "/rw/cfg?action=load", "filepath=$HOME/status.cfg&action-type=add").status == 204
+    controller.restart(0.1)
+    for _ in range(200):
+        session.world.cycle({})
+    session.cookie = session._log_in()
+
+    def signals() -> tuple[object, ...]:
+        session.world.cycle({})
+        names = ("signalMotionPossible", "signalMotorOn", "signalRobotEStop", "signalRobotActive")
+        return tuple(state(session.ask("GET", f"/rw/iosystem/signals/{name}?json=1"))["lvalue"] for name in names)
+
+    assert signals() == (1, 0, 0, 1)
+    assert ask("POST", "/rw/panel/ctrlstate?action=setctrlstate", "ctrl-state=motoron").status == 204
+    assert signals() == (1, 1, 0, 1)
+    controller.press_emergency_stop()
+    assert signals() == (0, 0, 1, 1)
+    assert ask("POST", "/rw/iosystem/signals/signalMotionPossible?action=set", "lvalue=1").status == 403
+
+
 # Java and Python for a YuMi: lead-through and jogging by a local client
 
 
