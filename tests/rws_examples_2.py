@@ -97,6 +97,7 @@ GET /ctrl/diagnostics
 GET /ctrl/identity
 POST /ctrl/lang lang=de
 GET /ctrl/options
+GET /ctrl/features
 POST /ctrl/restart restart-mode=restart | hold cfg
 GET /rw/panel
 GET /rw/panel/coldetstate

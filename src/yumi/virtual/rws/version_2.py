@@ -79,6 +79,7 @@ GET /ctrl/diagnostics
 GET /ctrl/identity
 POST /ctrl/lang /ctrl?action=set-lang
 GET /ctrl/options
+GET /ctrl/features /ctrl/options
 POST! /ctrl/restart /rw/panel?action=restart
 GET /rw/panel
 GET /rw/panel/coldetstate
