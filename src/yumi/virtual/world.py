@@ -52,7 +52,7 @@ class WorldSettings:
     """What kind of robot there is.
 
     Attributes:
-        robot_name: name of controller and system.
+        robot_name: name of controller and system; that of the robot where it is empty.
         robotware: version that the controller names.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
         gripper_modules: modules of each gripper; servo alone for an arm that is left out.
@@ -67,7 +67,7 @@ class WorldSettings:
         system: programs and parameters; the state machine of this package when it is None.
     """
 
-    robot_name: str = "YuMi"
+    robot_name: str = ""
     robotware: str = ROBOTWARE_6
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
     gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
@@ -121,8 +121,8 @@ class World:
             system,
             _with_addresses(system.configuration(), settings, robot),
             Identity(
-                system_name=settings.robot_name,
-                controller_name=settings.robot_name,
+                system_name=settings.robot_name or robot.system_name,
+                controller_name=settings.robot_name or robot.system_name,
                 robotware=settings.robotware,
                 options=options,
             ),

@@ -256,7 +256,7 @@ class Irc5:
     # What clients ask for
 
     def set_motors(self, on: bool) -> None:
-        """Switch the motors of both arms; switching them off stops RAPID.
+        """Switch the motors of all arms; switching them off stops RAPID.
 
         Raises:
             Refused: WRONG_MODE outside AUTO, EMERGENCY_STOP while a stop is active.
@@ -274,7 +274,7 @@ class Irc5:
         self.controller_state = ControllerState.MOTORS_ON
         for unit in self._arms.values():
             unit.arm.switch_motors_on()
-        self.events.append(10011, "Motors ON", "The motors of both arms are on.")
+        self.events.append(10011, "Motors ON", "The motors are on.")
 
     def start_rapid(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
         """Start all selected tasks from their program pointers.

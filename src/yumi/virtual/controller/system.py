@@ -98,6 +98,11 @@ class Robot:
     stock: Path
     is_yumi: bool = False
 
+    @property
+    def system_name(self) -> str:
+        """Name of its system where the user gives none: ``YuMi``, ``IRB_120``."""
+        return "YuMi" if self.is_yumi else self.title.partition("-")[0].replace(" ", "_")
+
     def unit_of(self, side: Side) -> str:
         """Name of the mechanical unit of an arm."""
         return next(unit.name for unit in self.units if unit.side is side)
@@ -124,7 +129,7 @@ ROBOTS: Mapping[str, Robot] = {
                 MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
                 MechanicalUnit("ROB_1_7", Side.RIGHT, "Single", 1, 1, "ROB_1", NO_UNIT, motion_task="T_ROB1"),
             ),
-            (*_OPTIONS, "Drive System IRB 14050", "IRB 14050-0.5/0.5"),
+            (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),
         Robot(
