@@ -500,6 +500,9 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     assert (user.application, user.location, user.is_local) == ("test", "here", False)
     assert "UAS_RAPID_EXECUTE" in client.grants()
     assert client.rmmp().privilege == "none"
+    with pytest.raises(ControllerRefused, match="there is no request for the remote manual mode privilege") as refused:
+        client.poll_rmmp()
+    assert refused.value.code == Code.NO_SUCH_REQUEST
     bench.controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(ControllerRefused), client.holding("rapid"):
         pass

@@ -20,7 +20,7 @@ import numpy as np
 from yumi.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.robot.arms import rotation_vectors
-from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector, joint_names
+from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
@@ -385,7 +385,7 @@ class EgmClient:
     def overload(self) -> None:
         """End the run as if the reference asked too much of a drive; nothing happens without a run."""
         if self._run_session() is not None:
-            name = self._joint_name(1)
+            name = self._arm.joint_name(1)
             self._shut_down(EgmOutcome.OVERLOADED, f"The EGM reference needs more than the drive of {name} gives.")
 
     @property
@@ -518,7 +518,7 @@ class EgmClient:
                 self._end(EgmOutcome.STOPPED, MciState.STOPPED)
         elif self._arm.overload is not None:
             overload = self._arm.overload
-            name = self._joint_name(overload.joint)
+            name = self._arm.joint_name(overload.joint)
             self._shut_down(
                 EgmOutcome.OVERLOADED,
                 f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives "
@@ -628,13 +628,9 @@ class EgmClient:
         else:
             self._arm.set_reference(goal, speed)
 
-    def _joint_name(self, index: int) -> str:
-        kinematics = self._arm.kinematics
-        return joint_names(self._arm.side)[index] if kinematics.is_of_yumi else f"axis {kinematics.axes[index]}"
-
     def _leave_bounds(self, position: Joints) -> None:
         index = self._bounds.outside(position) or 0
-        name, range_deg = self._joint_name(index), self._arm.model.limits.range_deg(index)
+        name, range_deg = self._arm.joint_name(index), self._arm.model.limits.range_deg(index)
         at_deg = degrees(position[index])
         sentence = f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
         self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)

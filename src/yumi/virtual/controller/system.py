@@ -138,7 +138,7 @@ ROBOTS: Mapping[str, Robot] = {
                 MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
                 MechanicalUnit("ROB_1_7", Side.RIGHT, "Single", 1, 1, "ROB_1", NO_UNIT, motion_task="T_ROB1"),
             ),
-            (*_OPTIONS, "Drive System IRB 14050", "IRB 14050-0.5/0.5"),
+            (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),
         Robot(

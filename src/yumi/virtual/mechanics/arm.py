@@ -107,6 +107,12 @@ class VirtualArm:
         tool0 = self.kinematics.tool0(position)
         return tool0 if tool is None else compose(tool0, tool)
 
+    def joint_name(self, index: int) -> str:
+        """What sentences call a joint, by its place in the chain: as in ROS on a YuMi, else ABB's number."""
+        if self.kinematics.is_of_yumi:
+            return joint_names(self.side)[index]
+        return f"axis {self.kinematics.axes[index]}"
+
     @property
     def velocity(self) -> Joints:
         """Planned joint speeds, chain order [rad/s], (7,)."""
@@ -199,15 +205,12 @@ class VirtualArm:
         self.check_ready()
         index = self.model.limits.outside(target)
         if index is not None:
-            name, range_deg = joint_names(self.side)[index], self.model.limits.range_deg(index)
+            name, range_deg = self.joint_name(index), self.model.limits.range_deg(index)
             raise CommandRefused(f"{name} cannot move to {target[index]:.4f} rad: its range is {range_deg} (50027).")
         if self._motion.is_finished and target == self.planned and duration <= 0.0:
             return  # there already: a program that repeats it in a loop must not cost a plan each time
         start = self.planned
-        poses = [
-            tool0_to_body(self.side, _between(start, target, index / _WAYPOINTS), tool)
-            for index in range(_WAYPOINTS + 1)
-        ]
+        poses = [self.tool_pose(_between(start, target, index / _WAYPOINTS), tool) for index in range(_WAYPOINTS + 1)]
         length = sum(dist(a.position, b.position) for a, b in pairwise(poses))
         cosines = (
             abs(sum(x * y for x, y in zip(a.orientation, b.orientation, strict=True))) for a, b in pairwise(poses)

@@ -1,6 +1,7 @@
 """Programs and parameters of a user: modules, program files, backups, and the tasks they make."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,8 @@ import pytest
 from yumi.errors import SettingsError
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
-from yumi.rws.types import ControllerState, EventType
+from yumi.robot.joints import Side, joints
+from yumi.rws.types import ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
 from yumi.virtual.controller.system import (
@@ -20,6 +22,7 @@ from yumi.virtual.controller.system import (
     with_programs,
     write_backup,
 )
+from yumi.virtual.controller.units import Supervision
 from yumi.virtual.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::
@@ -524,10 +527,110 @@ def test_system_outputs_show_what_a_task_does() -> None:
     assert outputs() == [0, 0, 1]
 
 
+def _following(*outputs: str) -> World:
+    """A YuMi with one system output for each ``Status`` and its arguments, in signals ``out0``, ``out1`` and so on."""
+    bound = "".join(f' -Status {each} -Signal "out{number}"\n' for number, each in enumerate(outputs))
+    signals = "".join(f' -Name "out{number}" -SignalType "DO"\n' for number in range(len(outputs)))
+    eio = f"EIO:CFG_1.0:6:1::\nSYSSIG_OUT:\n{bound}#\nEIO_SIGNAL:\n{signals}"
+    return World(WorldSettings(system=System((eio,), {}, is_factory=True)))
+
+
+def _outputs(world: World) -> list[float]:
+    """The system outputs after a cycle."""
+    world.cycle({})
+    signals = world.controller.signals
+    return [signals.get(name).value for name in signals.names if name.startswith("out")]
+
+
+def test_system_output_of_the_run_chain_follows_the_stops() -> None:
+    world = _following('"RunchOk"', '"EmStop"', '"MotorOn"', '"MotorOff"', '"MotOffState"')
+    controller = world.controller
+    assert _outputs(world) == [1, 0, 0, 1, 1]
+    controller.set_motors(True)
+    assert _outputs(world) == [1, 0, 1, 0, 0]
+    controller.press_emergency_stop()
+    assert _outputs(world) == [0, 1, 0, 1, 1]
+    controller.release_emergency_stop()
+    assert _outputs(world) == [1, 0, 0, 1, 1]
+
+
+def test_system_output_of_the_run_chain_is_off_in_manual_mode_without_the_enabling_device() -> None:
+    world = _following('"RunchOk"', '"AutoOn"')
+    assert _outputs(world) == [1, 1]
+    world.controller.select_mode(OperatingMode.MANUAL_REDUCED)
+    assert _outputs(world) == [0, 0]
+    world.controller.select_mode(OperatingMode.AUTO)
+    assert _outputs(world) == [1, 1]
+
+
+def test_system_outputs_show_the_motion_supervision_of_a_unit() -> None:
+    world = _following(
+        '"MotSupOn" -Arg1 "ROB_L"', '"MotSupTrigg" -Arg1 "ROB_L"', '"MotSupTrigg" -Arg1 "rob_r"', '"MotSupTrigg"'
+    )
+    controller = world.controller
+    assert _outputs(world) == [0, 0, 0, 0]
+    controller.set_motors(True)
+    assert _outputs(world) == [1, 0, 0, 0]
+    controller.collide(Side.LEFT)
+    assert _outputs(world) == [1, 1, 0, 1]
+    controller.acknowledge_collision()
+    controller.motion.supervision["ROB_L"] = Supervision(jogging=False)
+    assert _outputs(world) == [0, 0, 0, 0]
+
+
+def test_system_outputs_without_a_unit_show_all_of_them() -> None:
+    world = _following(
+        '"MechUnitNotMoving"', '"MechUnitNotMoving" -Arg1 "ROB_R"', '"MechUnitActive" -Arg1 "ROB_L_7"', '"LimitSpeed"'
+    )
+    controller = world.controller
+    assert _outputs(world) == [1, 1, 1, 0]
+    controller.set_motors(True)
+    left = next(unit for unit in controller.units if unit.name == "ROB_L")
+    arm = controller.arm_of(left)
+    arm.move_to(joints([each + 0.2 for each in arm.planned]))
+    controller.units = tuple(
+        replace(unit, mode="Deactivated") if unit.name == "ROB_L_7" else unit for unit in controller.units
+    )
+    assert _outputs(world) == [0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("output", "sentence"),
+    [
+        ('"TCPSpeed" -Arg1 "ROB_L"', "does not follow the Status 'TCPSpeed', only AutoOn, CycleOn, EmStop"),
+        ('"MotSupOn" -Arg1 "ROB_1"', "there is no mechanical unit 'ROB_1' (Arg1); there are ROB_L, ROB_L_7, ROB_R"),
+    ],
+)
+def test_system_output_that_is_not_followed_is_in_the_event_log(output: str, sentence: str) -> None:
+    world = _following(output)
+    event = next(each for each in world.controller.events.entries() if each.title == "System output rejected")
+    assert "The system output out0 of the EIO parameters stays as it is" in event.description
+    assert sentence in event.description
+    assert _outputs(world) == [0]
+
+
+def test_system_input_resets_the_error_of_programs() -> None:
+    world = _two_tasks()
+    controller = world.controller
+    eio = 'EIO:CFG_1.0:6:1::\nSYSSIG_IN:\n -Signal "reset" -Action "ResetError"\n#\nEIO_SIGNAL:\n'
+    controller.configuration.load(f'{eio} -Name "reset" -SignalType "DI"\n')
+    controller.restart(0.1)
+    run(world, 0.5)
+    controller.set_motors(True)
+    controller.start_rapid("once")
+    while controller.is_running:
+        world.cycle({})
+    world.cycle({})
+    assert controller.signals.get("failed").value == 1
+    controller.signals.drive("reset", 1.0)
+    run(world, 0.02)
+    assert controller.signals.get("failed").value == 0
+
+
 INPUTS = """EIO:CFG_1.0:6:1::
 SYSSIG_IN:
 
-      -Signal "power" -Action "MotOn"
+      -Signal "power" -Action "MotorOn"
 
       -Signal "go" -Action "StartMain" -Arg1 "CONT"
 
@@ -537,7 +640,7 @@ SYSSIG_IN:
 
       -Signal "last" -Action "StopCycle"
 
-      -Signal "off" -Action "MotOff"
+      -Signal "off" -Action "MotorOff"
 
       -Signal "reset" -Action "ResetEstop"
 #
