@@ -28,6 +28,7 @@ import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
+from yumi.control.cycle import Frame
 from yumi.driver.endpoint import StopEgm, failure_of
 from yumi.driver.readiness import (
     AUTOMATIC,
@@ -41,10 +42,10 @@ from yumi.driver.readiness import (
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.planning.planner import PlanningProcess
-from yumi.recording.mcap import EVENTS, STATE, recorded_messages
+from yumi.recording.mcap import EVENTS, STATE, RecordedEvent, recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
-from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
+from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix
 from yumi.virtual.faults import Fault
 from yumi.web.live import (
     AnyMessage,
@@ -587,29 +588,29 @@ def page_recording(file: Path) -> dict[str, Any]:
     """
     cycles = {f"{side.value}/cycle": (side, _Samples()) for side in Side}
     grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
-    events: list[dict[str, Any]] = []
+    events: list[RecordedEvent] = []
     states: list[dict[str, Any]] = []
     times: list[float] = []
     epoch, is_complete = 0.0, False
-    for topic, log_time, message in recorded_messages(file):
+    for topic, log_time, value in recorded_messages(file):
         if topic is None:
             is_complete = True
             continue
-        time = float(message["time"])
+        time = value["time"] if isinstance(value, Mapping) else value.time
         epoch = epoch or log_time * 1e-9 - time
         times = [min(times[0], time), max(times[1], time)] if times else [time, time]
         if topic in cycles:
-            cycles[topic][1].add(message)
+            cycles[topic][1].add(value)
         elif topic in grippers:
-            grippers[topic].append(message)
+            grippers[topic].append(value)
         elif topic == EVENTS:
-            events.append(message)
+            events.append(value)
         elif topic == STATE:
-            states.append(message)
-    start, end = times or (0.0, 0.0)
+            states.append(value)
+    start, end = times
 
-    def rounded(values: list[float | None] | None) -> list[float | None] | None:
-        return None if values is None else [None if value is None else round(value, 5) for value in values]
+    def rounded(values: Joints | None) -> list[float] | None:
+        return None if values is None else [round(value, 5) for value in values]  # what is not a number becomes null
 
     return {
         "name": file.name,
@@ -618,12 +619,12 @@ def page_recording(file: Path) -> dict[str, Any]:
         "duration": end - start,
         "arms": {
             side.word: {
-                "time": [round(each["time"] - start, 4) for each in samples.kept],
+                "time": [round(each.time - start, 4) for each in samples.kept],
                 **{
-                    name: [rounded(each[name]) for each in samples.kept]
+                    name: [rounded(getattr(each, name)) for each in samples.kept]
                     for name in ("position", "velocity", "sent", "reference")
                 },
-                "is_running": [each["is_running"] for each in samples.kept],
+                "is_running": [each.is_running for each in samples.kept],
             }
             for side, samples in cycles.values()
         },
@@ -634,10 +635,10 @@ def page_recording(file: Path) -> dict[str, Any]:
         "states": [{**each, "time": each["time"] - start} for each in states],
         "events": [
             {
-                "time": each["time"] - start,
-                "side": None if each["side"] is None else Side(each["side"]).word,
-                "sentence": each["message"],
-                "is_fault": each["is_fault"],
+                "time": each.time - start,
+                "side": each.side and each.side.word,
+                "sentence": each.sentence,
+                "is_fault": each.is_fault,
             }
             for each in events
         ],
@@ -648,14 +649,14 @@ class _Samples:
     """Cycles of one arm at equal intervals, which double when there are too many."""
 
     def __init__(self) -> None:
-        self.kept: list[dict[str, Any]] = []
+        self.kept: list[Frame] = []
         self._period, self._last = _FIRST_PERIOD, float("-inf")
 
-    def add(self, message: dict[str, Any]) -> None:
-        if message["time"] - self._last < self._period - 1e-4:
+    def add(self, frame: Frame) -> None:
+        if frame.time - self._last < self._period - 1e-4:
             return
-        self._last = message["time"]
-        self.kept.append(message)
+        self._last = frame.time
+        self.kept.append(frame)
         if len(self.kept) > MAX_SAMPLES:
             self.kept = self.kept[::2]
             self._period *= 2.0
