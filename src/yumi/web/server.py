@@ -1,9 +1,10 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
 Who may do what: a page of this machine sees the robot; through another interface, and where a real robot is operated,
-only with the token. A page of a foreign origin, or under a host name that is not this machine's, is refused. One page
-at a time operates the robot, after it has taken control: a virtual one always, a real one where the server was started
-to operate it and the page is opened on the same machine.
+only with the token. The files of the page are for everyone, the robot and a recording are not. A page of a foreign
+origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot, after it has
+taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
+the same machine.
 
 A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state or
 a recording (:func:`page_recording`) says.
@@ -19,6 +20,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -66,7 +68,7 @@ MAX_PAGES = 8
 _STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _message_decoder = msgspec.json.Decoder(AnyMessage)
-_COOKIE = "yumi_view_token"
+_NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
 _ALL_ADDRESSES = ("0.0.0.0", "::")
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
@@ -152,7 +154,8 @@ class ViewServer:
         """Where a browser finds it; by this machine's name where it listens on all addresses."""
         host = platform.node() if self._settings.host in _ALL_ADDRESSES else self._settings.host
         host = f"[{host}]" if ":" in host else host
-        token = f"?token={self._settings.token}" if self._settings.token else ""
+        # Behind a #, a browser sends it to no server.
+        token = f"#token={self._settings.token}" if self._settings.token else ""
         return f"http://{host}:{self.port}/{token}"
 
     async def start(self) -> None:
@@ -189,26 +192,37 @@ class ViewServer:
     async def _guard(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        """Refuse who may not see anything: foreign origins and host names, and who lacks the token."""
-        host = _host_of(f"http://{request.host}")
+        """Refuse foreign origins and host names."""
+        if not self._is_own_name(_host_of(f"http://{request.host}")):
+            raise web.HTTPForbidden(
+                text="This page is served under the names and addresses of this machine only: use the address that "
+                "`yumi view` printed."
+            )
         origin = request.headers.get("Origin")
-        if is_loopback(self._settings.host) and not is_loopback(host):
-            raise web.HTTPForbidden(text="This page is served under the names of this machine only: use 127.0.0.1.")
-        if origin is not None and urlsplit(origin).netloc != request.host:
+        if origin is not None and origin != f"{request.scheme}://{request.host}":
             raise web.HTTPForbidden(text="Pages of other origins may not use this server.")
-        token = self._settings.token
-        if token:
-            given = request.query.get("token", "")
-            if given and secrets.compare_digest(given.encode(), token.encode()) and request.path == "/":
-                moved = web.HTTPSeeOther("/")  # so that the token is not left in the address bar
-                moved.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
-                raise moved
-            if not secrets.compare_digest(request.cookies.get(_COOKIE, "").encode(), token.encode()):
-                raise web.HTTPForbidden(text="Open the page by the address with the token that `yumi view` printed.")
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_HEADERS)
         return response
+
+    def _is_own_name(self, host: str) -> bool:
+        """Whether a page may be opened under ``host``; another name may be a foreign one that leads here.
+
+        A page that listens on loopback is opened under its names and addresses; another one by any address, by the name
+        that it listens on, and by this machine's name in any domain.
+        """
+        if is_loopback(host):
+            return True
+        if is_loopback(self._settings.host):
+            return False
+        own = platform.node().partition(".")[0].lower()
+        return _is_address(host) or host in {self._settings.host.lower(), own} or host.startswith(f"{own}.")
+
+    def _has_token(self, request: web.Request) -> bool:
+        # Not in a cookie: a browser sends cookies to every port of a host, so to servers of other users, too.
+        given = request.query.get("token", "").encode(errors="surrogateescape")
+        return secrets.compare_digest(given, self._settings.token.encode()) or not self._settings.token
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(_STATIC / "index.html")
@@ -219,6 +233,8 @@ class ViewServer:
     async def _send_recording(self, request: web.Request) -> web.StreamResponse:
         if self._settings.recording is None:
             raise web.HTTPNotFound(text="There is no recording; the page shows a robot.")
+        if not self._has_token(request):
+            raise web.HTTPForbidden(text=_NO_TOKEN)
         return web.Response(body=msgspec.json.encode(self._settings.recording), content_type="application/json")
 
     async def _serve_page(self, request: web.Request) -> web.StreamResponse:
@@ -226,7 +242,11 @@ class ViewServer:
             raise web.HTTPForbidden(text="Only the page may open this connection.")
         socket = web.WebSocketResponse(heartbeat=_PING, max_msg_size=_MAX_MESSAGE, compress=False)
         await socket.prepare(request)
-        if len(self._pages) >= MAX_PAGES:  # a page can read why a connection was closed, not why there is none
+        # A page can read why a connection was closed, not why there is none.
+        if not self._has_token(request):
+            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=_NO_TOKEN.encode())
+            return socket
+        if len(self._pages) >= MAX_PAGES:
             await socket.close(
                 code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
             )
@@ -253,8 +273,9 @@ class ViewServer:
         """Carry out a message of a page, or have its operator do so."""
         try:
             message = _message_decoder.decode(data)
-        except msgspec.DecodeError as error:
-            page.send({"type": "refused", "sentence": f"Message refused: {error}."})
+        except (msgspec.DecodeError, RecursionError) as error:
+            reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
+            page.send({"type": "refused", "sentence": f"Message refused: {reason}."})
             return
         if isinstance(message, Seen):
             page.seen()
@@ -443,6 +464,14 @@ def _fault_for_page(fault: Fault) -> dict[str, Any]:
         "unit": "" if kind.amount is None else kind.amount.unit,
         "default": None if kind.amount is None else kind.amount.default,
     }
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
 
 
 def _host_of(url: str) -> str:
