@@ -21,6 +21,16 @@
 
 from __future__ import annotations
 
+_LONGEST_QUOTE = 100
+
+
+def shortened(value: object) -> str:
+    """What a request or a file of others holds, for a sentence: as Python writes it, cut to 100 characters."""
+    if isinstance(value, str):
+        value = value[: _LONGEST_QUOTE + 1]  # the rest would only be escaped and thrown away
+    shown = repr(value)
+    return shown if len(shown) <= _LONGEST_QUOTE else f"{shown[:_LONGEST_QUOTE]}…"
+
 
 class YumiError(Exception):
     """Base of all errors; the message is one sentence for a person."""
