@@ -26,10 +26,12 @@ _LONGEST_QUOTE = 100
 
 def shortened(value: object) -> str:
     """What a request or a file of others holds, for a sentence: as Python writes it, cut to 100 characters."""
-    if isinstance(value, str):
-        value = value[: _LONGEST_QUOTE + 1]  # the rest would only be escaped and thrown away
-    shown = repr(value)
-    return shown if len(shown) <= _LONGEST_QUOTE else f"{shown[:_LONGEST_QUOTE]}…"
+    return cut(repr(value[: _LONGEST_QUOTE + 1] if isinstance(value, str) else value))
+
+
+def cut(text: str) -> str:
+    """A text that may hold what others have sent, cut to 100 characters."""
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}…"
 
 
 class YumiError(Exception):
