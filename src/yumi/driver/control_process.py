@@ -497,7 +497,7 @@ class ControlProcess:
             RobotNotReady: the control process starts, has ended or does not answer.
         """
         with self._lock:
-            # It would find the command when it has started, long after who gave it was told that it had failed.
+            # It would find the command when it has started, long after its caller got an error.
             if self._is_alive and not self._is_ready:
                 raise RobotNotReady(STARTING)
             self._answered.clear()
