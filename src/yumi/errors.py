@@ -24,7 +24,7 @@ from __future__ import annotations
 _LONGEST_QUOTE = 100
 
 
-def shortened(value: object) -> str:
+def quoted(value: object) -> str:
     """What a request or a file of others holds, for a sentence: as Python writes it, cut to 100 characters."""
     return cut(repr(value[: _LONGEST_QUOTE + 1] if isinstance(value, str) else value))
 

@@ -23,7 +23,7 @@ from typing import Any, TypeAlias, TypeVar
 import msgspec
 import yaml
 
-from yumi.errors import CommandRefused, SettingsError, shortened
+from yumi.errors import CommandRefused, SettingsError, quoted
 
 
 def bounded(default: float | None, lowest: float, highest: float, unit: str = "") -> Any:
@@ -109,13 +109,13 @@ class Parameter:
         try:
             accepted: Value = msgspec.convert(value, _PYTHON_TYPES[self.type])
         except (msgspec.ValidationError, OverflowError) as error:
-            raise CommandRefused(f"is {shortened(value)}; it must be {self.type.value}.") from error
+            raise CommandRefused(f"is {quoted(value)}; it must be {self.type.value}.") from error
         for element in accepted if isinstance(accepted, tuple) else (accepted,):
             if isinstance(element, str):
                 if self.choices and element not in self.choices:
-                    raise CommandRefused(f"is {shortened(value)}; choose from: {', '.join(self.choices)}.")
+                    raise CommandRefused(f"is {quoted(value)}; choose from: {', '.join(self.choices)}.")
             elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
-                shown = f"{value:g}" if isinstance(value, float) else shortened(value)
+                shown = f"{value:g}" if isinstance(value, float) else quoted(value)
                 raise CommandRefused(
                     f"is {shown}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
                 )
@@ -339,7 +339,7 @@ class _Document(yaml.SafeLoader):
                 )
             return 1, 1
         if node.tag not in _COLLECTIONS:
-            raise SettingsError(f"{self.place(node)} has the tag {shortened(node.tag)}; remove it.")
+            raise SettingsError(f"{self.place(node)} has the tag {quoted(node.tag)}; remove it.")
         pairs = node.value if isinstance(node, yaml.MappingNode) else ((each,) for each in node.value)
         inner = [self._extents[each] for pair in pairs for each in pair]
         return 1 + sum(count for count, _ in inner), 1 + max((depth for _, depth in inner), default=0)
@@ -444,5 +444,5 @@ def _parameter_value(value: object, place: str) -> Value:
             with suppress(OverflowError):  # a whole number that no float holds
                 return tuple(float(element) for element in value)
     raise SettingsError(
-        f"{place} is {shortened(value)}; it must be a truth value, a number, a text or a list of one kind."
+        f"{place} is {quoted(value)}; it must be a truth value, a number, a text or a list of one kind."
     )

@@ -22,7 +22,7 @@ from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
-from yumi.errors import CommandRefused, SettingsError, shortened
+from yumi.errors import CommandRefused, SettingsError, quoted
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector
@@ -309,12 +309,12 @@ class RosSettings:
     def __post_init__(self) -> None:
         if not _NAMESPACE.fullmatch(self.namespace):
             raise SettingsError(
-                f"ros: namespace is {shortened(self.namespace)}; it must be names of letters, digits and underscores "
+                f"ros: namespace is {quoted(self.namespace)}; it must be names of letters, digits and underscores "
                 "with slashes between them, such as cell1."
             )
         if not _PREFIX.fullmatch(self.prefix):
             raise SettingsError(
-                f"ros: prefix is {shortened(self.prefix)}; it must be letters, digits and underscores and begin "
+                f"ros: prefix is {quoted(self.prefix)}; it must be letters, digits and underscores and begin "
                 "with a letter, such as a_."
             )
 
@@ -451,7 +451,7 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
         if key == "update_rate" and entry.value == _UPDATE_RATE:
             continue
         raise SettingsError(
-            f"{entry.place}: the controller manager has no setting {key} = {shortened(entry.value)}; it has: "
+            f"{entry.place}: the controller manager has no setting {key} = {quoted(entry.value)}; it has: "
             f"<controller>.type, <controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's "
             "datagrams give."
         )
@@ -460,10 +460,10 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
     for name in names:
         kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
         if not isinstance(kind.value, str):
-            raise SettingsError(f"{kind.place}: {name}.type is {shortened(kind.value)}; it must be a text.")
+            raise SettingsError(f"{kind.place}: {name}.type is {quoted(kind.value)}; it must be a text.")
         if state is not None and state.value not in states:
             raise SettingsError(
-                f"{state.place}: {name}.initial_state is {shortened(state.value)}; choose one of {', '.join(states)}."
+                f"{state.place}: {name}.initial_state is {quoted(state.value)}; choose one of {', '.join(states)}."
             )
         initial = None if state is None else states[str(state.value)]
         listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
@@ -499,12 +499,12 @@ def _made(kind: Callable[..., Any], values: Mapping[str, Any], place: str) -> An
 def _checked(kind: type, values: object, place: str) -> dict[str, Any]:
     """The arguments of the dataclass ``kind`` that ``values`` of a file make."""
     if not isinstance(values, dict):
-        raise SettingsError(f"{place} needs a mapping, it has {shortened(values)}.")
+        raise SettingsError(f"{place} needs a mapping, it has {quoted(values)}.")
     hints = get_type_hints(kind)
     known = {item.name: item for item in fields(kind)}
     for key in values:
         if key not in known:
-            raise SettingsError(f"{place} has no setting {shortened(key)}; it has: {', '.join(known)}.")
+            raise SettingsError(f"{place} has no setting {quoted(key)}; it has: {', '.join(known)}.")
     return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
 
 
@@ -513,7 +513,7 @@ def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
         return _made(kind, _checked(kind, value, place), place)
     if get_origin(kind) is Mapping:  # by names of the user's own
         if not isinstance(value, dict):
-            raise SettingsError(f"{place} needs a mapping of names, it has {shortened(value)}.")
+            raise SettingsError(f"{place} needs a mapping of names, it has {quoted(value)}.")
         _, element = get_args(kind)
         return {str(name): element(**_checked(element, each, f"{place}: {name}")) for name, each in value.items()}
     if NoneType in get_args(kind):

@@ -18,7 +18,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.errors import CommandRefused, shortened
+from yumi.errors import CommandRefused, quoted
 from yumi.robot.collision_library import load
 from yumi.robot.description import (
     BODY_SHAPES,
@@ -165,10 +165,10 @@ def check_declared(tools: Mapping[Side, Sequence[Part]], obstacles: Sequence[Obs
 def _check_names(what: str, where: str, names: Sequence[str], most: int, taken: Set[str]) -> None:
     if len(names) > most:
         raise CommandRefused(
-            f"{what} {shortened(names[most])}{where} refused: it is one of {len(names)}, allowed are {most}."
+            f"{what} {quoted(names[most])}{where} refused: it is one of {len(names)}, allowed are {most}."
         )
     for index, name in enumerate(names):
-        refused = f"{what} {shortened(name)}{where} refused"
+        refused = f"{what} {quoted(name)}{where} refused"
         if not name.strip():
             raise CommandRefused(f"{refused}: it has no name; give one such as table or needle.")
         if name in taken:
