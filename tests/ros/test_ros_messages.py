@@ -191,7 +191,7 @@ LONG = "x" * 1_000_000
     ],
 )
 def test_name_of_a_million_characters_is_cut_in_the_refusal(refuse: Callable[[], object]) -> None:
-    with pytest.raises(CommandRefused, match=f"'{'x' * 99}…") as refusal:
+    with pytest.raises(CommandRefused, match=f"'{'x' * 79}…") as refusal:
         refuse()
     assert len(str(refusal.value)) < 500
 
@@ -199,4 +199,4 @@ def test_name_of_a_million_characters_is_cut_in_the_refusal(refuse: Callable[[],
 def test_tolerance_of_a_joint_with_a_name_of_a_million_characters_is_cut_in_the_remark() -> None:
     goal = FollowJointTrajectory.Goal(path_tolerance=[JointTolerance(name=LONG)])
     _, remark = tolerances_of(goal, [Side.RIGHT])
-    assert remark == f"'{'x' * 99}… is not a joint of this controller"
+    assert remark == f"'{'x' * 79}… is not a joint of this controller"

@@ -396,7 +396,7 @@ def test_stop_is_not_refused_however_much_is_asked_for(
         (b'{"x": ' + b"[" * 100_000, "Request refused: its lists or objects are nested too deeply."),
         (b'{"id": ' + b'{"id": ' * 100_000, "Request refused: "),
         (b'{"method": "recover", "confirm": "\xff"}', "Request refused: it is not in UTF-8."),
-        (b'{"id": 7, "method": "' + b"x" * 100_000 + b'"}', f"Request refused: Invalid value '{'x' * 85}…."),
+        (b'{"id": 7, "method": "' + b"x" * 100_000 + b'"}', f"Request refused: Invalid value '{'x' * 65}…."),
     ],
 )
 def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, line: bytes, sentence: str) -> None:
