@@ -55,6 +55,8 @@ soak: setup
 wheels: setup
 	@.venv/bin/python -m hatchling build -t wheel -d dist
 	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
+	@.venv/bin/python setup/requirements.py > dist/requirements.txt
+	@.venv/bin/python setup/requirements.py ros record > dist/requirements-ros.txt
 
 # Links in the pages and docstrings are checked: a warning ends it.
 docs: setup

@@ -172,7 +172,7 @@ def _make_venv(clone: Clone, machine: Machine) -> None:
 
 def _install_packages(clone: Clone, machine: Machine) -> None:
     """Install what constraints.txt pins: nothing is resolved, and pip refuses a file with another hash."""
-    requirements = _requirements(clone)
+    requirements = pins(clone)
     if machine.sourced:  # it brings ROS, and is built against the NumPy of its own machine
         say("installing the packages that ROS 2 does not bring")
         requirements = [each for each in requirements if not each.startswith(BROUGHT_BY_ROS)]
@@ -191,7 +191,7 @@ def _install_hashed(clone: Clone, requirements: list[str], name: str) -> None:
     pip_install(clone.python, hashed, clone.logs / f"{name}.log")
 
 
-def _requirements(clone: Clone) -> list[str]:
+def pins(clone: Clone) -> list[str]:
     """The lines of constraints.txt: each a pin with its hashes, which stand on lines of their own there."""
     lines = (clone.root / "constraints.txt").read_text().replace("\\\n", " ").splitlines()
     return [" ".join(line.split()) for line in lines if "==" in line]

@@ -46,7 +46,7 @@ OPTIONS = {
     "BullsEye": r"BE[A-Z]\w+",
     "laser tracking and sensor interface": (
         r"LTAPP__\w+|SEN_\w+|IVarValue|SenDevice|ReadBlock|WriteBlock|ReadVar|WriteVar|ReadVarArr|WriteVarArr|"
-        r"sensorvardata|Si(Connect|Close|GetCyclic|SetCyclic)|EGM(ActMove|MoveL|MoveC|SetupLTAPP)"
+        r"sensorvardata|Si(Connect|Close|GetCyclic|SetCyclic)|EGMSetupLTAPP"
     ),
     "GAP and production manager": r"GAP_\w+|EE_\w+|OP_(NO_ROBOT|PRODUCTION|SERVICE)",
     "arc, spot and paint": (

@@ -53,8 +53,8 @@ class Session:
     form_type = FORM_TYPE
     request_of_mastership = "/rw/mastership?action=request"
 
-    def __init__(self) -> None:
-        self.world = World()
+    def __init__(self, world: World | None = None) -> None:
+        self.world = world or World()
         self.controller = self.world.controller
         self.service = self.version(self.controller, user=USER, password=PASSWORD)
         self.now = 0.0

@@ -42,11 +42,12 @@ class Session2(Session):
         reply = self._handled(HttpRequest("GET", "/rw", (("Authorization", BASIC), ("Accept", XHTML))))
         return "Cookie", "; ".join(text.partition(";")[0] for name, text in reply.headers if name == "Set-Cookie")
 
-    def ask(self, method: str, target: str, form: str = "", accept: str = XHTML, kind: str = "") -> HttpReply:
-        """Send a request; ``kind`` is the type of its body, that of a form by default."""
+    def ask(self, method: str, target: str, form: str = "", accept: str | None = XHTML, kind: str = "") -> HttpReply:
+        """Send a request; ``kind`` is the type of its body, that of a form by default; None sends no ``Accept``."""
         is_file = method == "PUT" and target.startswith("/fileservice")
         body_type = kind or (_FILE if is_file else FORM)
-        headers = (self.cookie, ("Host", "memory"), ("Accept", accept), ("Content-Type", body_type))
+        accepted = () if accept is None else (("Accept", accept),)
+        headers = (self.cookie, ("Host", "memory"), *accepted, ("Content-Type", body_type))
         return self._handled(HttpRequest(method, target, headers, form.encode(), "client"))
 
     def show(self, method: str, target: str, body: str, form: str) -> HttpReply:
@@ -96,6 +97,7 @@ GET /ctrl/diagnostics
 GET /ctrl/identity
 POST /ctrl/lang lang=de
 GET /ctrl/options
+GET /ctrl/features
 POST /ctrl/restart restart-mode=restart | hold cfg
 GET /rw/panel
 GET /rw/panel/coldetstate

@@ -21,6 +21,18 @@
 
 from __future__ import annotations
 
+_LONGEST_QUOTE = 80
+
+
+def quoted(value: object) -> str:
+    """What a request or a file of others holds, for a sentence: as Python writes it, cut to 80 characters."""
+    return cut(repr(value[: _LONGEST_QUOTE + 1] if isinstance(value, str) else value))
+
+
+def cut(text: str) -> str:
+    """A text that may hold what others have sent, cut to 80 characters."""
+    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}…"
+
 
 class YumiError(Exception):
     """Base of all errors; the message is one sentence for a person."""

@@ -12,17 +12,18 @@ A parameter file names nodes, in full or by wildcard, each with its parameters; 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import Enum
 from math import inf
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import msgspec
 import yaml
 
-from yumi.errors import CommandRefused, SettingsError
+from yumi.errors import CommandRefused, SettingsError, quoted
 
 
 def bounded(default: float | None, lowest: float, highest: float, unit: str = "") -> Any:
@@ -108,13 +109,13 @@ class Parameter:
         try:
             accepted: Value = msgspec.convert(value, _PYTHON_TYPES[self.type])
         except (msgspec.ValidationError, OverflowError) as error:
-            raise CommandRefused(f"is {value!r}; it must be {self.type.value}.") from error
+            raise CommandRefused(f"is {quoted(value)}; it must be {self.type.value}.") from error
         for element in accepted if isinstance(accepted, tuple) else (accepted,):
             if isinstance(element, str):
                 if self.choices and element not in self.choices:
-                    raise CommandRefused(f"is {value!r}; choose from: {', '.join(self.choices)}.")
+                    raise CommandRefused(f"is {quoted(value)}; choose from: {', '.join(self.choices)}.")
             elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
-                shown = f"{value:g}" if isinstance(value, float) else value
+                shown = f"{value:g}" if isinstance(value, float) else quoted(value)
                 raise CommandRefused(
                     f"is {shown}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
                 )
@@ -229,78 +230,219 @@ class ParameterFile:
                 )
 
 
+MAX_FILE = 256 * 1024
+"""Longest file of settings [bytes]."""
+
+MAX_DEPTH = 20
+"""So many levels of mappings, lists and values a file may have."""
+
+MAX_NODES = 20_000
+"""So many keys and values a file may have; what an alias stands for counts each time."""
+
+MAX_TEXT = 1000
+"""Longest key or value [characters]."""
+
+_Read = TypeVar("_Read")
+_NULL, _MERGE = "tag:yaml.org,2002:null", "tag:yaml.org,2002:merge"
+_COLLECTIONS = ("tag:yaml.org,2002:map", "tag:yaml.org,2002:seq")
+
+
 def read_parameter_file(path: Path) -> ParameterFile:
     """The parameters in ``path``.
 
     Raises:
-        SettingsError: the file is missing or is not YAML, or something in it is not a parameter.
+        SettingsError: the file is missing, is not YAML or exceeds a limit, or something in it is not a parameter.
     """
+    return _read(path, lambda document: ParameterFile(path.name, tuple(_sections(document, document.root(), ""))))
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The mapping in ``path``: what it holds are mappings, lists and values in turn.
+
+    Raises:
+        SettingsError: the file is missing, is not YAML, holds no mapping or exceeds a limit, or a key stands twice.
+    """
+    return _read(path, lambda document: document.mapping(document.root()))
+
+
+def _read(path: Path, take: Callable[[_Document], _Read]) -> _Read:
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            content = file.read(MAX_FILE + 1)
     except OSError as error:
         raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
+    if len(content) > MAX_FILE:
+        raise SettingsError(
+            f"{path} has more than {MAX_FILE // 1024} kB, the most a file of settings may have; give a smaller one."
+        )
     try:
-        return ParameterFile(path.name, tuple(_Reader(path.name, text).sections()))
+        return take(_Document(path.name, content.decode()))
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise SettingsError(
+            f"{path} is not text in UTF-8 from line {line} on: byte 0x{content[error.start]:02x}; save it as UTF-8."
+        ) from None
     except yaml.YAMLError as error:
-        raise SettingsError(f"{path} is not YAML: {' '.join(str(error).split())}.") from error
+        # Without PyYAML's context and problem, which quote the file: a password may stand there.
+        mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
+        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        raise SettingsError(f"{path} is not YAML{where}; quote texts with special characters.") from None
 
 
-class _Reader:
-    """Walks the nodes of a YAML document, which know their lines."""
+class _Document(yaml.SafeLoader):
+    """A YAML document as nodes, which know their lines.
+
+    A node's extent, how many nodes it has and how deep they stand, counts what an alias stands for each time: a short
+    file may stand for one of any size.
+    """
 
     def __init__(self, file: str, text: str) -> None:
+        super().__init__(text)
         self._file = file
-        self._loader = yaml.SafeLoader(text)
+        self._depth = self._count = 0
+        self._extents: dict[yaml.Node, tuple[int, int]] = {}
+        self._items: dict[yaml.Node, tuple[tuple[str, str, yaml.Node], ...]] = {}
 
-    def sections(self) -> Iterator[Section]:
-        document = self._loader.get_single_node()
-        if not isinstance(document, yaml.MappingNode):
+    def place(self, node: yaml.Node) -> str:
+        """File and line."""
+        return f"{self._file} line {node.start_mark.line + 1}"
+
+    def root(self) -> yaml.MappingNode:
+        """The document's mapping."""
+        node = self.get_single_node()
+        if not isinstance(node, yaml.MappingNode):
             raise SettingsError(f"{self._file} must hold a mapping of settings.")
-        yield from self._sections(document, "")
+        return node
 
-    def _sections(self, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
-        for key, place, value in self._items(node, may_repeat=True):  # as in ROS, sections of one name add up
-            nodes = f"{namespace}/{key.strip('/')}"
-            is_parameters = key == _PARAMETERS and bool(namespace)
-            if not isinstance(value, yaml.MappingNode):
-                is_empty = isinstance(value, yaml.ScalarNode) and value.tag == "tag:yaml.org,2002:null"
-                if not is_empty:
-                    where = namespace if is_parameters else nodes
-                    raise SettingsError(f"{place}: {where} needs a mapping {_PARAMETERS!r}.")
-                if is_parameters:
-                    yield Section(namespace, place, {})
-            elif is_parameters:
-                is_general = namespace.endswith("*")
-                entries = {name: Entry(item, at, is_general) for name, at, item in self._parameters(value, "")}
-                yield Section(namespace, place, entries)
-            else:
-                yield from self._sections(value, nodes)
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self._depth += 1
+        self._count += 1
+        self._check_extent(self._count, self._depth)
+        is_alias = self.check_event(yaml.AliasEvent)
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if node is None:
+            return None
+        if is_alias and node not in self._extents:
+            raise SettingsError(f"{self.place(node)}: an alias stands for what it is part of; remove it.")
+        if not is_alias:
+            self._extents[node] = self._extent(node)
+        count, depth = self._extents[node]
+        self._check_extent(count, self._depth + depth)
+        return node
 
-    def _parameters(self, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
-        for key, place, value in self._items(node):
-            if isinstance(value, yaml.MappingNode):
-                yield from self._parameters(value, f"{group}{key}.")
-            else:
-                yield f"{group}{key}", place, self._value(value, f"{place}: {group}{key}")
+    def _extent(self, node: yaml.Node) -> tuple[int, int]:
+        if isinstance(node, yaml.ScalarNode):
+            if len(node.value) > MAX_TEXT:
+                raise SettingsError(
+                    f"{self.place(node)}: a text or number has {len(node.value)} characters; allowed are {MAX_TEXT}."
+                )
+            return 1, 1
+        if node.tag not in _COLLECTIONS:
+            raise SettingsError(f"{self.place(node)} has the tag {quoted(node.tag)}; remove it.")
+        pairs = node.value if isinstance(node, yaml.MappingNode) else ((each,) for each in node.value)
+        inner = [self._extents[each] for pair in pairs for each in pair]
+        return 1 + sum(count for count, _ in inner), 1 + max((depth for _, depth in inner), default=0)
 
-    def _items(self, node: yaml.MappingNode, *, may_repeat: bool = False) -> Iterator[tuple[str, str, yaml.Node]]:
-        self._loader.flatten_mapping(node)
+    def _check_extent(self, count: int, depth: int) -> None:
+        if depth > MAX_DEPTH:
+            raise SettingsError(
+                f"{self._file} is nested more than {MAX_DEPTH} levels deep in line {self.line + 1}; "
+                f"allowed are {MAX_DEPTH}."
+            )
+        if count > MAX_NODES:
+            raise SettingsError(
+                f"{self._file} has more than {MAX_NODES} keys and values up to line {self.line + 1}; allowed are "
+                f"{MAX_NODES}, and what an alias stands for counts each time."
+            )
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (ValueError, LookupError, TypeError, AttributeError) as error:  # PyYAML's, of a date 2024-99-99
+            kind = node.tag.rpartition(":")[2]
+            raise SettingsError(
+                f"{self.place(node)}: what stands there is not a valid {kind}; quote a text."
+            ) from error
+
+    def items(self, node: yaml.MappingNode, *, repeated: bool = False) -> Sequence[tuple[str, str, yaml.Node]]:
+        """Keys with place and value; a merged one, ``<<``, before the mapping's own, which overrides it.
+
+        Args:
+            node: the mapping.
+            repeated: whether a key may stand twice, but for that of parameters.
+
+        Raises:
+            SettingsError: a key stands twice.
+        """
+        if node in self._items:
+            return self._items[node]
         lines: dict[str, int] = {}
         for key, value in node.value:
-            line = key.start_mark.line + 1
-            name = str(self._loader.construct_object(key))
-            if name in lines and not (may_repeat and name != _PARAMETERS):
-                raise SettingsError(f"{self._file} line {line}: {name} stands in line {lines[name]} already.")
+            if key.tag == _MERGE:
+                for merged in value.value if isinstance(value, yaml.SequenceNode) else (value,):
+                    if isinstance(merged, yaml.MappingNode):
+                        self.items(merged, repeated=repeated)
+            name, line = key.value if key.tag == _MERGE else str(self.construct_object(key)), key.start_mark.line + 1
+            if name in lines and not (repeated and name != _PARAMETERS):
+                raise SettingsError(
+                    f"{self._file} line {line}: {name} stands in line {lines[name]} already; remove one."
+                )
             lines[name] = line
-            yield name, f"{self._file} line {line}", value
+        self.flatten_mapping(node)
+        self._items[node] = tuple(
+            (str(self.construct_object(key)), self.place(key), value) for key, value in node.value
+        )
+        return self._items[node]
 
-    def _value(self, node: yaml.Node, place: str) -> Value:
-        value = self._loader.construct_object(node, deep=True)
-        if isinstance(value, bool | int | float | str):
-            return value
-        if isinstance(value, list):
-            if all(isinstance(element, str) for element in value):
-                return tuple(value)
-            if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
+    def mapping(self, node: yaml.MappingNode) -> dict[str, Any]:
+        """What a mapping holds."""
+        return {name: self._content(value) for name, _, value in self.items(node)}
+
+    def _content(self, node: yaml.Node) -> Any:
+        if isinstance(node, yaml.MappingNode):
+            return self.mapping(node)
+        if isinstance(node, yaml.SequenceNode):
+            return [self._content(each) for each in node.value]
+        return self.construct_object(node)
+
+
+def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> Iterator[Section]:
+    for key, place, value in document.items(node, repeated=True):  # as in ROS, sections of one name add up
+        nodes = f"{namespace}/{key.strip('/')}"
+        is_parameters = key == _PARAMETERS and bool(namespace)
+        if not isinstance(value, yaml.MappingNode):
+            if value.tag != _NULL:
+                where = namespace if is_parameters else nodes
+                raise SettingsError(f"{place}: {where} needs a mapping {_PARAMETERS!r}.")
+            if is_parameters:
+                yield Section(namespace, place, {})
+        elif is_parameters:
+            is_general = namespace.endswith("*")
+            entries = {name: Entry(item, at, is_general) for name, at, item in _parameters(document, value, "")}
+            yield Section(namespace, place, entries)
+        else:
+            yield from _sections(document, value, nodes)
+
+
+def _parameters(document: _Document, node: yaml.MappingNode, group: str) -> Iterator[tuple[str, str, Value]]:
+    for key, place, value in document.items(node):
+        if isinstance(value, yaml.MappingNode):
+            yield from _parameters(document, value, f"{group}{key}.")
+        else:
+            content = document.construct_object(value, deep=True)
+            yield f"{group}{key}", place, _parameter_value(content, f"{place}: {group}{key}")
+
+
+def _parameter_value(value: object, place: str) -> Value:
+    if isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list):
+        if all(isinstance(element, str) for element in value):
+            return tuple(value)
+        if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
+            with suppress(OverflowError):  # a whole number that no float holds
                 return tuple(float(element) for element in value)
-        raise SettingsError(f"{place} is {value!r}; it must be a truth value, a number, a text or a list of one kind.")
+    raise SettingsError(
+        f"{place} is {quoted(value)}; it must be a truth value, a number, a text or a list of one kind."
+    )

@@ -395,10 +395,12 @@ def test_configuration(client: RwsClient) -> None:
     assert client.can_remove_cfg("NEW")
     client.remove_cfg("SIO", "COM_TRP", "NEW")
     lines = client.cfg("SYS", "CAB_TASK_MODULES")  # listed with defaulted attributes, saved without them
-    assert {each.attributes["AllTask"] for each in lines} == {"false"}
+    of_all_tasks = {each.attributes["ModName"]: each.attributes["AllTask"] for each in lines}
+    assert of_all_tasks.pop("user") == "TRUE"
+    assert set(of_all_tasks.values()) == {"false"}
     assert client.cfg_size("SYS", "CAB_TASK_MODULES") == (len(lines[0].attributes), len(lines))
     client.save_cfg("SYS", "HOME:/sys.cfg")
-    assert "-AllTask" not in client.download("HOME:/sys.cfg")
+    assert client.download("HOME:/sys.cfg").count("-AllTask") == 1
     client.reset_cfg("PROC")
     client.reset_cfg("MOC", "ARM")
 
@@ -498,6 +500,9 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     assert (user.application, user.location, user.is_local) == ("test", "here", False)
     assert "UAS_RAPID_EXECUTE" in client.grants()
     assert client.rmmp().privilege == "none"
+    with pytest.raises(ControllerRefused, match="there is no request for the remote manual mode privilege") as refused:
+        client.poll_rmmp()
+    assert refused.value.code == Code.NO_SUCH_REQUEST
     bench.controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(ControllerRefused), client.holding("rapid"):
         pass

@@ -186,6 +186,97 @@ def test_hsl_sequence(session: Session) -> None:
     assert session.ask("POST", f"{drive}?action=set", "lvalue=0").status == 403
 
 
+# Status servers of ROS-Industrial and PLCs: signals that the user has bound to states of the controller
+
+_STATUS_SIGNALS = """EIO:CFG_1.0:6:1::
+#
+SYSSIG_OUT:
+
+      -Status "RunchOk" -Signal "signalMotionPossible"
+
+      -Status "MotOnState" -Signal "signalMotorOn"
+
+      -Status "EmStop" -Signal "signalRobotEStop"
+
+      -Status "MechUnitActive" -Signal "signalRobotActive" -Arg1 "ROB_L"
+#
+EIO_SIGNAL:
+
+      -Name "signalMotionPossible" -SignalType "DO"
+
+      -Name "signalMotorOn" -SignalType "DO"
+
+      -Name "signalRobotEStop" -SignalType "DO"
+
+      -Name "signalRobotActive" -SignalType "DO"
+"""
+
+
+def test_status_signals_sequence(session: Session) -> None:
+    ask, controller = session.ask, session.controller
+    assert ask("PUT", "/fileservice/$HOME/status.cfg", _STATUS_SIGNALS).status == 201
+    assert ask("POST", "/rw/mastership/cfg?action=request").status == 204
+    assert ask("POST", "/rw/cfg?action=load", "filepath=$HOME/status.cfg&action-type=add").status == 204
+    controller.restart(0.1)
+    for _ in range(200):
+        session.world.cycle({})
+    session.cookie = session._log_in()
+
+    def signals() -> tuple[object, ...]:
+        session.world.cycle({})
+        names = ("signalMotionPossible", "signalMotorOn", "signalRobotEStop", "signalRobotActive")
+        return tuple(state(session.ask("GET", f"/rw/iosystem/signals/{name}?json=1"))["lvalue"] for name in names)
+
+    assert signals() == (1, 0, 0, 1)
+    assert ask("POST", "/rw/panel/ctrlstate?action=setctrlstate", "ctrl-state=motoron").status == 204
+    assert signals() == (1, 1, 0, 1)
+    controller.press_emergency_stop()
+    assert signals() == (0, 0, 1, 1)
+    assert ask("POST", "/rw/iosystem/signals/signalMotionPossible?action=set", "lvalue=1").status == 403
+
+
+# Crawlers and dashboards, which read what there is before anything has been asked for
+
+
+def test_poll_for_a_privilege_that_was_not_requested_says_so(session: Session) -> None:
+    for target, read in (("/users/rmmp/poll", spans), ("/users/rmmp/poll?json=1", state)):
+        found = read(session.ask("GET", target))
+        assert (found["code"], found["status"]) == ("-1073445870", "NO SUCH REQUEST")
+    session.ask("POST", "/users/rmmp", "privilege=modify")
+    session.cookie = session._log_in()
+    assert spans(session.ask("GET", "/users/rmmp/poll"))["status"] == "NO SUCH REQUEST"
+
+
+@pytest.mark.parametrize(
+    ("target", "status", "code"),
+    [
+        ("/rw/rapid/uiinstr/active", 404, "-1073445864"),  # captured from a controller
+        # ABB's manual has other values of the parameter, and these as resources of their own.
+        ("/rw/motionsystem?resource=motionsupervision", 400, "-1073445879"),
+        ("/rw/motionsystem?resource=nonmotionexecution", 400, "-1073445879"),
+        ("/users?resource=grants", 400, "-1073445879"),
+        ("/ctrl/features", 404, "-1073414146"),  # of RobotWare 7 alone
+    ],
+)
+def test_resource_that_a_controller_does_not_have_gets_its_status(
+    session: Session, target: str, status: int, code: str
+) -> None:
+    reply = session.ask("GET", target)
+    assert (reply.status, f'<span class="code">{code}</span>'.encode() in reply.body) == (status, True)
+
+
+@pytest.mark.parametrize(
+    "target", ["/rw/motionsystem/motionsupervision", "/rw/motionsystem/nonmotionexecution", "/users/grants"]
+)
+def test_resource_is_at_the_path_of_the_manual(session: Session, target: str) -> None:
+    assert session.ask("GET", target).status == 200
+
+
+def test_features_of_robotware_7_are_not_listed() -> None:
+    session = Session2()
+    assert (session.ask("GET", "/ctrl/features").status, session.ask("GET", "/ctrl/options").status) == (204, 204)
+
+
 # Java and Python for a YuMi: lead-through and jogging by a local client
 
 

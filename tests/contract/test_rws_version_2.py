@@ -8,12 +8,13 @@ import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from http.client import HTTPSConnection
 
 import httpx
 import pytest
 from websockets.sync.client import connect
 
-from rws_examples_2 import PASSWORD, SYMBOL, USER
+from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
 from yumi.errors import CommandRefused, NoConnection, SettingsError
 from yumi.virtual.faults import inject_fault
 from yumi.virtual.server import self_signed_context
@@ -97,6 +98,34 @@ def test_file_is_written_loaded_and_read(client: httpx.Client) -> None:
     assert loaded.status_code == 200
     assert "Over" in [each["name"] for each in client.get("/rw/rapid/tasks/T_ROB_L/modules").json()["state"]]
     assert client.get("/fileservice/HOME/over.mod", headers={"Accept": "*/*"}).text == module
+
+
+def test_requests_with_the_headers_of_the_library_are_answered(site: Site) -> None:
+    file, form = "/fileservice/HOME/own.txt", {"Content-Type": FORM}
+    url = f"https://{site.server.address}"
+    with httpx.Client(base_url=url, auth=(USER, PASSWORD), verify=False, trust_env=False) as client:  # accepts */*
+        shown = client.get("/rw/panel/opmode")
+        replies = [
+            client.post(PANEL, content="ctrl-state=motoroff", headers=form),
+            client.put(file, content="text", headers={"Content-Type": "text/plain;v=2.0"}),
+            client.head(file),
+            client.options(PANEL),
+            client.delete(file),
+            client.post("/subscription", content=f"resources=1&1={PANEL};ctrlstate&1-p=1", headers=form),
+        ]
+    assert [each.status_code for each in replies] == [204, 201, 204, 200, 204, 201]
+    assert (shown.status_code, shown.headers["Content-Type"], "AUTO" in shown.text) == (200, XHTML, True)
+
+
+def test_request_without_accept_is_answered(site: Site) -> None:
+    host, _, port = site.server.address.partition(":")
+    insecure = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    insecure.check_hostname, insecure.verify_mode = False, ssl.CERT_NONE
+    connection = HTTPSConnection(host, int(port), timeout=10.0, context=insecure)  # which sends none
+    headers = {"Authorization": BASIC, "Content-Type": FORM}
+    connection.request("POST", PANEL, "ctrl-state=motoroff", headers)
+    assert connection.getresponse().status == 204
+    connection.close()
 
 
 def test_event_comes_over_a_secure_web_socket(site: Site, client: httpx.Client) -> None:

@@ -21,7 +21,7 @@ from controller_manager_bench import (
     text,
     texts,
 )
-from rcl_interfaces.msg import Log, ParameterType
+from rcl_interfaces.msg import Log, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -51,6 +51,7 @@ from yumi.driver.settings import ControllerSettings
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
+from yumi.ros import nodes
 from yumi.ros.controller_manager import ArmManager, ControllerNodes, DescriptionWait
 from yumi.ros.nodes import TimerThread
 from yumi.settings import Entry, Parameter, Values
@@ -346,6 +347,61 @@ def test_default_strictness_is_a_parameter_of_the_manager(manager: Manager, stri
 def test_unknown_default_strictness_is_refused(manager: Manager) -> None:
     refused = manager.set_parameter("defaults.switch_controller.strictness", text("lenient"))
     assert refused.reason == "defaults.switch_controller.strictness is best_effort or strict."
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        (
+            "anything",
+            text("x"),
+            "Parameter 'anything' does not exist; those of a controller are <controller>.type, <",
+        ),
+        ("", text("x"), "Parameter '' does not exist; those of a controller are"),
+        (".type", text("x"), "Parameter '.type' does not exist; those of a controller are"),
+        ("two words.type", text("x"), "Parameter 'two words.type' does not exist; those of a controller are"),
+        ("spare.kind", text("x"), "Parameter 'spare.kind' does not exist; those of a controller are"),
+        ("x" * 100_000, text("x"), f"Parameter '{'x' * 79}… does not exist; those of a controller are"),
+        ("x" * 101 + ".type", text("x"), f"Parameter '{'x' * 79}… does not exist; those of a controller are"),
+        ("spare.type", text("x" * 10_001), "Parameter spare.type has 10001 characters; allowed are 10000."),
+        ("spare.params_file", texts(["x" * 5001] * 2), "spare.params_file has 10002 characters; allowed are 10000."),
+        ("spare.type", integer(3), "Parameter spare.type is 3; it must be a text or a list of texts."),
+    ],
+)
+def test_parameter_that_no_controller_has_is_refused_and_not_kept(
+    manager: Manager, name: str, value: ParameterValue, reason: str
+) -> None:
+    result = manager.set_parameter(name, value)
+    assert not result.successful
+    assert reason in result.reason
+    assert len(result.reason) < 400
+    assert get_parameter(manager.client, manager.name, name).type == ParameterType.PARAMETER_NOT_SET
+
+
+@pytest.mark.parametrize("word", ["type", "params_file", "node_options_args", "fallback_controllers"])
+def test_parameters_that_the_spawner_sets_before_loading_are_taken(manager: Manager, word: str) -> None:
+    for value in (texts(["a", "b"]), text("a"), texts([]), ParameterValue()):
+        assert manager.set_parameter(f"spare_2.{word}", value).successful
+    assert get_parameter(manager.client, manager.name, f"spare_2.{word}").type == ParameterType.PARAMETER_NOT_SET
+
+
+def test_parameters_of_more_controllers_than_there_can_be_are_refused(
+    manager: Manager, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(nodes, "_MOST_OF_CONTROLLERS", 20)  # some are set already
+    names = [f"spare_{number}.type" for number in range(25)]
+    results = [manager.set_parameter(name, text("x")) for name in names]
+    taken = sum(each.successful for each in results)
+    assert 0 < taken < 20
+    assert not any(each.successful for each in results[taken:])
+    assert results[-1].reason.startswith(
+        "Parameter spare_24.type refused: 20 parameters of controllers are set; delete"
+    )
+    assert manager.set_parameter(names[0], text("y")).successful
+    for name in names[:taken]:
+        assert manager.set_parameter(name, ParameterValue()).successful
+    assert manager.set_parameter(names[-1], text("x")).successful
+    assert manager.set_parameter(names[-1], ParameterValue()).successful
 
 
 @pytest.mark.parametrize(("number_", "name"), [(3, "AUTO"), (4, "FORCE_AUTO")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import nan
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,14 +13,16 @@ from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance
 from rclpy.qos import qos_profile_services_default
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from yumi.clock import ManualClock
 from yumi.control.controller import ControllerInfo, State
+from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_trajectory import Tolerances
-from yumi.control.trajectory import MOST_POINTS
+from yumi.control.trajectory import MOST_POINTS, plan_trajectory
 from yumi.errors import CommandRefused, TrajectoryRefused
-from yumi.robot.joints import Side, joint_names
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 from yumi.ros import messages
 from yumi.ros.messages import tolerances_of, trajectory_of
 
@@ -149,3 +152,51 @@ def test_stamps_follow_a_clock_that_was_set(clock: ManualClock, ros_clock: RosCl
     first = stamps.at(0.0)
     ros_clock.offset += 10**9
     assert stamps.at(0.0) - first == 10**9
+
+
+@pytest.mark.parametrize("nanosec", [1_000_000_000, 4_294_967_295])
+def test_time_with_more_nanoseconds_than_a_second_is_refused(nanosec: int) -> None:
+    sentence = f" has {nanosec} ns beside its seconds; allowed is 0 to 999999999."
+    point, late = JointTrajectoryPoint(positions=[0.0] * 7), JointTrajectoryPoint(positions=[0.0] * 7)
+    late.time_from_start = Duration(sec=1, nanosec=nanosec)
+    with pytest.raises(CommandRefused, match=f"^Trajectory refused: time_from_start of point 2{sentence}"):
+        trajectory_of(JointTrajectory(points=[point, late]), None)
+    goal = FollowJointTrajectory.Goal(goal_time_tolerance=Duration(nanosec=nanosec))
+    with pytest.raises(CommandRefused, match=f"^Trajectory refused: goal_time_tolerance{sentence}"):
+        tolerances_of(goal, [Side.RIGHT])
+    message = JointTrajectory()
+    message.header.stamp.nanosec = nanosec
+    with pytest.raises(CommandRefused, match=f"^Trajectory refused: header.stamp{sentence}"):
+        messages.stamp_of(message)
+
+
+def test_time_is_a_duration_of_seconds_and_nanoseconds() -> None:
+    assert messages.seconds(Duration(sec=-1, nanosec=0), "") == -1.0
+    assert messages.seconds(Duration(sec=-1, nanosec=250_000_000), "") == -0.75
+    assert messages.nanoseconds(Duration(sec=2, nanosec=999_999_999), "") == 2_999_999_999
+
+
+LONG = "x" * 1_000_000
+
+
+@pytest.mark.parametrize(
+    "refuse",
+    [
+        lambda: messages.goal_of(JointState(name=[LONG], position=[0.0]), Side.RIGHT, ZERO),
+        lambda: messages.side_of(LONG),
+        lambda: messages.mode_of(LONG),
+        lambda: messages.state_of(SimpleNamespace(id=9, label=LONG)),
+        lambda: plan_trajectory(trajectory_of(JointTrajectory(joint_names=[LONG]), None), [Side.RIGHT], YUMI_LIMITS),
+        lambda: ControllerManager(joint_names(Side.RIGHT), {}, "ROB_R").load_kind(LONG, LONG),
+    ],
+)
+def test_name_of_a_million_characters_is_cut_in_the_refusal(refuse: Callable[[], object]) -> None:
+    with pytest.raises(CommandRefused, match=f"'{'x' * 79}…") as refusal:
+        refuse()
+    assert len(str(refusal.value)) < 500
+
+
+def test_tolerance_of_a_joint_with_a_name_of_a_million_characters_is_cut_in_the_remark() -> None:
+    goal = FollowJointTrajectory.Goal(path_tolerance=[JointTolerance(name=LONG)])
+    _, remark = tolerances_of(goal, [Side.RIGHT])
+    assert remark == f"'{'x' * 79}… is not a joint of this controller"

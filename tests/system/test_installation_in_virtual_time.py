@@ -46,7 +46,7 @@ def site(tmp_path: Path) -> Site:
 
 
 def test_factory_controller_has_nothing_of_this_package(site: Site) -> None:
-    assert site.modules() == {"T_ROB_R": [], "T_ROB_L": []}
+    assert site.modules() == {"T_ROB_R": ["user"], "T_ROB_L": ["user"]}
     assert "EGM_STOP" not in site.controller.signals
     assert site.controller.configuration.find("SIO", "COM_TRP", "ROB_R") is None
     assert "StateMachine Core" not in site.controller.identity.options

@@ -21,6 +21,7 @@ import yumi
 from browser import browser
 from soak import tell
 from yumi.api.connection import RunningDriver
+from yumi.control.cycle import Frame
 from yumi.egm.udp import free_port
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_messages
@@ -222,7 +223,7 @@ def test_arm_stands_within_a_fifth_of_a_second_after_its_page_is_lost(
                     attached.start_egm()
                     attached.move_to(right=ROOM)
                 losses = asyncio.run(_losses(url, JOGS[jog], loss))
-    cycles = [message for topic, _, message in recorded_messages(record) if topic == "r/cycle"]
+    cycles = [value for topic, _, value in recorded_messages(record) if topic == "r/cycle"]
     stops = [_standstill(cycles, time) for time in losses]
     p95 = quantiles(stops, n=20)[-1]
     tell(
@@ -270,12 +271,12 @@ async def _losses(url: str, jog: dict[str, Any], loss: str) -> list[float]:
     return times
 
 
-def _standstill(cycles: list[Any], lost: float) -> float:
+def _standstill(cycles: list[Frame], lost: float) -> float:
     """How long after ``lost`` the arm still moved faster than a hundredth of a radian a second [s]."""
-    after = [cycle for cycle in cycles if lost - 0.05 < cycle["time"] < lost + 0.5]
-    moving = [cycle["time"] for cycle in after if max(map(abs, cycle["velocity"])) > 0.01]
+    after = [cycle for cycle in cycles if lost - 0.05 < cycle.time < lost + 0.5]
+    moving = [cycle.time for cycle in after if max(map(abs, cycle.velocity)) > 0.01]
     assert moving, "the arm was not jogged"
-    return float(moving[-1] - lost)
+    return moving[-1] - lost
 
 
 class _Page:

@@ -31,6 +31,9 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
     for variables in ({}, {"YUMI_WHEEL_INTERFACES": "1"}):
         subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, **variables})
+    for name, extras in (("requirements.txt", []), ("requirements-ros.txt", ["ros", "record"])):
+        with (folder / name).open("w") as file:
+            subprocess.run([sys.executable, "setup/requirements.py", *extras], cwd=ROOT, check=True, stdout=file)
     return folder
 
 
@@ -50,7 +53,7 @@ class Image:
             (folder / "tools" / tool).symlink_to(which(tool) or "/nonexistent")
         subprocess.run([sys.executable, "-m", "venv", str(self._venv)], check=True)
         empty = self._size()
-        stage = (ROOT / "Containerfile").read_text().partition(f" AS {name}\n")[2]
+        stage = (ROOT / "Containerfile").read_text().replace("\\\n", " ").partition(f" AS {name}\n")[2]
         installation = re.sub(r"--mount=\S+ ", "", re.search(r"^RUN (.*)$", stage, re.MULTILINE)[1])  # type: ignore[index]
         begin = time.monotonic()
         self.run(["sh", "-ec", installation.replace("/dist/", f"{wheels}/")], timeout=600.0)

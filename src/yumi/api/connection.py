@@ -40,7 +40,7 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError, quoted
 from yumi.process.supervision import Failures
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, joints
 
@@ -518,7 +518,7 @@ def _as_sent(position: Position) -> wire.Position:
         pairs = position.items() if isinstance(position, Mapping) else enumerate(position, 1)
         values = {name: float(value) for name, value in pairs}
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(position)[:100]}.") from error
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {quoted(position)}.") from error
     for name, value in values.items():
         if not isfinite(value):
             raise CommandRefused(f"Goal refused: position {name} is {value}; a position is a finite number of radians.")

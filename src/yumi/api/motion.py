@@ -57,7 +57,7 @@ from yumi.control.trajectory import (
     time_to_start,
 )
 from yumi.driver.readiness import Cause, explained, why_arm_does_not_follow
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError, quoted
 from yumi.robot.joints import (
     CHAIN_AXES,
     JOINT_COUNT,
@@ -163,7 +163,7 @@ def _index(side: Side, name: object) -> int:
         if name in (full, f"joint_{axis}", f"j{axis}"):
             return index
     raise CommandRefused(
-        f"Goal refused: {str(name)[:60]!r} is not a joint of the {side.word} arm; it has {', '.join(names)}, or j1 to "
+        f"Goal refused: {quoted(name)} is not a joint of the {side.word} arm; it has {', '.join(names)}, or j1 to "
         f"j{JOINT_COUNT}."
     )
 
@@ -958,7 +958,7 @@ def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Jo
     try:
         values = [float(value) for value in _in_chain_order(side, goal, others)]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {repr(goal)[:100]}.") from error
+        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {quoted(goal)}.") from error
     if len(values) != JOINT_COUNT:
         raise CommandRefused(
             f"Goal refused: it has {len(values)} positions; an arm has {JOINT_COUNT} joints: "
@@ -976,7 +976,7 @@ def _checked_scale(name: str, value: object) -> float | None:
     try:
         scale = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: {name} is {value!r}; give a number above 0 up to 1.") from error
+        raise CommandRefused(f"Goal refused: {name} is {quoted(value)}; give a number above 0 up to 1.") from error
     if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
         raise CommandRefused(f"Goal refused: {name} is {scale:g}; allowed is above 0 up to 1.")
     return scale

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, SupportsFloat
 from yumi.control.motion import largest_difference
 from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
-from yumi.errors import CommandRefused, GoalNotReached, YumiError
+from yumi.errors import CommandRefused, GoalNotReached, YumiError, quoted
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip
@@ -300,9 +300,9 @@ def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) ->
     """
     found = []
     for name, (centre, size) in given.items():
-        length, width, height = numbers_from(size, 3, f"the size of box {name[:40]!r}")
+        length, width, height = numbers_from(size, 3, f"the size of box {quoted(name)}")
         if min(length, width, height) <= 0.0:
-            raise CommandRefused(f"Box refused: an edge of {name[:40]!r} is not longer than 0; give metres.")
+            raise CommandRefused(f"Box refused: an edge of {quoted(name)} is not longer than 0; give metres.")
         found.append(Obstacle(name, pose_from(centre), (length, width, height)))
     return tuple(found)
 
@@ -312,9 +312,9 @@ def numbers_from(values: Any, count: int, name: str) -> list[float]:
     try:
         numbers = [float(each) for each in values]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} numbers.") from error
+        raise CommandRefused(f"Pose refused: {name} is {quoted(values)}; give {count} numbers.") from error
     if len(numbers) != count or not all(map(isfinite, numbers)):
-        raise CommandRefused(f"Pose refused: {name} is {repr(values)[:100]}; give {count} finite numbers.")
+        raise CommandRefused(f"Pose refused: {name} is {quoted(values)}; give {count} finite numbers.")
     return numbers
 
 
@@ -343,7 +343,7 @@ def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> P
     if not isinstance(given, str):
         return pose_from(given)
     if given not in known:
-        raise CommandRefused(f"There is no {kind} {given[:60]!r}; there are {', '.join(known)}.")
+        raise CommandRefused(f"There is no {kind} {quoted(given)}; there are {', '.join(known)}.")
     return pose_from(known[given])
 
 
@@ -404,7 +404,7 @@ def checked_angle(angle: SupportsFloat) -> float:
     except (TypeError, ValueError):
         number = nan
     if not isfinite(number):
-        raise CommandRefused(f"Pose refused: the arm angle is {repr(angle)[:100]}; give radians.")
+        raise CommandRefused(f"Pose refused: the arm angle is {quoted(angle)}; give radians.")
     return number
 
 

@@ -73,7 +73,12 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     show_default=True,
     help="Whose Robot Web Services it has: 1.0 over HTTP, or 2.0 over HTTPS with a certificate of its own.",
 )
-@click.option("--robot-name", default="Virtual_YuMi", show_default=True, help="Name of the controller's system.")
+@click.option(
+    "--robot-name",
+    default=None,
+    show_default="Virtual_ and the robot, such as Virtual_YuMi",
+    help="Name of the controller's system.",
+)
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
 @click.option(
     "--left-egm-port", type=PORT, default=6511, show_default=True, help="The driver's UDP port for the left arm."
@@ -127,7 +132,7 @@ def controller(
     rapid_sockets: str | None,
     robot: str,
     robotware: str,
-    robot_name: str,
+    robot_name: str | None,
     egm_host: str,
     left_egm_port: int,
     right_egm_port: int,
@@ -176,7 +181,7 @@ def controller(
     delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
     begin = read_backup(system, model) if system else delivered
     settings = world_settings(
-        robot_name=robot_name,
+        robot_name=robot_name or f"Virtual_{model.system_name}",
         egm_host=egm_host,
         egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
         objects={Side.LEFT: left_object, Side.RIGHT: right_object},

@@ -172,7 +172,13 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     """
     from yumi.rapid.types import RapidReferenceError  # noqa: PLC0415 - a quick --help
     from yumi.virtual.controller.files import decoded  # noqa: PLC0415
-    from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs  # noqa: PLC0415
+    from yumi.virtual.controller.system import (  # noqa: PLC0415
+        ROBOTS,
+        delivered_system,
+        factory_system,
+        is_user_module,
+        with_programs,
+    )
     from yumi.virtual.world import World, WorldSettings  # noqa: PLC0415
 
     model = ROBOTS[robot]
@@ -180,7 +186,7 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
     name = model.units[0].task
     world = World(WorldSettings(system=with_programs(system, {name: ()}, cfg)))
     task = world.controller.tasks[name]
-    faults = []
+    faults, modules = [], []
     for path in files:
         try:
             text = decoded(path.read_bytes())
@@ -188,10 +194,13 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
             raise SettingsError(f"{path} cannot be read: {error.strerror or error}.") from error
         parsable, found = _parsable(text, str(path))
         faults += found
-        if parsable is None:
-            continue
+        if parsable is not None:
+            modules.append((path, parsable))
+    if any(is_user_module(text) for _, text in modules):
+        task.unload("user")
+    for path, text in modules:
         try:
-            task.load(parsable, str(path))
+            task.load(text, str(path))
         except RapidReferenceError as error:
             faults.append(_fault(error))
         except RapidError as error:

@@ -48,7 +48,7 @@ from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
 from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_controllers, read_settings
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback
-from yumi.errors import RobotNotReady, SettingsError, YumiError
+from yumi.errors import ProtocolError, RobotNotReady, SettingsError, YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.supervision import (
     DRIVER_READY,
@@ -648,6 +648,14 @@ def list_records(folder: Path | None) -> None:
     files = sorted(folder.glob("*.mcap"))
     if not files:
         click.echo(f"There are no records in {folder}.")
+    damaged = 0
     for file in files:
-        stop = read_recording(file, before=0.0).stop
+        try:
+            stop = read_recording(file, before=0.0).stop
+        except ProtocolError as error:  # one that was cut off must not hide the others
+            damaged += 1
+            click.echo(f"{error}", err=True)
+            continue
         click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
+    if damaged:
+        raise ProtocolError(f"{damaged} of the {len(files)} files in {folder} cannot be read.")

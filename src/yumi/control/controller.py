@@ -17,7 +17,7 @@ from enum import Enum, IntFlag
 from math import degrees, inf, isfinite, isnan, nan, pi, radians, sqrt
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, cut, quoted
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, ArmState, Joints
 from yumi.settings import Parameter, Value, Values, texts
 
@@ -281,7 +281,7 @@ def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) 
         return
     order = " in this order: commands come by index" if in_order else ", in any order"
     foreign = next((name for name in given if name not in joint_names), None)
-    reason = f"{foreign!r} is not a joint of this arm" if foreign else f"it is {', '.join(given)}"
+    reason = f"{quoted(foreign)} is not a joint of this arm" if foreign else f"it is {cut(', '.join(given))}"
     raise CommandRefused(f"Parameter 'joints': {reason}; name {', '.join(joint_names)}{order}.")
 
 

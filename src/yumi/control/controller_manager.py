@@ -39,7 +39,7 @@ from yumi.control.controller import (
     allowed,
     find_parameter,
 )
-from yumi.errors import CommandRefused, SwitchFailed
+from yumi.errors import CommandRefused, SwitchFailed, quoted
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
 from yumi.settings import Values
 
@@ -290,7 +290,7 @@ class LoadedController:
             parameter = find_parameter(self._parameters.values(), key)
             if parameter is None:
                 known = ", ".join(each.name for each in self._parameters.values() if not each.fixed) or "none"
-                raise CommandRefused(f"Controller {self.name!r} has no parameter {key!r}; it has: {known}.")
+                raise CommandRefused(f"Controller {self.name!r} has no parameter {quoted(key)}; it has: {known}.")
             if parameter.fixed:
                 continue
             try:
@@ -473,7 +473,7 @@ def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
         CommandRefused: there is none; the sentence lists those there are.
     """
     if name not in loaded:
-        raise CommandRefused(f"There is no controller {name!r}; loaded are: {', '.join(loaded) or 'none'}.")
+        raise CommandRefused(f"There is no controller {quoted(name)}; loaded are: {', '.join(loaded) or 'none'}.")
     return loaded[name]
 
 
@@ -545,7 +545,7 @@ class ControllerManager:
         if kind not in self._kinds:
             known = ", ".join(self._kinds) or "none"
             raise CommandRefused(
-                f"Controller {name!r} cannot be loaded: type {kind!r} is not known; known are: {known}."
+                f"Controller {quoted(name)} cannot be loaded: type {quoted(kind)} is not known; known are: {known}."
             )
         with _refusing(name, "loaded"):
             loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
@@ -655,7 +655,9 @@ class ControllerManager:
             CommandRefused: no such component, or a state it cannot have; nothing was changed.
         """
         if name != self._component.name:
-            raise CommandRefused(f"There is no hardware component {name!r}; this arm has: {self._component.name}.")
+            raise CommandRefused(
+                f"There is no hardware component {quoted(name)}; this arm has: {self._component.name}."
+            )
         self._component.check_state(state)
         if state is not State.ACTIVE:
             leaving = self._active if state is State.UNCONFIGURED else self._commanding
@@ -762,7 +764,7 @@ class ControllerManager:
             raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
         if not _NAME.fullmatch(name):
             raise CommandRefused(
-                f"Controller name {name!r} cannot be the name of a node; use letters, digits and underscores."
+                f"Controller name {quoted(name)} cannot be the name of a node; use letters, digits and underscores."
             )
 
     def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:

@@ -40,7 +40,7 @@ from yumi.control.shared_state import (
     SessionStarted,
     Snapshot,
 )
-from yumi.errors import CommandRefused, SwitchFailed
+from yumi.errors import CommandRefused, SwitchFailed, quoted
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values
 
@@ -521,7 +521,9 @@ class Commands:
         # A second command for a controller could rest on what the first changes.
         for (side, name), count in Counter((each.side, each.controller) for each in commands).items():
             if count > 1:
-                raise CommandRefused(f"Controller {name!r} of {side.value} is sent {count} commands at once; send one.")
+                raise CommandRefused(
+                    f"Controller {quoted(name)} of {side.value} is sent {count} commands at once; send one."
+                )
         for each in commands:
             arm = self._arms[each.side]
             arm.check_follows()
@@ -689,7 +691,7 @@ class AllowedCollisions:
 def _check_parts(collisions: CollisionLimiter, part: str, other: str, what: str) -> None:
     if not collisions.pairs_of(part, other):
         raise CommandRefused(
-            f"{what}: there are no two parts {part[:40]!r} and {other[:40]!r} that are kept apart; name them as the "
+            f"{what}: there are no two parts {quoted(part)} and {quoted(other)} that are kept apart; name them as the "
             "log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a declared box."
         )
 

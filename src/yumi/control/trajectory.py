@@ -29,7 +29,7 @@ from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
 from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
-from yumi.errors import TrajectoryRefused
+from yumi.errors import TrajectoryRefused, quoted
 from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names, joints
 
 # ---- polynomials: the sequence of their coefficients, the constant one first
@@ -595,10 +595,11 @@ def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: boo
         raise refused(f"it names no joints; name {choices}.", ResultCode.INVALID_JOINTS)
     for number, name in enumerate(given):
         if name in given[:number]:
-            raise refused(f"it names the joint {name!r} twice; name each once.", ResultCode.INVALID_JOINTS)
+            raise refused(f"it names the joint {quoted(name)} twice; name each once.", ResultCode.INVALID_JOINTS)
         if name not in known:
             raise refused(
-                f"{name!r} is not a joint of this controller; its joints are {choices}.", ResultCode.INVALID_JOINTS
+                f"{quoted(name)} is not a joint of this controller; its joints are {choices}.",
+                ResultCode.INVALID_JOINTS,
             )
     missing = [name for name in known if name not in given]
     if missing and not may_leave_out:

@@ -71,6 +71,9 @@ _STOOD_STILL = (
 ENDED = "The control process has ended; call recover, which starts another one."
 """Why nothing can be asked of it, nor is the end of a motion known."""
 
+STARTING = "The control process is starting; try again in a few seconds."
+"""Why nothing can be asked of it yet."""
+
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
@@ -399,6 +402,7 @@ class ControlProcess:
         self._answered = Flag()
         self._is_expected_to_run = True
         self._failures = Failures()
+        self._is_ready = False
         self._child, self._reader = self._new_child()
 
     def _new_child(self) -> tuple[ChildProcess, SupervisedThread]:
@@ -441,6 +445,7 @@ class ControlProcess:
             raise NoConnection(first.sentence)
         self.started_as = first
         self._reader.start()
+        self._is_ready = True
 
     def check(self) -> None:
         """See that the process runs; raises RobotNotReady when it has ended, or stands still while a robot streams.
@@ -466,6 +471,7 @@ class ControlProcess:
         """
         if self._is_alive:
             return False
+        self._is_ready = False
         self._join()
         for buffers in self.buffers.values():
             # What its predecessor knew is history; its numbers are not given again, as goals of before bear them.
@@ -488,9 +494,12 @@ class ControlProcess:
 
         Raises:
             CommandRefused: a rule stands against it; nothing was changed.
-            RobotNotReady: the control process has ended or does not answer.
+            RobotNotReady: the control process starts, has ended or does not answer.
         """
         with self._lock:
+            # It would find the command when it has started, long after its caller got an error.
+            if self._is_alive and not self._is_ready:
+                raise RobotNotReady(STARTING)
             self._answered.clear()
             self._answers.clear()
             self._number += 1  # an answer that comes too late is not taken for that of the next command

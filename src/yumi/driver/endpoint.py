@@ -3,7 +3,8 @@
 A driver listens on a Unix socket that only its own user may open. A client writes one JSON document a line: a request
 with an ``id`` of its choice and a ``method``. It gets documents of the same ``id`` back: ``step`` and ``motions`` while
 the request is carried out, then ``result`` or ``error``. After ``subscribe`` it gets the state at the rate it asked
-for, with the events since the last one. Everything is in SI units; joints are in chain order.
+for, with the events since the last one. A connection without a request is closed after :data:`FIRST_REQUEST`.
+Everything is in SI units; joints are in chain order.
 """
 
 from __future__ import annotations
@@ -35,6 +36,9 @@ from yumi.robot.kinematics import tool0_to_body
 MAX_REQUEST = 1 << 20
 """A request is no longer than this [bytes]: a plan of some minutes."""
 
+FIRST_REQUEST = 5.0
+"""A client sends its first request within this time [s], ``attach`` where it wants nothing yet, or is disconnected."""
+
 JOG_HOLDS = 0.06
 """A jog moves an arm for so long, unless the next one comes [s]: braking from the page's highest speed takes 0.12 s."""
 
@@ -64,6 +68,10 @@ class Request(
     """What a client asks for; ``id`` comes back with each answer."""
 
     id: int = 0
+
+
+class Attach(Request, frozen=True):
+    """Keep the connection although nothing is asked for yet; the only request without an answer."""
 
 
 class GetState(Request, frozen=True):
@@ -203,7 +211,8 @@ class AllowCollision(Request, frozen=True):
 
 
 AnyRequest = (
-    GetState
+    Attach
+    | GetState
     | Subscribe
     | GetSurroundings
     | GetControllers
@@ -666,6 +675,7 @@ class EndpointClient:
             raise RobotNotReady(f"The driver behind {path} does not answer: {error}.") from error
         self._received = b""
         self._number = 0
+        self._send(Attach(), ANSWER)
 
     def __enter__(self) -> EndpointClient:
         return self

@@ -27,6 +27,7 @@ import msgspec
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, Event, JointStates, Snapshot, is_fault
 from yumi.driver.endpoint import (
+    FIRST_REQUEST,
     JOG_HOLDS,
     MAX_REQUEST,
     AllowCollision,
@@ -34,6 +35,7 @@ from yumi.driver.endpoint import (
     AnyRequest,
     Arm,
     ArmReport,
+    Attach,
     BoxReport,
     Calibrate,
     ControllerStatus,
@@ -72,14 +74,17 @@ from yumi.driver.gripper import Check, Gripper
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import Settings
-from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError, cut
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip
 from yumi.robot.joints import Joints, Pose, Side
 
 MAX_CLIENTS = 16
-"""So many clients are served at once."""
+"""So many clients are served at once; one more is served when it asks for a stop."""
+
+MAX_SILENT = 32
+"""So many connections may have sent no request; then the oldest of them is closed."""
 
 MAX_WORK = 8
 """So many requests that change something are carried out at once, or wait for their turn; then they are refused."""
@@ -561,6 +566,9 @@ _AT_ONCE = (
     AllowCollision,
 )  # these wait for nothing that others have asked for
 
+_FULL = f"The driver serves {MAX_CLIENTS} clients already; disconnect one. A stop is served all the same."
+_SILENT = f"No request came within {FIRST_REQUEST:g} s; the connection is closed."
+
 _requests = msgspec.json.Decoder(AnyRequest)
 _log = logging.getLogger(__name__)
 
@@ -571,6 +579,9 @@ class _Client:
     def __init__(self, writer: asyncio.StreamWriter, loop: asyncio.AbstractEventLoop) -> None:
         self.writer = writer
         self.is_gone = False
+        self.is_served = False  # one of MAX_CLIENTS
+        self.is_attached = False
+        self.silence: asyncio.TimerHandle | None = None  # what disconnects it unless it asks for something
         self.pending = 0
         self.subscription: asyncio.Task[None] | None = None
         self.jogs: dict[Arm, asyncio.TimerHandle] = {}  # what ends them
@@ -585,6 +596,12 @@ class _Client:
         if self.writer.transport.get_write_buffer_size() > MAX_BACKLOG:
             self.is_gone = True
             self.writer.transport.abort()
+
+    def end_silence(self) -> None:
+        """It has asked for something, or is gone."""
+        if self.silence is not None:
+            self.silence.cancel()
+            self.silence = None
 
     def send_soon(self, answer: Answer) -> None:
         """From any thread."""
@@ -614,7 +631,7 @@ class EndpointServer:
         self._interrupt = access.manager.interrupt
         self._on_subscription = access.on_subscription
         self._log = log
-        self._clients: set[_Client] = set()
+        self._clients: dict[_Client, None] = {}  # all that are connected, the oldest first
         self._work = 0
         self._made = (0.0, msgspec.Raw())
         self._making = Lock()
@@ -637,8 +654,8 @@ class EndpointServer:
 
     @property
     def client_count(self) -> int:
-        """How many clients are connected."""
-        return len(self._clients)
+        """How many clients are served."""
+        return sum(client.is_served for client in self._clients)
 
     def start(self) -> None:
         """Serve from now on; the socket is there when this returns. A driver without a place for it goes on without."""
@@ -696,16 +713,16 @@ class EndpointServer:
         try:
             if user != os.getuid() or self._is_over.is_set():
                 writer.transport.abort()
-            elif len(self._clients) >= MAX_CLIENTS:
-                client.send(_refused(0, f"The driver serves {MAX_CLIENTS} clients already; disconnect one."))
             else:
-                self._clients.add(client)
+                self._clients[client] = None
+                self._expect_request(client)
                 await self._read(reader, client)
         except ConnectionError:
             return  # the client has gone
         finally:
             client.is_gone = True
-            self._clients.discard(client)
+            client.end_silence()
+            self._clients.pop(client, None)
             if client.subscription is not None:
                 client.subscription.cancel()
             for timer in client.jogs.values():
@@ -718,6 +735,27 @@ class EndpointServer:
                 await writer.wait_closed()
             await asyncio.gather(*ends)
 
+    def _expect_request(self, client: _Client) -> None:
+        """Disconnect a client that is not served unless it asks for something."""
+        client.silence = asyncio.get_running_loop().call_later(FIRST_REQUEST, self._end_silent, client)
+        silent = [each for each in self._clients if each.silence is not None]
+        if len(silent) > MAX_SILENT:
+            self._end_silent(silent[0])
+
+    def _end_silent(self, client: _Client) -> None:
+        """Disconnect a client that has asked for nothing, or has only attached while others had all places."""
+        client.end_silence()
+        client.send(_refused(0, _FULL if client.is_attached else _SILENT))
+        client.is_gone = True
+        client.writer.close()
+
+    def _serves(self, client: _Client) -> bool:
+        """Whether a client that has sent a request is one of those that are served."""
+        client.is_served = client.is_served or self.client_count < MAX_CLIENTS
+        if client.is_served:
+            client.end_silence()
+        return client.is_served
+
     async def _read(self, reader: asyncio.StreamReader, client: _Client) -> None:
         while True:
             try:
@@ -729,30 +767,52 @@ class EndpointServer:
                 return
             try:
                 request = _requests.decode(line)
-            except msgspec.DecodeError as error:  # also of a document that is no request
-                client.send(_refused(_id_of(line), f"Request refused: {error}."))
+            except (ValueError, RecursionError) as error:  # also of a document that is no request, or not in UTF-8
+                client.send(_not_understood(line, error))
                 continue
-            if isinstance(request, Subscribe):
+            if not self._serves(client):
+                if not await self._serve_beyond_limit(client, request):
+                    return
+            elif isinstance(request, Subscribe):
                 if client.subscription is not None:
                     client.subscription.cancel()
                 client.subscription = asyncio.create_task(self._publish(client, request))
-                continue
-            is_stop = isinstance(request, StopEgm) or (isinstance(request, SetMode) and request.mode == "motors_off")
-            is_work = not is_stop and not isinstance(request, _AT_ONCE)
-            is_full = client.pending >= MAX_PENDING and not is_stop  # a stop is never refused
-            if is_full or (is_work and self._work >= MAX_WORK):
-                sentence = "The driver carries out too many requests already; wait for their answers."
-                client.send(_refused(request.id, sentence))
-                continue
-            client.pending += 1
-            self._work += is_work
+            elif not isinstance(request, Attach):
+                self._begin_unless_full(client, request)
 
-            def end(_: object, is_work: bool = is_work) -> None:
-                client.pending -= 1
-                self._work -= is_work
+    async def _serve_beyond_limit(self, client: _Client, request: AnyRequest) -> bool:
+        """Serve a stop of a client that is none of those served; whether the client may ask for another one."""
+        if isinstance(request, Attach):
+            client.is_attached = True
+        elif _is_stop(request):
+            client.end_silence()
+            await self._begin(client, request)
+            self._expect_request(client)
+        else:
+            client.send(_refused(request.id, _FULL))
+            return False
+        return True
 
-            loop = asyncio.get_running_loop()
-            loop.run_in_executor(self._workers, self._answer, client, request).add_done_callback(end)
+    def _begin_unless_full(self, client: _Client, request: Request) -> None:
+        is_stop = _is_stop(request)  # never refused
+        is_work = not is_stop and not isinstance(request, _AT_ONCE)
+        if (client.pending >= MAX_PENDING and not is_stop) or (is_work and self._work >= MAX_WORK):
+            sentence = "The driver carries out too many requests already; wait for their answers."
+            client.send(_refused(request.id, sentence))
+        else:
+            self._begin(client, request, is_work=is_work)
+
+    def _begin(self, client: _Client, request: Request, *, is_work: bool = False) -> asyncio.Future[None]:
+        client.pending += 1
+        self._work += is_work
+
+        def end(_: object) -> None:
+            client.pending -= 1
+            self._work -= is_work
+
+        work = asyncio.get_running_loop().run_in_executor(self._workers, self._answer, client, request)
+        work.add_done_callback(end)
+        return work
 
     def _answer(self, client: _Client, request: Request) -> None:
         """On a worker's thread."""
@@ -824,6 +884,10 @@ class EndpointServer:
             return self._made[1]
 
 
+def _is_stop(request: Request) -> bool:
+    return isinstance(request, StopEgm) or (isinstance(request, SetMode) and request.mode == "motors_off")
+
+
 def _refused(number: int, sentence: str) -> Answer:
     return Answer(id=number, error=Failure("CommandRefused", sentence))
 
@@ -836,10 +900,14 @@ def _failed(request: Request, error: Exception) -> Answer:
     return _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
 
 
-def _id_of(line: bytes) -> int:
-    """The number of a request that was not understood, so that its client knows which one it was."""
+def _not_understood(line: bytes, error: Exception) -> Answer:
+    """Of what is no request, with the number that it has, so that its client knows which one it was."""
     try:
         number = msgspec.json.decode(line)["id"]
-    except (msgspec.DecodeError, KeyError, TypeError):
-        return 0
-    return number if isinstance(number, int) else 0
+    except (ValueError, RecursionError, KeyError, TypeError):
+        number = 0
+    if isinstance(error, RecursionError):
+        reason = "its lists or objects are nested too deeply"
+    else:
+        reason = "it is not in UTF-8" if isinstance(error, UnicodeDecodeError) else cut(str(error))
+    return _refused(number if isinstance(number, int) else 0, f"Request refused: {reason}.")

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from enum import Enum
+from functools import partial
 from math import hypot, inf
 from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
-
-import yaml
 
 from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
@@ -23,12 +22,12 @@ from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
-from yumi.errors import CommandRefused, SettingsError
-from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part
+from yumi.errors import CommandRefused, SettingsError, quoted
+from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector
 from yumi.robot.kinematics import quaternion_from_euler_zyx
-from yumi.settings import Entry, Parameter, ParameterFile, Values, bounded, read_parameter_file
+from yumi.settings import Entry, Parameter, ParameterFile, Values, bounded, read_mapping, read_parameter_file
 
 MAX_PORT = 65535
 PASSWORD_VARIABLE = "YUMI_PASSWORD"
@@ -185,6 +184,9 @@ class CollisionSettings:
         boxes: what stands around the robot, by name.
         right_tools: what the right arm carries beside its gripper, by name.
         left_tools: the same of the left arm.
+
+    Raises:
+        CommandRefused: there are too many boxes or tools, or the name of one means something else.
     """
 
     enabled: bool = True
@@ -192,6 +194,9 @@ class CollisionSettings:
     boxes: Mapping[str, BoxSettings] = field(default_factory=dict)
     right_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
     left_tools: Mapping[str, ToolSettings] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        check_declared(self.tools(), self.obstacles())
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -304,13 +309,13 @@ class RosSettings:
     def __post_init__(self) -> None:
         if not _NAMESPACE.fullmatch(self.namespace):
             raise SettingsError(
-                f"ros: namespace is {self.namespace!r}; it must be names of letters, digits and underscores with "
-                "slashes between them, such as cell1."
+                f"ros: namespace is {quoted(self.namespace)}; it must be names of letters, digits and underscores "
+                "with slashes between them, such as cell1."
             )
         if not _PREFIX.fullmatch(self.prefix):
             raise SettingsError(
-                f"ros: prefix is {self.prefix!r}; it must be letters, digits and underscores and begin with a letter, "
-                "such as a_."
+                f"ros: prefix is {quoted(self.prefix)}; it must be letters, digits and underscores and begin "
+                "with a letter, such as a_."
             )
 
     @property
@@ -406,7 +411,7 @@ def read_settings(path: Path | None = None) -> Settings:
         SettingsError: the file is missing, not YAML, or a key or value in it is not allowed.
     """
     path = path or config_folder() / "yumi.yaml"
-    return Settings(**_checked(Settings, _read_yaml(path), path.name))
+    return Settings(**_checked(Settings, read_mapping(path), path.name))
 
 
 def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSettings, ...]:
@@ -446,37 +451,23 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
         if key == "update_rate" and entry.value == _UPDATE_RATE:
             continue
         raise SettingsError(
-            f"{entry.place}: the controller manager has no setting {key} = {entry.value!r}; it has: <controller>.type, "
-            f"<controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's datagrams give."
+            f"{entry.place}: the controller manager has no setting {key} = {quoted(entry.value)}; it has: "
+            f"<controller>.type, <controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's "
+            "datagrams give."
         )
     states = {each.value: each for each in InitialState}
     listed: dict[str, ControllerSettings] = {}
     for name in names:
         kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
         if not isinstance(kind.value, str):
-            raise SettingsError(f"{kind.place}: {name}.type is {kind.value!r}; it must be a text.")
+            raise SettingsError(f"{kind.place}: {name}.type is {quoted(kind.value)}; it must be a text.")
         if state is not None and state.value not in states:
             raise SettingsError(
-                f"{state.place}: {name}.initial_state is {state.value!r}; choose one of {', '.join(states)}."
+                f"{state.place}: {name}.initial_state is {quoted(state.value)}; choose one of {', '.join(states)}."
             )
         initial = None if state is None else states[str(state.value)]
         listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
     return listed
-
-
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
-    except yaml.YAMLError as error:
-        # Without PyYAML's context and problem, which quote the file: a password may stand there.
-        mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
-        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise SettingsError(f"{path} is not YAML{where}; quote texts with special characters.") from None
-    if not isinstance(document, dict):
-        raise SettingsError(f"{path} must hold a mapping of settings.")
-    return document
 
 
 def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place: str) -> Settings:
@@ -490,31 +481,39 @@ def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place:
     Raises:
         SettingsError: a name or value is not allowed.
     """
-    groups = {
-        name: replace(getattr(settings, name), **_checked(type(getattr(settings, name)), group, f"{place}: {name}"))
-        for name, group in values.items()
-    }
+    groups = {}
+    for name, group in values.items():
+        given = _checked(type(getattr(settings, name)), group, f"{place}: {name}")
+        groups[name] = _made(partial(replace, getattr(settings, name)), given, f"{place}: {name}")
     return replace(settings, **groups)
+
+
+def _made(kind: Callable[..., Any], values: Mapping[str, Any], place: str) -> Any:
+    """A group of ``values``; what else refuses them does not know where they stand."""
+    try:
+        return kind(**values)
+    except CommandRefused as refusal:
+        raise SettingsError(f"{place}: {refusal}") from refusal
 
 
 def _checked(kind: type, values: object, place: str) -> dict[str, Any]:
     """The arguments of the dataclass ``kind`` that ``values`` of a file make."""
     if not isinstance(values, dict):
-        raise SettingsError(f"{place} needs a mapping, it has {values!r}.")
+        raise SettingsError(f"{place} needs a mapping, it has {quoted(values)}.")
     hints = get_type_hints(kind)
     known = {item.name: item for item in fields(kind)}
     for key in values:
         if key not in known:
-            raise SettingsError(f"{place} has no setting {key!r}; it has: {', '.join(known)}.")
+            raise SettingsError(f"{place} has no setting {quoted(key)}; it has: {', '.join(known)}.")
     return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
 
 
 def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
     if isinstance(kind, type) and is_dataclass(kind):
-        return kind(**_checked(kind, value, place))
+        return _made(kind, _checked(kind, value, place), place)
     if get_origin(kind) is Mapping:  # by names of the user's own
         if not isinstance(value, dict):
-            raise SettingsError(f"{place} needs a mapping of names, it has {value!r}.")
+            raise SettingsError(f"{place} needs a mapping of names, it has {quoted(value)}.")
         _, element = get_args(kind)
         return {str(name): element(**_checked(element, each, f"{place}: {name}")) for name, each in value.items()}
     if NoneType in get_args(kind):

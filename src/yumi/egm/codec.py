@@ -375,6 +375,9 @@ class RobotCodec:
         """
         sensor = parse(pb.EgmSensor, datagram)
         header, planned, speed = sensor.header, sensor.planned, sensor.speedRef
+        # The same field numbers have other contents: an offset of the path would be read as the position of axis 1.
+        if header.mtype == pb.EgmHeader.MSGTYPE_PATH_CORRECTION:
+            raise ProtocolError(f"EGM datagram of type {header.mtype} corrects a path: references have another type.")
         position, external = _read_partial(planned, self._axes)
         velocity, external_velocity = _read_partial(speed, self._axes)
         tool_position, tool_orientation = _read_goal(planned.cartesian)
@@ -398,6 +401,9 @@ class RobotCodec:
             ProtocolError: the datagram is no EgmSensorPathCorr.
         """
         message = parse(pb.EgmSensorPathCorr, datagram)
+        if message.header.mtype == pb.EgmHeader.MSGTYPE_CORRECTION:
+            kind = message.header.mtype
+            raise ProtocolError(f"EGM datagram of type {kind} has references: corrections of a path have another type.")
         if not message.pathCorr.HasField("pos"):
             raise ProtocolError("EGM path correction has no position: a robot that moves on a path needs one.")
         pos = message.pathCorr.pos

@@ -46,6 +46,7 @@ from yumi.rapid.types import (
     holds_objects,
     is_assignable,
     one,
+    resolved,
     value_count,
 )
 
@@ -271,6 +272,14 @@ class Statements:
 
         def assign(machine: Machine, frame: Frame) -> None:
             get_reference(frame).value = convert(evaluate(frame))
+
+        def assign_to_open_array(machine: Machine, frame: Frame) -> None:
+            datum = get_reference(frame)  # the caller's, which has a size
+            datum.value = datum.type.convert(evaluate(frame))
+
+        if isinstance(resolved(type_), ArrayType):
+            self.builder.add(assign_to_open_array)
+            return
 
         self.builder.add(assign)
 

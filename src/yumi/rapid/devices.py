@@ -398,7 +398,8 @@ class Devices:
 
     Attributes:
         disk, network, pendant, queues: see there; the queues and the FlexPendant are those of all tasks.
-        facts: by name, such as "SerialNo", "SWVersion", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName".
+        facts: by name, such as "SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp",
+            "CtrlLang", "SystemName".
         time: what the controller's clock shows, seconds since 1970.
         tasks: all tasks of the controller by name.
         texts: text tables by name: each has texts by number.

@@ -42,6 +42,7 @@ from yumi.rapid.types import (
     ObjectType,
     OpenType,
     Part,
+    ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
     RecordType,
@@ -347,8 +348,14 @@ class Expressions:
 
     # References to data -------------------------------------------------------------------------------------------
 
-    def writable(self, node: s.Reference, storage: Sequence[s.Storage]) -> tuple[GetReference, Type]:
-        """The datum that is written to; raises RapidReferenceError when it may not be."""
+    def writable(
+        self, node: s.Reference, storage: Sequence[s.Storage], *, is_argument: bool = False
+    ) -> tuple[GetReference, Type]:
+        """The datum that is written to, or passed to a parameter that may be written to.
+
+        Raises:
+            RapidReferenceError: it may not be; tool0 and the like are passed on all the same.
+        """
         root = node
         while not isinstance(root, s.Name):
             root = root.base
@@ -356,7 +363,8 @@ class Expressions:
         if isinstance(found, Local):
             is_writable = not found.is_constant
         else:
-            is_writable = isinstance(found, Variable) and found.storage in storage
+            is_protected = isinstance(found, ProtectedVariable) and not is_argument
+            is_writable = isinstance(found, Variable) and found.storage in storage and not is_protected
         if not is_writable:
             self.scope.refuse(root, f"'{root.name}' cannot be changed here")
         return self.reference(node)
@@ -567,7 +575,7 @@ class Calls:
                 name, type_, evaluate = value.name, compiled.type, compiled.evaluate
                 return lambda frame: Variable(name, type_, evaluate(frame))
             return self.expressions.reference(value)[0]
-        get_reference, type_ = self.expressions.writable(value, WRITABLE[parameter.mode])
+        get_reference, type_ = self.expressions.writable(value, WRITABLE[parameter.mode], is_argument=True)
         if not is_assignable(parameter.type, type_):
             self.scope.refuse(node, f"'{parameter.name}' needs {one(parameter.type)}, not {one(type_)}")
         return get_reference

@@ -55,6 +55,7 @@ from yumi.rapid.types import (
     ArrayType,
     LiveVariable,
     ObjectType,
+    ProtectedVariable,
     RapidReferenceError,
     RapidRuntimeError,
     RecordType,
@@ -314,6 +315,11 @@ class Library:
         """Register a predefined constant."""
         type_ = self.type(type_name)
         self._data[name.lower()] = Variable(name, type_, type_.convert(value), Storage.CONST, is_local=False)
+
+    def persistent(self, name: str, type_name: str, value: Any) -> None:
+        """Register a predefined persistent, which a program may pass on and not change."""
+        type_ = self.type(type_name)
+        self._data[name.lower()] = ProtectedVariable(name, type_, type_.convert(value))
 
     def live_data(self, name: str, type_name: str, read: Callable[[], Any]) -> None:
         """Register a predefined datum whose value is computed when it is read."""

@@ -798,6 +798,8 @@ def _items(node: Expression, count: int) -> tuple[Expression, ...]:
 
 def _atom(type_: AtomicType, node: Expression) -> Any:
     if isinstance(node, Unary) and node.operator in "+-" and type_ in (NUM, DNUM):
+        if isinstance(node.operand, Unary):  # "--5" is an expression
+            raise _WrongType("A number has one sign.")
         value = _atom(type_, node.operand)
         return -value if node.operator == "-" else value
     wanted = {"bool": bool, "string": str}.get(type_.name, float)

@@ -439,10 +439,14 @@ class Program:
         key = name.lower()
         if module is not None and (own := module.symbols.get(key)) is not None:
             return own
-        for other in self.modules.values():
-            if (exported := other.exports(key)) is not None:
-                return exported
+        if (exported := self.exported(key)) is not None:
+            return exported
         return self.system_data.get(key) or self.library.datum(key) or self.library.routine(key)
+
+    def exported(self, name: str) -> Symbol | None:
+        """What the modules themselves have under a name that all of them see."""
+        key = name.lower()
+        return next((found for each in self.modules.values() if (found := each.exports(key)) is not None), None)
 
     def find_late(self, name: str, module: LoadedModule) -> Found | None:
         """What a late-binding call names: `routine`, or `module:routine`, which may be LOCAL."""

@@ -586,6 +586,12 @@ class Task:
             self._machine.abandon_event()
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether an instruction waits, or nothing is executed at all."""
+        frames = self._machine.frames
+        return not (self.is_running and frames) or frames[-1].waiting is not None
+
+    @property
     def is_busy(self) -> bool:
         """Whether it would have executed more than one advance allows, so that tasks behind it have to wait."""
         return self.is_running and self._machine.budget <= 0

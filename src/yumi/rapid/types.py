@@ -246,9 +246,20 @@ class ArrayType:
 
     def convert(self, value: Any) -> Any:
         if type(value) is tuple:  # of a datum, which holds converted values only
+            self._check_sizes(value)
             return value
         row = self.row
         return tuple(row.convert(item) for item in value)
+
+    def _check_sizes(self, value: Any) -> None:
+        """The sizes of an open array are known at run time only; raises ERR_INVDIM for others than these."""
+        found, first = [], value
+        for _ in self.sizes:
+            found.append(len(first))
+            first = first[0]
+        if any(size not in (0, length) for size, length in zip(self.sizes, found, strict=True)):
+            given = described(ArrayType(self.element, tuple(found)))
+            raise RapidRuntimeError("ERR_INVDIM", f"{given} is found where {described(self)} is needed.")
 
     @property
     def row(self) -> Type:
@@ -375,7 +386,8 @@ def is_assignable(wanted: Type, given: Type) -> bool:
         return ANY_SIGNAL in (wanted, given) or wanted == given
     if isinstance(wanted, ArrayType) and isinstance(given, ArrayType):
         same_rank = len(wanted.sizes) == len(given.sizes)
-        sizes_fit = same_rank and all(w in (0, g) for w, g in zip(wanted.sizes, given.sizes, strict=True))
+        # Those of an open array are compared when it is executed.
+        sizes_fit = same_rank and all(0 in (w, g) or w == g for w, g in zip(wanted.sizes, given.sizes, strict=True))
         return sizes_fit and is_assignable(wanted.element, given.element)
     return wanted is given or wanted == given
 
@@ -487,6 +499,33 @@ class LiveVariable(Variable):
     @value.setter
     def value(self, new: Any) -> None:
         _VALUE.__set__(self, new)
+
+
+class ProtectedVariable(Variable):
+    """A persistent of RobotWare's own, such as tool0: a PERS parameter takes it, and nothing changes it.
+
+    Its value is set once: watchers have nothing to wait for.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, name: str, type_: Type, value: Any) -> None:
+        super().__init__(name, type_, UNSET, Storage.PERS, is_local=False)
+        _VALUE.__set__(self, value)
+
+    @property
+    def value(self) -> Any:
+        return _VALUE.__get__(self)
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        if new is not UNSET:  # as it is before its value is known
+            # The manual says that no program changes it, and names no error for an assignment to a parameter; this one
+            # is SetDataVal's of data that is read-only.
+            raise RapidRuntimeError("ERR_SYM_ACCESS", f"'{self.name}' is RobotWare's own and cannot be changed.")
+
+    def watch(self, watcher: Callable[[], None]) -> None:
+        self.watchers.append(watcher)
 
 
 class Part:

@@ -25,18 +25,21 @@ from __future__ import annotations
 import json
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
 from enum import Enum, IntEnum
+from io import BytesIO
 from math import inf, isfinite, nan
 from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
 from types import TracebackType
 from typing import Any
+
+import msgspec
 
 from yumi import __version__
 from yumi.clock import Clock
@@ -159,33 +162,84 @@ def frame_message(frame: Frame) -> dict[str, object]:
     return message
 
 
-def frame_from_message(message: Mapping[str, Any]) -> Frame:
-    """The cycle of an object.
+_Vector = tuple[float | None, float | None, float | None, float | None, float | None, float | None, float | None]
+_Flat = bool | int | float | str | list[bool | int | float | str | None] | None
+_Object = dict[str, _Flat | dict[str, _Flat | dict[str, _Flat]]]
+"""What was seen of a gripper or the robot; so deep and no deeper, because it is read recursively."""
+
+
+class _CycleMessage(msgspec.Struct):
+    """A cycle as a recording has it."""
+
+    number: int
+    time: float
+    dt: float
+    session: int
+    is_running: bool
+    position: _Vector
+    velocity: _Vector
+    planned: _Vector
+    desired: _Vector | None
+    sent: _Vector
+    sent_velocity: _Vector
+    reference: _Vector | None
+    stages: StageTimes
+
+
+class _EventMessage(msgspec.Struct):
+    """An event as a recording has it."""
+
+    time: float
+    side: Side | None
+    kind: str
+    message: str
+    is_fault: bool
+
+
+class _Timed(msgspec.Struct):
+    time: float
+
+
+_cycle_decoder, _event_decoder = msgspec.json.Decoder(_CycleMessage), msgspec.json.Decoder(_EventMessage)
+_time_decoder, _object_decoder = msgspec.json.Decoder(_Timed), msgspec.json.Decoder(_Object)
+
+
+def decode_cycle(data: bytes) -> Frame:
+    """The cycle of a message of a recording.
 
     Raises:
-        KeyError: a part is missing.
-        TypeError: a part is of the wrong kind.
-        ValueError: a vector has not seven numbers.
+        ValueError: it is not JSON, or not such a message.
+        RecursionError: it is nested deeper than anything that is recorded.
     """
 
-    def vector(name: str) -> Joints:
-        return joints([nan if value is None else value for value in message[name]])
+    def vector(values: _Vector) -> Joints:
+        return joints([nan if value is None else value for value in values])
 
+    message = _cycle_decoder.decode(data)
     return Frame(
-        number=int(message["number"]),
-        time=float(message["time"]),
-        dt=float(message["dt"]),
-        session=int(message["session"]),
-        is_running=bool(message["is_running"]),
-        position=vector("position"),
-        velocity=vector("velocity"),
-        planned=vector("planned"),
-        desired=None if message["desired"] is None else vector("desired"),
-        sent=vector("sent"),
-        sent_velocity=vector("sent_velocity"),
-        reference=None if message["reference"] is None else vector("reference"),
-        stages=StageTimes(*(float(message["stages"][name]) for name in STAGES)),
+        number=message.number,
+        time=message.time,
+        dt=message.dt,
+        session=message.session,
+        is_running=message.is_running,
+        position=vector(message.position),
+        velocity=vector(message.velocity),
+        planned=vector(message.planned),
+        desired=None if message.desired is None else vector(message.desired),
+        sent=vector(message.sent),
+        sent_velocity=vector(message.sent_velocity),
+        reference=None if message.reference is None else vector(message.reference),
+        stages=message.stages,
     )
+
+
+def _decode_event(data: bytes) -> RecordedEvent:
+    message = _event_decoder.decode(data)
+    return RecordedEvent(message.time, message.side, message.kind, message.message, message.is_fault)
+
+
+def _decode_object(data: bytes) -> Mapping[str, Any]:
+    return {**_object_decoder.decode(data), "time": _time_decoder.decode(data).time}
 
 
 def _cdr_text(content: bytes, text: str) -> bytes:
@@ -260,6 +314,11 @@ CHUNK = 2**16
 """A recording is written in pieces of this size [bytes]: a process that is killed loses the last second at most."""
 
 _LARGEST_RECORD = 64 * 2**20  # [bytes]; ours are chunks of less than one million
+_LARGEST_CHUNK = 16 * 2**20  # decompressed [bytes]; programs that rewrite recordings make chunks of up to 4 MB
+_LARGEST_RATIO = 200  # of decompression; cycles of an arm at rest, all zeros, reach 38
+
+_NEWEST = 2**63 - 1  # [ns since 1970]; pandas and numpy have no later time
+_FROM_WHERE = "Give a file that `yumi up --record` or the flight recorder wrote."
 
 
 @dataclass(frozen=True, slots=True)
@@ -410,68 +469,157 @@ def read_recording(file: Path, *, before: float = BEFORE, after: float = AFTER) 
         after: cycles until so long after it [s].
 
     Raises:
-        ProtocolError: the file is not such a recording.
+        ProtocolError: the file is not such a recording, or nothing is recorded in it.
         MissingPrerequisite: the library is not installed.
     """
     events, last, is_complete = list[RecordedEvent](), 0.0, False
     sides = {_topic(side): side for side in Side}
-    for topic, _, message in recorded_messages(file):
+    for topic, _, value in recorded_messages(file):
         if topic is None:
             is_complete = True
         elif topic == EVENTS:
-            side = None if message["side"] is None else Side(message["side"])
-            kind, sentence = str(message["kind"]), str(message["message"])
-            events.append(RecordedEvent(float(message["time"]), side, kind, sentence, bool(message["is_fault"])))
+            events.append(value)
         elif topic in sides:
-            last = max(last, float(message["time"]))
+            last = max(last, value.time)
     stop = next((event for event in reversed(events) if event.is_fault), None)
     middle = stop.time if stop else last
 
     # A second pass, so that of a long recording only the cycles that are shown are kept in memory.
     frames: dict[Side, list[Frame]] = {side: [] for side in Side}
-    for topic, _, message in recorded_messages(file):
-        if topic in sides and middle - before <= message["time"] <= middle + after:
-            frames[sides[topic]].append(frame_from_message(message))
+    for topic, _, value in recorded_messages(file):
+        if topic in sides and middle - before <= value.time <= middle + after:
+            frames[sides[topic]].append(value)
     recorded = {side: tuple(each) for side, each in frames.items() if each}
     return Recording(tuple(events), stop, recorded, is_complete)
 
 
 def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
-    """Topic, time of day [ns since 1970] and content of every JSON message, in the order of the file.
+    """Topic, time of day [ns since 1970] and value of every message of ours in JSON, in the order of the file.
 
-    At last (None, 0, None) where the file was closed.
+    The value is a Frame, a RecordedEvent, or of grippers and the robot's state a mapping with ``time``. At last (None,
+    0, None) where the file was closed.
 
     Raises:
-        ProtocolError: the file is not such a recording.
+        ProtocolError: the file is not such a recording, or nothing is recorded in it.
         MissingPrerequisite: the library is not installed.
     """
+    decoders: dict[str, Callable[[bytes], Any]] = {EVENTS: _decode_event, STATE: _decode_object}
+    decoders |= {f"{side.value}/gripper": _decode_object for side in Side}
+    decoders |= {_topic(side): decode_cycle for side in Side}
+    foreign: dict[str, None] = {}  # topics, in their order
+    is_closed, ours = False, 0
+    for record in _messages(file):
+        if record is None:
+            is_closed = True
+            continue
+        topic, encoding, nanoseconds, data = record
+        if encoding != "json" or topic not in decoders:
+            foreign[topic] = None
+            continue
+        try:
+            if nanoseconds > _NEWEST:
+                raise ValueError("it is of a time after the year 2262")
+            value = decoders[topic](data)
+        except RecursionError:
+            raise _damaged(file, f"a message on {topic} is nested too deeply") from None
+        except ValueError as error:
+            raise _damaged(file, f"a message on {topic} cannot be read: {str(error)[:200]}") from error
+        ours += 1
+        yield topic, nanoseconds, value
+    if not ours and foreign:
+        some = ", ".join(f"{topic[:40]!r}" for topic in [*foreign][:3]) + (", …" if len(foreign) > 3 else "")
+        raise ProtocolError(
+            f"{file} is an MCAP file, but not a recording of yumi: it has messages on {some} and none in JSON on "
+            f"{', '.join(decoders)}. {_FROM_WHERE}"
+        )
+    if not ours:
+        raise ProtocolError(
+            f"{file} has nothing in it: "
+            + ("it was closed" if is_closed else "it was cut off, or is being written,")
+            + f" before anything was recorded. {_FROM_WHERE}"
+        )
+    if is_closed:
+        yield None, 0, None
+
+
+def _damaged(file: Path, reason: str) -> ProtocolError:
+    return ProtocolError(f"{file} is not a recording of yumi, or it is damaged: {reason}. {_FROM_WHERE}")
+
+
+def _messages(file: Path) -> Iterator[tuple[str, str, int, bytes] | None]:
+    """Topic, encoding, time [ns since 1970] and content of every message of an MCAP file; None where it was closed."""
     try:
-        from mcap.exceptions import EndOfFile, McapError  # noqa: PLC0415 - an extra; nothing else needs it
-        from mcap.records import Channel, Footer, Message  # noqa: PLC0415
-        from mcap.stream_reader import StreamReader  # noqa: PLC0415
+        from mcap.exceptions import EndOfFile, InvalidMagic, McapError  # noqa: PLC0415 - an extra; only this needs it
+        from mcap.stream_reader import MAGIC_SIZE, StreamReader  # noqa: PLC0415
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError as error:
         raise MissingPrerequisite(_MISSING) from error
-    topics: dict[int, str] = {}
-    record = None
     try:
         with file.open("rb") as stream:
+            reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD)
             try:
-                for record in StreamReader(stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD).records:
-                    if isinstance(record, Channel):
-                        topics[record.id] = record.topic if record.message_encoding == "json" else ""
-                    elif isinstance(record, Message) and topics[record.channel_id]:
-                        yield topics[record.channel_id], record.log_time, json.loads(record.data)
-                    elif isinstance(record, Footer):
-                        yield None, 0, None
+                yield from _on_channels(_decompressed(reader.records))
             except struct.error:
-                if record is None or stream.read(1):  # else it ends within a number, which the library does not check
+                if stream.tell() < MAGIC_SIZE or stream.read(1):
                     raise
+                return  # it ends within a number, which the library does not check
     except EndOfFile:
         return  # its writer was stopped; what is complete has been read
-    except (McapError, ZstdError, struct.error, KeyError, TypeError, ValueError, OverflowError, MemoryError) as error:
+    except InvalidMagic as error:
+        raise _damaged(file, "it does not begin and end as an MCAP file does") from error
+    except (McapError, ZstdError, struct.error, TypeError, ValueError, OverflowError, MemoryError) as error:
         # The last two: a damaged length asks for more than there is.
-        raise ProtocolError(f"{file} is not a recording of yumi, or it is damaged: {error!r}.") from error
+        raise _damaged(file, str(error)[:200] or type(error).__name__) from error
+
+
+def _on_channels(records: Iterable[Any]) -> Iterator[tuple[str, str, int, bytes] | None]:
+    """The messages among the records of an MCAP file, as in :func:`_messages`."""
+    from mcap.records import Channel, Footer, Message  # noqa: PLC0415 - an extra
+
+    channels: dict[int, Channel] = {}
+    for record in records:
+        if isinstance(record, Channel):
+            channels[record.id] = record
+        elif isinstance(record, Message):
+            channel = channels.get(record.channel_id)
+            if channel is None:
+                raise ValueError("a message is on a channel that was not declared")
+            yield channel.topic, channel.message_encoding, record.log_time, record.data
+        elif isinstance(record, Footer):
+            yield None
+
+
+def _decompressed(records: Iterable[Any]) -> Iterator[Any]:
+    """The records of an MCAP file, of a chunk those in it.
+
+    The library would make room for whatever size a chunk says it has: some kB may stand for GB.
+
+    Raises:
+        ValueError: a chunk is larger than any that is written.
+    """
+    from lz4.frame import LZ4FrameFile  # noqa: PLC0415 - comes with mcap
+    from mcap.records import Chunk  # noqa: PLC0415 - an extra
+    from mcap.stream_reader import breakup_chunk  # noqa: PLC0415
+    from zstandard import ZstdDecompressor  # noqa: PLC0415 - comes with mcap
+
+    for record in records:
+        if not isinstance(record, Chunk):
+            yield record
+            continue
+        packed, data = BytesIO(record.data), record.data
+        most = min(_LARGEST_CHUNK, _LARGEST_RATIO * len(data))
+        if record.compression == "zstd":
+            data = ZstdDecompressor().stream_reader(packed).read(most + 1)
+        elif record.compression == "lz4":
+            try:
+                data = LZ4FrameFile(packed).read(most + 1)
+            except (EOFError, RuntimeError) as error:
+                raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+        elif record.compression:
+            raise ValueError(f"a chunk is compressed with {record.compression[:40]!r}; allowed: zstd, lz4")
+        if len(data) > most:
+            raise ValueError(f"a chunk of {len(record.data)} bytes has more than {most} bytes when decompressed")
+        yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=True)
 
 
 def _topic(side: Side) -> str:

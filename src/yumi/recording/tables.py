@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, frame_from_message, recorded_messages
+from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, recorded_messages
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
 if TYPE_CHECKING:
@@ -54,35 +54,33 @@ def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
 
     Raises:
         CommandRefused: there is no such table.
-        ProtocolError: the file is not a recording.
+        ProtocolError: the file is not a recording, or nothing is recorded in it.
         MissingPrerequisite: mcap is not installed.
     """
     if what not in _TABLES:
         raise CommandRefused(f"A recording has no table {what!r}; it has: {', '.join(_TABLES)}.")
     topics = {EVENTS, STATE} & {what} or {f"{side.value}/{what.removesuffix('s')}" for side in Side}
     begin: int | None = None
-    for topic, nanoseconds, message in recorded_messages(file):
+    for topic, nanoseconds, value in recorded_messages(file):
         if topic is None:
             return
         begin = nanoseconds if begin is None else begin
         if topic not in topics:
             continue
-        word = message["side"] if what == "events" else topic.partition("/")[0]
-        arm = next((side.word for side in Side if side.value == word), "")
+        side = value.side if what == "events" else next((each for each in Side if topic[0] == each.value), None)
         row: dict[str, Any] = {"time": (nanoseconds - begin) / 1e9, "timestamp_ns": nanoseconds}
         if what != "state":
-            row["arm"] = arm
+            row["arm"] = side.word if side else ""
         if what == "cycles":
-            frame = frame_from_message(message)
-            row |= {"number": frame.number, "dt": frame.dt, "session": frame.session, "is_running": frame.is_running}
+            row |= {"number": value.number, "dt": value.dt, "session": value.session, "is_running": value.is_running}
             for name in _VECTORS:
-                vector = getattr(frame, name) or (nan,) * len(CHAIN_AXES)
-                row |= {f"{name}_{axis}": value for axis, value in zip(CHAIN_AXES, vector, strict=True)}
-            row |= {f"stage_{name}": getattr(frame.stages, name) for name in STAGES}
+                vector = getattr(value, name) or (nan,) * len(CHAIN_AXES)
+                row |= {f"{name}_{axis}": each for axis, each in zip(CHAIN_AXES, vector, strict=True)}
+            row |= {f"stage_{name}": getattr(value.stages, name) for name in STAGES}
         elif what == "events":
-            row |= {name: message[name] for name in ("kind", "message", "is_fault")}
+            row |= {"kind": value.kind, "message": value.sentence, "is_fault": value.is_fault}
         else:
-            row |= _flat(message)
+            row |= _flat(value)
         yield row
 
 
@@ -103,7 +101,7 @@ def read_recording(file: Path | str, what: TableName = "cycles") -> pd.DataFrame
     Raises:
         MissingPrerequisite: pandas or mcap is not installed.
         CommandRefused: there is no such table.
-        ProtocolError: the file is not a recording.
+        ProtocolError: the file is not a recording, or nothing is recorded in it.
         FileNotFoundError: there is no such file.
     """
     try:
@@ -131,7 +129,7 @@ def export(file: Path, output: Path, what: TableName = "cycles") -> int:
     Raises:
         CommandRefused: another ending, or the recording has no row of that table; nothing is written.
         MissingPrerequisite: a library for Parquet or MCAP is not installed.
-        ProtocolError: the file is not a recording.
+        ProtocolError: the file is not a recording, or nothing is recorded in it.
         OSError: the output cannot be written.
     """
     if output.suffix not in {".csv", ".parquet"}:

@@ -11,14 +11,20 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache
 from itertools import product
-from math import acos, atan2, cos, floor, hypot, pi, radians, sin, sqrt, tau
+from math import acos, atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from yumi.errors import YumiError
-from yumi.robot.inverse_kinematics import Configuration, configuration, postures
+from yumi.robot.inverse_kinematics import (
+    CONFIGURATION_TOLERANCE,
+    Configuration,
+    configuration,
+    postures,
+    quarter_turn,
+)
 from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, home
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
@@ -46,7 +52,7 @@ _LONGEST_STEP = 0.25  # [rad] of a joint from one pose of a path to the next, wh
 _WINDOW = 48  # poses that are solved together
 _ELBOW_AXIS = 3  # the axis whose direction the arm angle is of, in chain order
 _WRIST_AXIS = 6
-_ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than 90°
+_ROUNDING = 1e-9  # [rad]: a limit after a calculation is not beyond the limit
 _SAME_CONFIGURATION = 0.02  # [rad] beside the border of a quarter turn or branch, where a position counts to both
 
 
@@ -422,9 +428,8 @@ def six_axis_configuration(position: Joints) -> Configuration:
     """
     a1, a2, a3, a4, a5, a6 = position  # type: ignore[misc]  # an arm of six joints
     wrist_ahead = _LOWER_ARM * sin(a2) + _REACH * sin(a2 + a3 + _ELBOW_ANGLE)
-    cf1, cf4, cf6 = (floor(angle / (pi / 2.0) + _ROUNDING) for angle in (a1, a4, a6))
-    cfx = 4 * (wrist_ahead < 0.0) + 2 * (sin(a3 + _ELBOW_ANGLE) < 0.0) + (a5 < 0.0)
-    return Configuration(cf1, cf4, cf6, cfx)
+    cfx = 4 * (wrist_ahead < 0.0) + 2 * (sin(a3 + _ELBOW_ANGLE) < 0.0) + (a5 < -CONFIGURATION_TOLERANCE)
+    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
 
 
 def _six_axis_postures(tool0: Pose, limits: JointLimits) -> tuple[Joints, ...]:

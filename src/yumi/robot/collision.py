@@ -10,7 +10,7 @@ Positions are in the body frame [m], joints in chain order [rad].
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from math import hypot, sqrt
 from weakref import finalize
@@ -18,6 +18,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.errors import CommandRefused, quoted
 from yumi.robot.collision_library import load
 from yumi.robot.description import (
     BODY_SHAPES,
@@ -134,6 +135,48 @@ def gripper_parts(modules: GripperModules) -> tuple[Part, ...]:
     return tuple(parts)
 
 
+BODY = "body"
+"""Name of what stands still and belongs to the robot."""
+
+MAX_OBSTACLES = 100
+"""So many boxes may be declared; a hundred cost both arms 12 µs of a cycle."""
+
+MAX_TOOLS = 20
+"""So many tools of an arm may be declared; each is compared with every part of the other arm."""
+
+
+def check_declared(tools: Mapping[Side, Sequence[Part]], obstacles: Sequence[Obstacle]) -> None:
+    """Check names and number of what a user declares.
+
+    A margin, and whether two parts may touch, is looked up by name: a name means one thing.
+
+    Raises:
+        CommandRefused: there are too many, or a name is empty, another one's or one of the robot's own.
+    """
+    own = {"arm", *LINK_NAMES, *(part.name for modules in GripperModules for part in gripper_parts(modules))}
+    names = {BODY}
+    for side in Side:
+        declared = [part.name for part in tools.get(side, ())]
+        _check_names("Tool", f" of the {side.word} arm", declared, MAX_TOOLS, own)
+        names.update(f"{side.word} {name}" for name in (*own, *declared))
+    _check_names("Box", "", [box.name for box in obstacles], MAX_OBSTACLES, names)
+
+
+def _check_names(what: str, where: str, names: Sequence[str], most: int, taken: Set[str]) -> None:
+    if len(names) > most:
+        raise CommandRefused(
+            f"{what} {quoted(names[most])}{where} refused: it is one of {len(names)}, allowed are {most}."
+        )
+    for index, name in enumerate(names):
+        refused = f"{what} {quoted(name)}{where} refused"
+        if not name.strip():
+            raise CommandRefused(f"{refused}: it has no name; give one such as table or needle.")
+        if name in taken:
+            raise CommandRefused(f"{refused}: a part of the robot has this name; give another one.")
+        if name in names[:index]:
+            raise CommandRefused(f"{refused}: another one has this name; give each a name of its own.")
+
+
 FAR = 10.0
 """Nothing of the robot is further away [m]."""
 
@@ -174,6 +217,9 @@ class CollisionModel:
         obstacles: what stands around the robot.
         padding: added to every radius [m].
 
+    Raises:
+        CommandRefused: as :func:`check_declared`.
+
     Attributes:
         names: of all parts, those of the right arm first, then the left arm's, then what stands still.
         arms: the parts of each arm.
@@ -189,6 +235,7 @@ class CollisionModel:
         obstacles: Sequence[Obstacle] = (),
         padding: float = PADDING,
     ) -> None:
+        check_declared(tools or {}, obstacles)
         self.names: list[str] = []
         self.arms: dict[Side, slice] = {}
         frames: list[int] = []

@@ -83,7 +83,11 @@ _NEAR_ROOT = 0.1  # of either equation; what is no root after all, polishing lea
 _NEARLY_SINGULAR = 0.01  # smallest singular value below which postures may lie closer together than a cell
 _SAME = 1e-7  # [rad]
 _AT_LIMIT = 1e-10  # [rad] a joint that is calculated to be so little beyond its limit is at it
-_ROUNDING = 1e-9  # of a quarter turn: 90° after a calculation is not less than 90°
+CONFIGURATION_TOLERANCE = 1e-4
+"""So far below zero, or below another border of a configuration, an arm that stands there may be [rad].
+
+Ten times the difference from the plan with which it counts as standing: axis 4 at 0 is not in the quarter below.
+"""
 
 
 class Unreachable(CommandRefused):
@@ -135,6 +139,11 @@ class Configuration(NamedTuple):
     cfx: int
 
 
+def quarter_turn(angle: float) -> int:
+    """The quarter turn an angle [rad] is in, for ``confdata``: 0 from 0° to 90°, -1 below."""
+    return floor((angle + CONFIGURATION_TOLERANCE) / (pi / 2.0))
+
+
 def configuration(position: Joints) -> Configuration:
     """The configuration of a posture [rad].
 
@@ -143,8 +152,9 @@ def configuration(position: Joints) -> Configuration:
     ABB's manual was not at hand.
     """
     a1, a2, _, a3, a4, a5, a6 = position
-    cf1, cf4, cf6 = (floor(angle / (pi / 2.0) + _ROUNDING) for angle in (a1, a4, a6))
-    return Configuration(cf1, cf4, cf6, cfx=4 * (a2 < 0.0) + 2 * (a5 < 0.0) + (a3 < -pi / 2.0))
+    below = -CONFIGURATION_TOLERANCE
+    cfx = 4 * (a2 < below) + 2 * (a5 < below) + (a3 < below - pi / 2.0)
+    return Configuration(quarter_turn(a1), quarter_turn(a4), quarter_turn(a6), cfx)
 
 
 def arm_angle(side: Side, position: Joints) -> float:

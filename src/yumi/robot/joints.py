@@ -17,7 +17,7 @@ from math import degrees, radians
 from operator import le
 from typing import NamedTuple
 
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, quoted
 
 Joints = tuple[float, float, float, float, float, float, float]
 """Seven joint values in chain order; [rad] or [rad/s] unless the name says otherwise."""
@@ -208,7 +208,7 @@ def named_pose(side: Side, name: str) -> Joints:
         CommandRefused: there is none of this name.
     """
     if name not in POSES:
-        raise CommandRefused(f"Goal refused: there is no pose {name[:60]!r}; there are {', '.join(POSES)}.")
+        raise CommandRefused(f"Goal refused: there is no pose {quoted(name)}; there are {', '.join(POSES)}.")
     return POSES[name](side)
 
 

@@ -57,7 +57,7 @@ from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreach
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
 from yumi.ros.controller_manager import MakeInterface
-from yumi.ros.messages import SERVICES, pose_of
+from yumi.ros.messages import SERVICES, nanoseconds, pose_of
 from yumi.ros.nodes import is_cancelled
 from yumi.ros.topics import CommandTopic, RobotFrames
 from yumi.settings import number
@@ -131,7 +131,8 @@ class _StreamTopic(_ToolTopic):
         stamp = message.header.stamp
         if not (stamp.sec or stamp.nanosec):
             return
-        age = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp.sec + stamp.nanosec * 1e-9)
+        made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
+        age = (self._node.get_clock().now().nanoseconds - made) * 1e-9
         if age <= _YOUNG:
             return
         if not abs(time - self._asked_at) < _ASKED_FOR:

@@ -45,7 +45,7 @@ from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
 from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
-from yumi.errors import CommandRefused, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError, quoted
 from yumi.process.supervision import Failures
 from yumi.robot.joints import CYCLE, Side, joint_names
 from yumi.ros.messages import (
@@ -58,6 +58,7 @@ from yumi.ros.messages import (
     hardware_interfaces,
     hardware_state,
     lifecycle_state,
+    seconds,
     stamp,
     state_of,
 )
@@ -290,7 +291,7 @@ class ArmControllers:
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         if kind in _ADVICE:
             raise CommandRefused(
-                f"Controller {name!r} cannot be loaded: there is no type {kind!r} here; {_ADVICE[kind]}."
+                f"Controller {quoted(name)} cannot be loaded: there is no type {kind!r} here; {_ADVICE[kind]}."
             )
         self._control.call(Commands.load_controller, self._side, name, kind)
         settings = self._known.get(name)
@@ -370,7 +371,7 @@ class ArmControllers:
             if info.name == name:
                 return info
         loaded = ", ".join(info.name for info in controllers) or "none"
-        raise CommandRefused(f"There is no controller {name!r}; loaded are: {loaded}.")
+        raise CommandRefused(f"There is no controller {quoted(name)}; loaded are: {loaded}.")
 
 
 class ControllerNodes:
@@ -652,7 +653,7 @@ class ControllerManagerServices:
 
         def call() -> None:
             activate, deactivate = request.activate_controllers, request.deactivate_controllers
-            timeout = request.timeout.sec + request.timeout.nanosec * 1e-9
+            timeout = seconds(request.timeout, "Switch refused: timeout")
             done.append(self._controllers.switch(activate, deactivate, request.strictness, timeout))
 
         reason = self._why_failed("switch_controller", call)

@@ -22,7 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals
 from yumi.driver.settings import GripperSettings
-from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError, quoted
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names, prefixed
@@ -176,7 +176,9 @@ class ParallelGripperAction(GripperActionServer):
         command, names = goal.command, finger_names(self._gripper.side)
         unknown = [name for name in command.name if name not in names]
         if unknown:
-            raise CommandRefused(f"{unknown[0]!r} is not a finger of this gripper; name {' or '.join(names)}, or none.")
+            raise CommandRefused(
+                f"{quoted(unknown[0])} is not a finger of this gripper; name {' or '.join(names)}, or none."
+            )
         if not command.position:
             raise CommandRefused("The goal has no position; give that of a finger [m].")
         position, speed = _one("position", command.position), _one("velocity", command.velocity)

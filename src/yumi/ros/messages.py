@@ -35,7 +35,7 @@ from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedb
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
 from yumi.driver.readiness import EVENT_TEXTS, Mode, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, quoted
 from yumi.robot.description import Mass
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.documents import Event
@@ -150,7 +150,6 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
 
 _IN_RADIANS = "joint_commands takes radians"
 _DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
-_LONGEST_NAME = 60  # characters of a received name in a refusal
 
 
 def goal_of(message: Any, side: Side, base: Joints) -> Joints:
@@ -233,8 +232,7 @@ def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: st
     for name in names:
         if name not in known:
             raise CommandRefused(
-                f"{noun} refused: {name[:_LONGEST_NAME]!r} is not a joint of the {side.word} arm; it has "
-                f"{', '.join(known)}."
+                f"{noun} refused: {quoted(name)} is not a joint of the {side.word} arm; it has {', '.join(known)}."
             )
     if len(set(names)) != len(names):
         twice = next(name for name in known if names.count(name) > 1)
@@ -304,7 +302,7 @@ def state_of(message: Any) -> State:
         if message.id == number or (message.id == 0 and message.label == state.value):
             return state
     choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
-    raise CommandRefused(f"State {message.id} {message.label!r} is not a primary state; choose from: {choices}.")
+    raise CommandRefused(f"State {message.id} {quoted(message.label)} is not a primary state; choose from: {choices}.")
 
 
 def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[str] = ()) -> str:
@@ -384,20 +382,22 @@ def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
 
     Raises:
         TrajectoryRefused: it has too many points, or one has efforts.
+        CommandRefused: the time of a point has more nanoseconds than a second.
     """
     check_count(len(message.points))
-    points = []
+    points: list[TrajectoryPoint] = []
     for point in message.points:
         if point.effort:
             raise refused("a point has efforts; this robot takes positions, velocities and accelerations.")
         fields = (point.positions, point.velocities, point.accelerations)
-        points.append(TrajectoryPoint(seconds(point.time_from_start), *map(tuple, fields)))
+        time = seconds(point.time_from_start, f"Trajectory refused: time_from_start of point {len(points) + 1}")
+        points.append(TrajectoryPoint(time, *map(tuple, fields)))
     return JointTrajectory(tuple(message.joint_names), tuple(points), start)
 
 
 def stamp_of(message: Any) -> int:
-    """The time in a header [ns]; 0 is at once."""
-    return int(message.header.stamp.sec) * _NS + int(message.header.stamp.nanosec)
+    """The time in the header of a trajectory [ns]; 0 is at once."""
+    return nanoseconds(message.header.stamp, "Trajectory refused: header.stamp")
 
 
 def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Tolerances], str]:
@@ -407,18 +407,19 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
 
     Raises:
         TrajectoryRefused: a tolerance is NaN.
+        CommandRefused: a time has more nanoseconds than a second.
     """
     known = {name for side in sides for name in joint_names(side)}
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
-            return own, f"{each.name!r} is not a joint of this controller"
+            return own, f"{quoted(each.name)} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
         if any(value < 0.0 and value != UNLIMITED for value in values):
             return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
-    time = seconds(goal.goal_time_tolerance)
+    time = seconds(goal.goal_time_tolerance, "Trajectory refused: goal_time_tolerance")
     if time < 0.0 and time != UNLIMITED:
         return own, f"goal_time_tolerance is {time:g} s; -1 is unlimited"
 
@@ -438,9 +439,21 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     }, ""
 
 
-def seconds(duration: Any) -> float:
-    """A builtin_interfaces/Duration [s]."""
-    return float(duration.sec) + float(duration.nanosec) / _NS
+def seconds(duration: Any, name: str) -> float:
+    """A builtin_interfaces/Duration [s]; as :func:`nanoseconds`."""
+    return nanoseconds(duration, name) / _NS
+
+
+def nanoseconds(time: Any, name: str) -> int:
+    """A builtin_interfaces/Duration or Time [ns].
+
+    Raises:
+        CommandRefused: it has more nanoseconds than a second, and nothing says what was meant; the sentence begins with
+            ``name``.
+    """
+    if time.nanosec >= _NS:
+        raise CommandRefused(f"{name} has {time.nanosec} ns beside its seconds; allowed is 0 to {_NS - 1}.")
+    return int(time.sec) * _NS + int(time.nanosec)
 
 
 def feedback_message(feedbacks: Mapping[Side, TrajectoryFeedback], time_ns: int, frame: str = "") -> Any:
@@ -594,7 +607,7 @@ def side_of(arm: str) -> Side:
         CommandRefused: it names none.
     """
     if arm not in _SIDES:
-        raise CommandRefused(f"There is no arm {arm!r}; choose right or left.")
+        raise CommandRefused(f"There is no arm {quoted(arm)}; choose right or left.")
     return _SIDES[arm]
 
 
@@ -608,7 +621,7 @@ def mode_of(name: str) -> Mode:
         return Mode(name)
     except ValueError as error:
         raise CommandRefused(
-            f"There is no mode {name!r}; choose one of {', '.join(mode.value for mode in Mode)}."
+            f"There is no mode {quoted(name)}; choose one of {', '.join(mode.value for mode in Mode)}."
         ) from error
 
 

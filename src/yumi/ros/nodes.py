@@ -10,6 +10,7 @@ Parameters of controllers and of a controller manager are ROS parameters with ty
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ from rclpy.parameter import Parameter as RosParameter
 from yumi.clock import Clock
 from yumi.control.controller import ParameterInfo, find_parameter
 from yumi.control.controller_manager import Strictness
-from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, YumiError, cut, quoted
 from yumi.process.supervision import Failures, SupervisedThread, no_thread
 from yumi.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 
@@ -340,7 +341,7 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
             words = [each.name for each in held if not each.fixed]
             similar = get_close_matches(name, words, 1)
             known = f"did you mean {similar[0]!r}?" if similar else f"it has: {', '.join(words) or 'none'}."
-            raise CommandRefused(f"Parameter {name!r} of {controller!r} does not exist; {known}")
+            raise CommandRefused(f"Parameter {quoted(name)} of {controller!r} does not exist; {known}")
         if found and found.fixed and (found.is_group or value != held[found]):
             stays = "is not used" if found.is_group else f"stays {held[found]!r}"
             remarks[found.name] = f"Parameter {found.name!r} of {controller!r} {stays}: {found.fixed}."
@@ -386,12 +387,25 @@ _STRICTNESS = "defaults.switch_controller.strictness"
 _STRICTNESSES = {"best_effort": Strictness.BEST_EFFORT, "strict": Strictness.STRICT}
 _THRESHOLDS = "diagnostics.threshold"
 _SUBJECTS = ("controller_manager", "controllers", "hardware_components")
+_OF_A_CONTROLLER = ("type", "params_file", "node_options_args", "fallback_controllers")  # what ros2_control's tools set
+_CONTROLLER = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
+_LONGEST_TEXT = 10_000  # characters
+_MOST_OF_CONTROLLERS = 400  # parameters
+
+
+def _why_no_texts(name: str, value: object) -> str:
+    """Why a parameter of a controller does not take a value; empty when it does. None deletes the parameter."""
+    texts = [] if value is None else [value] if isinstance(value, str) else value
+    if not isinstance(texts, list) or not all(isinstance(each, str) for each in texts):
+        return f"Parameter {name} is {quoted(value)}; it must be a text or a list of texts."
+    length = sum(map(len, texts))
+    return f"Parameter {name} has {length} characters; allowed are {_LONGEST_TEXT}." if length > _LONGEST_TEXT else ""
 
 
 class ManagerParameters:
     """Parameters of a controller manager's node: its own, and those that say how each controller is loaded.
 
-    The node must allow undeclared parameters: tools set them before loading.
+    The node must allow undeclared parameters: tools set those of a controller before loading, and no others are taken.
 
     Args:
         node: the controller manager's node.
@@ -431,11 +445,31 @@ class ManagerParameters:
                 described = ParameterDescriptor(description=f"From where on /diagnostics shows it as {level} [{unit}].")
                 node.declare_parameter(f"{_THRESHOLDS}.{name}.{level}", bound, described)
 
+        self._own = frozenset(node.get_parameters_by_prefix(""))  # rclpy's, too
+
         def check(parameters: list[Any]) -> SetParametersResult:
-            is_wrong = any(each.name == _STRICTNESS and each.value not in _STRICTNESSES for each in parameters)
-            return SetParametersResult(successful=not is_wrong, reason=f"{_STRICTNESS} is {words}." if is_wrong else "")
+            reason = next(filter(None, map(self._why_refused, parameters)), "")
+            return SetParametersResult(successful=not reason, reason=reason)
 
         node.add_on_set_parameters_callback(check)
+
+    def _why_refused(self, parameter: Any) -> str:
+        """Why a value is not taken; empty when it is."""
+        name, value = parameter.name, parameter.value
+        if name in self._own:
+            is_wrong = name == _STRICTNESS and value not in _STRICTNESSES
+            return f"{_STRICTNESS} is {' or '.join(_STRICTNESSES)}." if is_wrong else ""
+        controller, _, word = name.rpartition(".")
+        if word not in _OF_A_CONTROLLER or not _CONTROLLER.fullmatch(controller):
+            known = ", ".join(f"<controller>.{each}" for each in _OF_A_CONTROLLER)
+            return f"Parameter {quoted(name)} does not exist; those of a controller are {known}."
+        others = self._node.get_parameters_by_prefix("").keys() - self._own
+        if name not in others and len(others) >= _MOST_OF_CONTROLLERS:
+            return (
+                f"Parameter {name} refused: {len(others)} parameters of controllers are set; delete those that are not "
+                "needed with ros2 param delete."
+            )
+        return _why_no_texts(name, value)
 
     def note_type(self, name: str, kind: str) -> None:
         """Declare the type of a controller that was loaded from the start, for tools that offer what can be loaded."""
@@ -460,8 +494,8 @@ class ManagerParameters:
             kinds = (str(entry.value),) if entry else kinds
         if len(kinds) != 1:
             raise CommandRefused(
-                f"Controller {name!r} has {'no type' if not kinds else f'the types {kinds}'}; set the parameter "
-                f"{name}.type of {self._node.get_name()} to one first."
+                f"Controller {quoted(name)} has {'no type' if not kinds else f'the types {quoted(kinds)}'}; set the "
+                f"parameter {cut(name)}.type of {self._node.get_name()} to one first."
             )
         return kinds[0]
 

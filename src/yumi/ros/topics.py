@@ -47,7 +47,7 @@ from yumi.control.tool_path import checked_pose
 from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import RosSettings
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, quoted
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import Frame, read_frames
 from yumi.robot.joints import ZERO, Joints, Pose, Side, finger_names, joint_names, prefixed
@@ -63,6 +63,7 @@ from yumi.ros.messages import (
     goal_speeds_of,
     how_to_activate,
     joint_state,
+    nanoseconds,
     positions_of,
     robot_state,
     robot_status,
@@ -223,7 +224,8 @@ class JointCommandTopic(CommandTopic):
         stamp = message.header.stamp
         if not stamp.sec:
             return 0.0
-        age = self._node.get_clock().now().nanoseconds * 1e-9 - (stamp.sec + stamp.nanosec * 1e-9)
+        made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
+        age = (self._node.get_clock().now().nanoseconds - made) * 1e-9
         return age if 0.0 <= age <= OLDEST_STAMP else 0.0
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
@@ -726,8 +728,8 @@ class RobotFrames:
         others = list(self._others.values())
         if self._own(name) is None and name != self._root and not any(name in (it.name, it.parent) for it in others):
             raise CommandRefused(
-                f"there is no frame {frame_id[:60]!r}; take {prefixed('yumi_base')}, {prefixed('yumi_tcp_r')}, another "
-                "frame of the robot, or one on /tf_static that is fixed to one of them."
+                f"there is no frame {quoted(frame_id)}; take {prefixed('yumi_base')}, {prefixed('yumi_tcp_r')}, "
+                "another frame of the robot, or one on /tf_static that is fixed to one of them."
             )
         for _ in range(_LONGEST_CHAIN):  # others may publish a loop
             frame = self._own(name) or self._others.get(name)
@@ -755,7 +757,7 @@ class RobotFrames:
             for frame in self._way_up(name):
                 if frame.joint and frame.joint not in positions:
                     what = "gripper" if frame.slides else "arm"
-                    raise CommandRefused(f"where frame {frame_id[:60]!r} is, is not known: its {what} is not heard.")
+                    raise CommandRefused(f"where frame {quoted(frame_id)} is, is not known: its {what} is not heard.")
                 pose = compose(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
                 found[frame.parent] = pose
             return found
@@ -764,7 +766,7 @@ class RobotFrames:
         for name, pose in seen_from_above(frame_id).items():
             if name in base:
                 return compose(inverse(base[name]), pose)
-        raise CommandRefused(f"frame {frame_id[:60]!r} is not connected to the robot; see /tf_static.")
+        raise CommandRefused(f"frame {quoted(frame_id)} is not connected to the robot; see /tf_static.")
 
     def in_tool(self, side: Side, frame_id: str) -> Pose | None:
         """A frame that is fixed to an arm's flange, seen from its tool in use; None for any other frame.
@@ -796,8 +798,8 @@ class RobotFrames:
         found = self.in_tool(side, frame_id)
         if found is None:
             raise CommandRefused(
-                f"frame {frame_id[:60]!r} is not fixed to the flange of the {side.word} arm; take one that is, such as "
-                f"{prefixed(f'gripper_{side.value}_fingertips')}, or leave it empty for the tool in use."
+                f"frame {quoted(frame_id)} is not fixed to the flange of the {side.word} arm; take one that is, such "
+                f"as {prefixed(f'gripper_{side.value}_fingertips')}, or leave it empty for the tool in use."
             )
         return compose(self.tcp(side), found)
 

@@ -41,7 +41,7 @@ from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Traje
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
 from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.driver.control_process import ENDED
-from yumi.errors import YumiError
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import (
@@ -51,6 +51,7 @@ from yumi.ros.messages import (
     check_wait,
     feedback_message,
     how_to_activate,
+    nanoseconds,
     stamp_of,
     state_message,
     tolerances_of,
@@ -97,7 +98,11 @@ class TrajectoryQuery:
         if len(feedbacks) < len(newest) or any(now - each.time > _FRESH for each in feedbacks.values()):
             response.message = "The controller is not active; activate it first."
             return response
-        stamp = request.time.sec * 1_000_000_000 + request.time.nanosec
+        try:
+            stamp = nanoseconds(request.time, "Query refused: time")
+        except CommandRefused as refusal:
+            response.message = str(refusal)
+            return response
         time = now + (stamp - int(self._ros_clock.now().nanoseconds)) * 1e-9 if stamp else now
         setpoints = self._sample(feedbacks, time)
         response.success = bool(setpoints)

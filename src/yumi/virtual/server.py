@@ -104,6 +104,9 @@ def world_settings(
 _LARGEST_UPLOAD = 16 * 1024 * 1024  # bytes; RAPID modules and cfg files have thousands
 _LARGEST_FORM = 256 * 1024  # bytes
 _LARGEST_TEXT = 3 * LONGEST_MODULE + 1024  # bytes of a form with the text of a module, of which a character may take 3
+LONGEST_BEGINNING = 2.0
+"""How long programs may execute at the beginning before the controller is ready all the same; robot time [s]."""
+
 _RARELY = 1000  # young collections for each full one; 10 by default
 
 
@@ -174,7 +177,11 @@ class VirtualController:
             self._follow_device(side)
 
     def run(self, is_over: Flag, on_ready: Callable[[int], None]) -> None:
-        """Serve until ``is_over``; ``on_ready`` gets the HTTP port.
+        """Serve until ``is_over``.
+
+        ``on_ready`` gets the HTTP port once every task that runs has come to an instruction that waits: what a program
+        does first, such as listening on a socket, is done by then. A task that executes for longer than
+        :data:`LONGEST_BEGINNING` without waiting is not waited for.
 
         Raises:
             NoConnection: the port is taken.
@@ -191,9 +198,15 @@ class VirtualController:
                     with self._lock:
                         self.world.controller.set_motors(True)
                         self.world.controller.start_rapid()
-                on_ready(server.port)
+                until_ready = round(LONGEST_BEGINNING / CYCLE)  # cycles
                 pace = Pace(self._clock, self._speed)
                 while not is_over.is_set():
+                    if until_ready:
+                        with self._lock:
+                            has_begun = all(task.is_waiting for task in self.world.controller.tasks.values())
+                        until_ready = 0 if has_begun else until_ready - 1
+                        if not until_ready:
+                            on_ready(server.port)
                     inboxes = {side: link.receive() for side, link in self._links.items()}
                     with self._lock:
                         departures = self._cycle(inboxes)

@@ -52,7 +52,7 @@ class WorldSettings:
     """What kind of robot there is.
 
     Attributes:
-        robot_name: name of controller and system.
+        robot_name: name of controller and system; that of a new robot of the kind where it is empty.
         robotware: version that the controller names.
         workpieces: what each gripper's fingers find; an arm that is left out finds nothing.
         gripper_modules: modules of each gripper; servo alone for an arm that is left out.
@@ -67,7 +67,7 @@ class WorldSettings:
         system: programs and parameters; the state machine of this package when it is None.
     """
 
-    robot_name: str = "YuMi"
+    robot_name: str = ""
     robotware: str = ROBOTWARE_6
     workpieces: Mapping[Side, Workpiece] = field(default_factory=dict)
     gripper_modules: Mapping[Side, GripperModules] = field(default_factory=dict)
@@ -113,16 +113,17 @@ class World:
         self.arms: Mapping[Side, VirtualArm] = {side: one.arm for side, one in self._units.items()}
         self.grippers: Mapping[Side, VirtualGripper] = {side: one.gripper for side, one in self._units.items()}
         self.egm: Mapping[Side, EgmClient] = {side: one.egm for side, one in self._units.items()}
-        self.network = EgmNetwork(self.cycle_time)
+        self.network = EgmNetwork(self.cycle_time, names={side: arm.kinematics.name for side, arm in self.arms.items()})
         self._egm_host = settings.egm_host
+        name = settings.robot_name or robot.system_name
         options = tuple(each for each in robot.options if not (system.is_factory and each == _ADD_IN))
         self.controller = Irc5(
             tuple(self._units.values()),
             system,
             _with_addresses(system.configuration(), settings, robot),
             Identity(
-                system_name=settings.robot_name,
-                controller_name=settings.robot_name,
+                system_name=name,
+                controller_name=name,
                 robotware=settings.robotware,
                 options=options,
             ),
@@ -405,7 +406,8 @@ class FaultInjection:
     def _running_egm(self, side: Side) -> EgmClient:
         egm = self._world.egm[side]
         if not egm.is_running:
-            raise CommandRefused(f"EGM does not move the {side.word} arm; start EGM first.")
+            name = self._world.arms[side].kinematics.name
+            raise CommandRefused(f"EGM does not move the {name}; start EGM first.")
         return egm
 
     def _place_object(self, side: Side, width_mm: float) -> None:

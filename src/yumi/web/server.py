@@ -1,9 +1,10 @@
 """The web server of ``yumi view``: the page and its files, and a WebSocket for each page.
 
 Who may do what: a page of this machine sees the robot; through another interface, and where a real robot is operated,
-only with the token. A page of a foreign origin, or under a host name that is not this machine's, is refused. One page
-at a time operates the robot, after it has taken control: a virtual one always, a real one where the server was started
-to operate it and the page is opened on the same machine.
+only with the token. The files of the page are for everyone, the robot and a recording are not. A page of a foreign
+origin, or under a host name that is not this machine's, is refused. One page at a time operates the robot, after it has
+taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
+the same machine.
 
 A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state or
 a recording (:func:`page_recording`) says.
@@ -19,6 +20,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -28,6 +30,7 @@ import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
+from yumi.control.cycle import Frame
 from yumi.driver.endpoint import StopEgm, failure_of
 from yumi.driver.readiness import (
     AUTOMATIC,
@@ -41,10 +44,10 @@ from yumi.driver.readiness import (
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.planning.planner import PlanningProcess
-from yumi.recording.mcap import EVENTS, STATE, recorded_messages
+from yumi.recording.mcap import EVENTS, STATE, RecordedEvent, recorded_messages
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
-from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Side, finger_names, joint_names, set_prefix
+from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix
 from yumi.virtual.faults import Fault
 from yumi.web.live import (
     AnyMessage,
@@ -65,7 +68,7 @@ MAX_PAGES = 8
 _STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _message_decoder = msgspec.json.Decoder(AnyMessage)
-_COOKIE = "yumi_view_token"
+_NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
 _ALL_ADDRESSES = ("0.0.0.0", "::")
 _MAX_MESSAGE = 1 << 14  # of a page [bytes]
 _PING = 30.0  # [s]
@@ -151,7 +154,8 @@ class ViewServer:
         """Where a browser finds it; by this machine's name where it listens on all addresses."""
         host = platform.node() if self._settings.host in _ALL_ADDRESSES else self._settings.host
         host = f"[{host}]" if ":" in host else host
-        token = f"?token={self._settings.token}" if self._settings.token else ""
+        # Behind a #, a browser sends it to no server.
+        token = f"#token={self._settings.token}" if self._settings.token else ""
         return f"http://{host}:{self.port}/{token}"
 
     async def start(self) -> None:
@@ -188,26 +192,37 @@ class ViewServer:
     async def _guard(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        """Refuse who may not see anything: foreign origins and host names, and who lacks the token."""
-        host = _host_of(f"http://{request.host}")
+        """Refuse foreign origins and host names."""
+        if not self._is_own_name(_host_of(f"http://{request.host}")):
+            raise web.HTTPForbidden(
+                text="This page is served under the names and addresses of this machine only: use the address that "
+                "`yumi view` printed."
+            )
         origin = request.headers.get("Origin")
-        if is_loopback(self._settings.host) and not is_loopback(host):
-            raise web.HTTPForbidden(text="This page is served under the names of this machine only: use 127.0.0.1.")
-        if origin is not None and urlsplit(origin).netloc != request.host:
+        if origin is not None and origin != f"{request.scheme}://{request.host}":
             raise web.HTTPForbidden(text="Pages of other origins may not use this server.")
-        token = self._settings.token
-        if token:
-            given = request.query.get("token", "")
-            if given and secrets.compare_digest(given.encode(), token.encode()) and request.path == "/":
-                moved = web.HTTPSeeOther("/")  # so that the token is not left in the address bar
-                moved.set_cookie(_COOKIE, token, httponly=True, samesite="Strict")
-                raise moved
-            if not secrets.compare_digest(request.cookies.get(_COOKIE, "").encode(), token.encode()):
-                raise web.HTTPForbidden(text="Open the page by the address with the token that `yumi view` printed.")
         response = await handler(request)
         if not response.prepared:
             response.headers.update(_HEADERS)
         return response
+
+    def _is_own_name(self, host: str) -> bool:
+        """Whether a page may be opened under ``host``; another name may be a foreign one that leads here.
+
+        A page that listens on loopback is opened under its names and addresses; another one by any address, by the name
+        that it listens on, and by this machine's name in any domain.
+        """
+        if is_loopback(host):
+            return True
+        if is_loopback(self._settings.host):
+            return False
+        own = platform.node().partition(".")[0].lower()
+        return _is_address(host) or host in {self._settings.host.lower(), own} or host.startswith(f"{own}.")
+
+    def _has_token(self, request: web.Request) -> bool:
+        # Not in a cookie: a browser sends cookies to every port of a host, so to servers of other users, too.
+        given = request.query.get("token", "").encode(errors="surrogateescape")
+        return secrets.compare_digest(given, self._settings.token.encode()) or not self._settings.token
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
         return web.FileResponse(_STATIC / "index.html")
@@ -218,6 +233,8 @@ class ViewServer:
     async def _send_recording(self, request: web.Request) -> web.StreamResponse:
         if self._settings.recording is None:
             raise web.HTTPNotFound(text="There is no recording; the page shows a robot.")
+        if not self._has_token(request):
+            raise web.HTTPForbidden(text=_NO_TOKEN)
         return web.Response(body=msgspec.json.encode(self._settings.recording), content_type="application/json")
 
     async def _serve_page(self, request: web.Request) -> web.StreamResponse:
@@ -225,7 +242,11 @@ class ViewServer:
             raise web.HTTPForbidden(text="Only the page may open this connection.")
         socket = web.WebSocketResponse(heartbeat=_PING, max_msg_size=_MAX_MESSAGE, compress=False)
         await socket.prepare(request)
-        if len(self._pages) >= MAX_PAGES:  # a page can read why a connection was closed, not why there is none
+        # A page can read why a connection was closed, not why there is none.
+        if not self._has_token(request):
+            await socket.close(code=WSCloseCode.POLICY_VIOLATION, message=_NO_TOKEN.encode())
+            return socket
+        if len(self._pages) >= MAX_PAGES:
             await socket.close(
                 code=WSCloseCode.TRY_AGAIN_LATER, message=f"{MAX_PAGES} pages are open already; close one.".encode()
             )
@@ -252,8 +273,9 @@ class ViewServer:
         """Carry out a message of a page, or have its operator do so."""
         try:
             message = _message_decoder.decode(data)
-        except msgspec.DecodeError as error:
-            page.send({"type": "refused", "sentence": f"Message refused: {error}."})
+        except (msgspec.DecodeError, RecursionError) as error:
+            reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
+            page.send({"type": "refused", "sentence": f"Message refused: {reason}."})
             return
         if isinstance(message, Seen):
             page.seen()
@@ -444,6 +466,14 @@ def _fault_for_page(fault: Fault) -> dict[str, Any]:
     }
 
 
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
 def _host_of(url: str) -> str:
     try:
         return urlsplit(url).hostname or ""
@@ -587,29 +617,29 @@ def page_recording(file: Path) -> dict[str, Any]:
     """
     cycles = {f"{side.value}/cycle": (side, _Samples()) for side in Side}
     grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
-    events: list[dict[str, Any]] = []
+    events: list[RecordedEvent] = []
     states: list[dict[str, Any]] = []
     times: list[float] = []
     epoch, is_complete = 0.0, False
-    for topic, log_time, message in recorded_messages(file):
+    for topic, log_time, value in recorded_messages(file):
         if topic is None:
             is_complete = True
             continue
-        time = float(message["time"])
+        time = value["time"] if isinstance(value, Mapping) else value.time
         epoch = epoch or log_time * 1e-9 - time
         times = [min(times[0], time), max(times[1], time)] if times else [time, time]
         if topic in cycles:
-            cycles[topic][1].add(message)
+            cycles[topic][1].add(value)
         elif topic in grippers:
-            grippers[topic].append(message)
+            grippers[topic].append(value)
         elif topic == EVENTS:
-            events.append(message)
+            events.append(value)
         elif topic == STATE:
-            states.append(message)
-    start, end = times or (0.0, 0.0)
+            states.append(value)
+    start, end = times
 
-    def rounded(values: list[float | None] | None) -> list[float | None] | None:
-        return None if values is None else [None if value is None else round(value, 5) for value in values]
+    def rounded(values: Joints | None) -> list[float] | None:
+        return None if values is None else [round(value, 5) for value in values]  # what is not a number becomes null
 
     return {
         "name": file.name,
@@ -618,12 +648,12 @@ def page_recording(file: Path) -> dict[str, Any]:
         "duration": end - start,
         "arms": {
             side.word: {
-                "time": [round(each["time"] - start, 4) for each in samples.kept],
+                "time": [round(each.time - start, 4) for each in samples.kept],
                 **{
-                    name: [rounded(each[name]) for each in samples.kept]
+                    name: [rounded(getattr(each, name)) for each in samples.kept]
                     for name in ("position", "velocity", "sent", "reference")
                 },
-                "is_running": [each["is_running"] for each in samples.kept],
+                "is_running": [each.is_running for each in samples.kept],
             }
             for side, samples in cycles.values()
         },
@@ -634,10 +664,10 @@ def page_recording(file: Path) -> dict[str, Any]:
         "states": [{**each, "time": each["time"] - start} for each in states],
         "events": [
             {
-                "time": each["time"] - start,
-                "side": None if each["side"] is None else Side(each["side"]).word,
-                "sentence": each["message"],
-                "is_fault": each["is_fault"],
+                "time": each.time - start,
+                "side": each.side and each.side.word,
+                "sentence": each.sentence,
+                "is_fault": each.is_fault,
             }
             for each in events
         ],
@@ -648,14 +678,14 @@ class _Samples:
     """Cycles of one arm at equal intervals, which double when there are too many."""
 
     def __init__(self) -> None:
-        self.kept: list[dict[str, Any]] = []
+        self.kept: list[Frame] = []
         self._period, self._last = _FIRST_PERIOD, float("-inf")
 
-    def add(self, message: dict[str, Any]) -> None:
-        if message["time"] - self._last < self._period - 1e-4:
+    def add(self, frame: Frame) -> None:
+        if frame.time - self._last < self._period - 1e-4:
             return
-        self._last = message["time"]
-        self.kept.append(message)
+        self._last = frame.time
+        self.kept.append(frame)
         if len(self.kept) > MAX_SAMPLES:
             self.kept = self.kept[::2]
             self._period *= 2.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 import os
@@ -11,6 +12,7 @@ import struct
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import replace
 from math import inf, nan
 from pathlib import Path
@@ -27,7 +29,7 @@ from yumi.control.loop import ControllerCommand
 from yumi.control.shared_state import JointStates, SessionLost, Snapshot
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
-from yumi.driver.endpoint_server import MAX_CLIENTS
+from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
@@ -61,12 +63,15 @@ def raw() -> tuple[socket.socket, Any]:
     return connection, connection.makefile("rwb")
 
 
-def answer_to(line: bytes) -> dict[str, Any]:
+def answer_to(line: bytes, *more: bytes) -> dict[str, Any]:
+    """The answer to a line; more lines are answered on the same connection."""
     connection, file = raw()
     with connection, file:
-        file.write(line + b"\n")
+        file.write(b"".join(each + b"\n" for each in (line, *more)))
         file.flush()
         answer: dict[str, Any] = json.loads(file.readline())
+        for _ in more:
+            assert json.loads(file.readline())["result"]
     return answer
 
 
@@ -386,11 +391,18 @@ def test_stop_is_not_refused_however_much_is_asked_for(
         (b'{"id": 7, "method": "grip", "arm": "right", "action": "close", "force": 50}', "out of range"),
         (b'{"id": 7, "method": "set_speed_scale", "speed_scale": 3}', "allowed"),
         (b'{"id": 7, "method": "switch_controllers", "arm": "right"}', "No controller is named"),
+        (b"[" * 100_000, "Expected `object`, got `array`"),
+        (b'{"method": ' + b"[" * 100_000, "Request refused: its lists or objects are nested too deeply."),
+        (b'{"x": ' + b"[" * 100_000, "Request refused: its lists or objects are nested too deeply."),
+        (b'{"id": ' + b'{"id": ' * 100_000, "Request refused: "),
+        (b'{"method": "recover", "confirm": "\xff"}', "Request refused: it is not in UTF-8."),
+        (b'{"id": 7, "method": "' + b"x" * 100_000 + b'"}', f"Request refused: Invalid value '{'x' * 65}…."),
     ],
 )
 def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, line: bytes, sentence: str) -> None:
-    answer = answer_to(line)
+    answer = answer_to(line, b'{"method": "get_state"}')
     assert sentence in answer["error"]["message"]
+    assert len(answer["error"]["message"]) < 200
     assert answer.get("id", 0) == (7 if b'"id": 7' in line and b"NaN" not in line else 0)
     assert driver.robot.control.commands == []
     assert driver.manager.asked == []
@@ -459,15 +471,117 @@ def poll_until(condition: Callable[[], bool]) -> None:
 
 def test_one_client_too_many_is_refused(driver: FakeDriver) -> None:
     clients = [attach() for _ in range(MAX_CLIENTS)]
-    assert all(client.state.is_connected for client in clients)  # each is served
+    poll_until(lambda: driver.server.client_count == MAX_CLIENTS)  # each is served, although it asks for nothing
     with attach() as one_more, pytest.raises(CommandRefused, match="16 clients already"):
         one_more.state  # noqa: B018
+    assert all(client.state.is_connected for client in clients)
     clients.pop().close()
     poll_until(lambda: driver.server.client_count < MAX_CLIENTS)
     with attach() as one_more:
         assert one_more.state.is_connected
     for client in clients:
         client.close()
+
+
+STOPS = [lambda one: one.stop_egm() == "EGM has ended", lambda one: one.set_mode("motors_off") == "The motors are off"]
+
+
+@pytest.mark.parametrize("stop", STOPS, ids=["stop_egm", "motors_off"])
+def test_stop_is_served_however_many_clients_there_are(
+    driver: FakeDriver, stop: Callable[[RunningDriver], bool]
+) -> None:
+    with ExitStack() as stack:
+        for _ in range(MAX_CLIENTS):
+            stack.enter_context(attach())
+        poll_until(lambda: driver.server.client_count == MAX_CLIENTS)
+        for _ in range(MAX_SILENT + 5):  # more than may wait with nothing to ask for
+            stack.enter_context(raw()[0])
+        for _ in range(2):
+            one_more = stack.enter_context(attach())
+            assert stop(one_more)
+            assert stop(one_more)
+            with pytest.raises(CommandRefused, match="16 clients already"):
+                one_more.start_egm()
+        assert driver.server.client_count == MAX_CLIENTS
+
+
+def test_clients_that_ask_for_nothing_take_no_place(driver: FakeDriver) -> None:
+    with ExitStack() as stack:
+        for _ in range(MAX_SILENT):
+            stack.enter_context(raw()[0])
+        for _ in range(MAX_CLIENTS):
+            assert stack.enter_context(attach()).state.is_connected
+        assert driver.server.client_count == MAX_CLIENTS
+
+
+class ShiftedTime:
+    """The endpoint's clock: that of the machine, which can be put forward."""
+
+    def __init__(self, machine: Callable[[asyncio.BaseEventLoop], float]) -> None:
+        self.ahead = 0.0
+        self._machine = machine
+
+    def now(self, loop: asyncio.BaseEventLoop) -> float:
+        return self._machine(loop) + self.ahead
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> ShiftedTime:
+    clock = ShiftedTime(asyncio.BaseEventLoop.time)
+    monkeypatch.setattr(asyncio.BaseEventLoop, "time", lambda loop: clock.now(loop))  # noqa: PLW0108 - a method needs its loop
+    return clock
+
+
+def test_client_that_asks_for_nothing_is_disconnected_and_one_that_has_attached_still_commands(
+    clock: ShiftedTime, driver: FakeDriver
+) -> None:
+    connection, file = raw()
+    with connection, file, attach() as attached, attach() as watching:
+        states = watching.watch(60.0)
+        next(states)
+        connection.sendall(b"nonsense\n")  # not a request
+        assert "JSON is malformed" in json.loads(file.readline())["error"]["message"]
+        poll_until(lambda: driver.server.client_count == 2)
+        clock.ahead = 600.0
+        assert attached.stop_egm() == "EGM has ended"
+        next(states)
+        sentence = "No request came within 5 s; the connection is closed."
+        assert json.loads(file.readline())["error"]["message"] == sentence
+        assert file.readline() == b""
+
+
+def test_client_that_attached_while_all_places_were_taken_is_not_kept(clock: ShiftedTime, driver: FakeDriver) -> None:
+    with ExitStack() as stack:
+        clients = [stack.enter_context(attach()) for _ in range(MAX_CLIENTS)]
+        poll_until(lambda: driver.server.client_count == MAX_CLIENTS)
+        one_more = stack.enter_context(attach())
+        assert clients[0].state.is_connected
+        clock.ahead = 600.0
+        assert clients[0].state.is_connected
+        with pytest.raises(CommandRefused, match="16 clients already"):
+            one_more.stop_egm()
+
+
+def test_stop_whose_answer_takes_long_is_answered_however_many_clients_there_are(
+    clock: ShiftedTime, driver: FakeDriver
+) -> None:
+    begun, may_end = threading.Event(), threading.Event()
+
+    def stop_egm() -> str:
+        begun.set()
+        assert may_end.wait(WAIT)
+        return "EGM has ended"
+
+    driver.manager.stop_egm = stop_egm  # type: ignore[method-assign]
+    with ExitStack() as stack, ThreadPoolExecutor(1) as other:
+        clients = [stack.enter_context(attach()) for _ in range(MAX_CLIENTS)]
+        poll_until(lambda: driver.server.client_count == MAX_CLIENTS)
+        stopped = other.submit(stack.enter_context(attach()).stop_egm)
+        assert begun.wait(WAIT)
+        clock.ahead = 600.0
+        assert clients[0].state.is_connected
+        may_end.set()
+        assert stopped.result(WAIT) == "EGM has ended"
 
 
 def test_other_user_is_disconnected(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -108,3 +108,13 @@ def test_names_are_those_of_the_robot_a_program_is_for(tmp_path: Path, robot: st
     assert [fault.kind for fault in faults] == ["unknown"] * count
     result = CliRunner().invoke(main, ["rapid", "check", "--robot", robot, str(path)])
     assert result.exit_code == (1 if count else 0)
+
+
+def test_registers_are_known_and_a_module_user_takes_the_place_of_the_delivered_one(tmp_path: Path) -> None:
+    program, user = tmp_path / "a.mod", tmp_path / "user.sys"
+    program.write_text("MODULE A PROC main() reg1 := 1; ClkReset clock1; ENDPROC ENDMODULE")
+    user.write_text("MODULE user(SYSMODULE) VAR num reg1; ENDMODULE")
+    assert check_program([program]) == []
+    assert [fault.sentence for fault in check_program([program, user])] == [
+        "'clock1' is not declared, and no signal has that name."
+    ]

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import replace
 from math import pi, radians
 from pathlib import Path
@@ -15,10 +18,13 @@ import pytest
 from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
+from yumi.api.connection import attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.cli import robot as commands
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
+from yumi.driver.endpoint import find_driver
+from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.readiness import Mode
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side, chain_from_abb, home, named_pose
@@ -47,6 +53,21 @@ def refusal(*arguments: str, code: int = 1) -> str:
     result = CliRunner().invoke(main, arguments, catch_exceptions=False)
     assert result.exit_code == code, result.output
     return result.stderr
+
+
+@pytest.mark.parametrize("kind", ["idle", "attached"])
+def test_stop_is_served_at_once_beside_sixteen_clients(driver: FakeDriver, kind: str) -> None:
+    run("stop")  # imported
+    with ExitStack() as stack:
+        for _ in range(MAX_CLIENTS):
+            if kind == "idle":
+                stack.enter_context(socket.socket(socket.AF_UNIX)).connect(str(find_driver()))
+            else:
+                assert stack.enter_context(attach()).state.is_connected
+        begin = time.monotonic()
+        assert run("stop") == "EGM has ended\n"
+        assert time.monotonic() - begin < 0.5
+    assert driver.manager.asked == ["stop", "stop"]
 
 
 def goals(driver: FakeDriver) -> list[JointGoal]:

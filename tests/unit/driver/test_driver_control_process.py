@@ -5,7 +5,9 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from queue import SimpleQueue
+from threading import Event as Flag
 from typing import Any
 
 import pytest
@@ -13,7 +15,7 @@ import pytest
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, Snapshot
 from yumi.driver import control_process
-from yumi.driver.control_process import HUNG, STALE, ControlProcess
+from yumi.driver.control_process import HUNG, STALE, STARTING, ControlProcess
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import PipeClosed
 from yumi.robot.joints import Side
@@ -30,6 +32,8 @@ class Child:
     def __init__(self, *_: object) -> None:
         self.exit_code: int | None = None
         self.says: SimpleQueue[Any] = SimpleQueue()
+        self.sent: list[object] = []
+        self.is_waited_for, self.has_ended = Flag(), Flag()
         self.pipe = self
 
     def start(self) -> None:
@@ -37,8 +41,10 @@ class Child:
 
     def send(self, message: object) -> None:
         """The test says what it answers."""
+        self.sent.append(message)
 
     def receive(self) -> Any:
+        self.is_waited_for.set()
         said = self.says.get(timeout=LONG)
         if said is PipeClosed:
             raise PipeClosed("the end")
@@ -46,6 +52,7 @@ class Child:
 
     def join(self, timeout: float) -> bool:
         self.exit_code = -9
+        self.has_ended.set()
         return True
 
 
@@ -109,6 +116,29 @@ def test_command_that_is_not_answered_is_given_up_for_the_process_too(
         with pytest.raises(RobotNotReady, match="did not answer"):
             control.call(Commands.hold, LEFT)
         assert control._given_up[0] == number
+
+
+def test_command_is_refused_and_not_kept_for_a_process_that_is_starting_again(
+    child: Child, control: ControlProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It would serve the command late, and report that it had stood still."""
+    monkeypatch.setattr(control_process, "_ANSWER_TIMEOUT", 0.01)
+    child.says.put(PipeClosed)
+    assert child.has_ended.wait(LONG)
+    again = Child()
+    monkeypatch.setattr(control_process, "ChildProcess", lambda *_: again)
+    with ThreadPoolExecutor(1) as other:
+        revived = other.submit(control.revive)
+        assert again.is_waited_for.wait(LONG)
+        with pytest.raises(RobotNotReady, match=STARTING):
+            control.call(Commands.hold, LEFT)
+        assert (again.sent, control._given_up[0]) == ([], 0)
+        again.says.put("started")
+        assert revived.result(LONG)
+    with pytest.raises(RobotNotReady, match="did not answer"):
+        control.call(Commands.hold, LEFT)
+    assert len(again.sent) == 1
+    again.says.put(PipeClosed)
 
 
 @pytest.mark.parametrize("is_streaming", [False, True])

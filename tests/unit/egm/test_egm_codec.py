@@ -255,6 +255,14 @@ def test_path_correction_survives_the_wire() -> None:
     assert RobotCodec().decode_correction(SensorCodec().encode_correction(correction)) == correction
 
 
+def test_references_are_not_read_as_a_path_correction_nor_a_path_correction_as_references() -> None:
+    sensor, robot = SensorCodec(), RobotCodec()
+    with pytest.raises(ProtocolError, match="type 3 has references"):
+        robot.decode_correction(sensor.encode(SensorMessage(1, (0.1,) * 7)))
+    with pytest.raises(ProtocolError, match="type 4 corrects a path"):
+        robot.decode(sensor.encode_correction(PathCorrection(1, (0.1, 0.2, 0.3))))
+
+
 def test_path_correction_without_a_position_is_refused() -> None:
     with pytest.raises(ProtocolError, match="path correction has no position"):
         RobotCodec().decode_correction(b"")

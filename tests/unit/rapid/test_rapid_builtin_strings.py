@@ -75,12 +75,24 @@ def test_string_becomes_a_value_of_the_variables_type() -> None:
     assert (bench.read("ok"), bench.read("p"), bench.read("fine1")) == ("TRUE", "[1,2,30]", "FALSE")
 
 
+@pytest.mark.parametrize(("text", "value"), [("-5", "-5"), ("+5", "5"), ("0x10", "16"), ("-0b101", "-5")])
+def test_number_with_a_sign_or_of_another_base_is_a_literal(text: str, value: str) -> None:
+    bench = started(f'ok := StrToVal("{text}", n);', "VAR bool ok; VAR num n;")
+    assert (bench.read("ok"), bench.read("n")) == ("TRUE", value)
+
+
 @pytest.mark.parametrize(("text", "type_"), [("1,5", "num"), ("5;", "num"), ("[1,2,3]x", "pos")])
 def test_text_behind_a_value_makes_it_no_value(text: str, type_: str) -> None:
     bench = started(f'ok := StrToVal("{text}", v);', f"VAR bool ok := TRUE; VAR {type_} v;")
     assert bench.read("ok") == "FALSE"
     with pytest.raises(RapidSyntaxError, match="where the end of the text is allowed"):
         parse_expression(text)
+
+
+@pytest.mark.parametrize(("text", "type_"), [("--5", "num"), ("+-5", "dnum"), ("[1,- -2,3]", "pos"), ("2+3", "num")])
+def test_expression_is_no_value(text: str, type_: str) -> None:
+    bench = started(f'ok := StrToVal("{text}", v);', f"VAR bool ok := TRUE; VAR {type_} v;")
+    assert bench.read("ok") == "FALSE"
 
 
 @pytest.mark.parametrize("call", ['StrDigCmp("\u00b2",EQ,"2")', 'StrDigCmp("2",EQ,"\u0662")'])

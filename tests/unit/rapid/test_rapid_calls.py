@@ -53,9 +53,97 @@ def test_inout_parameter_takes_variables_and_persistents() -> None:
     assert (bench.read("a"), bench.read("b")) == ("2", "1")
 
 
+PREDEFINED = """
+  PERS tooldata own:=[TRUE,[[0,0,1],[1,0,0,0]],[1,[0,0,1],[1,0,0,0],0,0,0]];
+  PROC show(PERS tooldata tool, PERS wobjdata wobj, INOUT loaddata load)
+    TPWrite ArgName(tool) + ValToStr(tool.robhold) + ValToStr(wobj.ufprog) + ValToStr(load.mass);
+    IF IsPers(tool) deeper tool;
+  ENDPROC
+  PROC deeper(PERS tooldata tool)
+    TPWrite ValToStr(tool.tload.mass);
+  ENDPROC
+  PROC change(PERS tooldata tool)
+    tool := own;
+  ENDPROC
+  PROC shift(INOUT tooldata tool)
+    tool.tframe.trans.x := 5;
+  ENDPROC
+"""
+
+
+def test_predefined_tool_work_object_and_load_are_passed_to_pers_and_inout_parameters() -> None:
+    bench = started("show tool0, wobj0, load0;", PREDEFINED)
+    assert bench.lines == ["tool0TRUETRUE0.001", "0.001"]
+
+
+@pytest.mark.parametrize("call", ["change tool0;", "shift tool0;", 'SetDataVal "tool0", own;'])
+def test_predefined_tool_is_not_changed_through_a_parameter(call: str) -> None:
+    assert error_of(call, PREDEFINED) == "ERR_SYM_ACCESS"
+    handled = f"{call} TPWrite ValToStr(tool0 = own); ERROR TPWrite ValToStr(tool0 = own); TRYNEXT;"
+    assert started(handled, PREDEFINED).lines == ["FALSE", "FALSE"]
+
+
+@pytest.mark.parametrize("assignment", ["tool0 := own;", "wobj0.ufprog := FALSE;", "load0.mass := 1;"])
+def test_assignment_to_a_predefined_tool_work_object_or_load_is_refused(assignment: str) -> None:
+    assert f"'{assignment[:5]}' cannot be changed here" in refusal(assignment, PREDEFINED)
+
+
+def test_predefined_tool_is_not_a_variable_and_not_a_constant() -> None:
+    assert "'tool0' cannot be changed here" in refusal("p tool0;", "PROC p(VAR tooldata tool) ENDPROC")
+    assert "'tool0' is not a constant" in refusal("", "PERS tooldata copy := tool0;")
+
+
+def test_interrupt_may_watch_a_predefined_persistent() -> None:
+    body = "CONNECT watch WITH seen; IPers tool0, watch; change tool0; ERROR TRYNEXT;"
+    bench = started(body, f'{PREDEFINED} VAR intnum watch; TRAP seen TPWrite "changed"; ENDTRAP')
+    bench.run(0.1)
+    assert bench.lines == []
+    assert bench.stop.error == ""
+
+
 def test_array_parameter_takes_any_size() -> None:
     total = "FUNC num total(num x{*}) VAR num s; FOR i FROM 1 TO Dim(x,1) DO s := s + x{i}; ENDFOR RETURN s; ENDFUNC"
     assert evaluated("total(a) + total([10,20])", declarations=f"CONST num a{{3}} := [1,2,3]; {total}") == "36"
+
+
+ARRAYS = """
+  VAR num three{3} := [1,2,3]; VAR num two{2} := [8,9]; VAR num zeros{3}; VAR num square{2,2} := [[1,2],[3,4]];
+  VAR num wide{2,3}; VAR num copy{3}; VAR num copies{2,2};
+  PROC keep(num a{*}) copy := a; ENDPROC
+  PROC keep_all(num a{*,*}) copies := a; ENDPROC
+  PROC fill(VAR num a{*}) a := three; ENDPROC
+  PROC swap(VAR num a{*}, INOUT num b{*}) VAR num c{3}; c := a; a := b; b := c; ENDPROC
+  FUNC bool same(num a{*}) RETURN three = a AND a = three; ENDFUNC
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "values"),
+    [
+        ("keep three;", {"copy": "[1,2,3]"}),
+        ("keep_all square;", {"copies": "[[1,2],[3,4]]"}),
+        ("fill zeros;", {"zeros": "[1,2,3]"}),
+        ("swap three, zeros;", {"three": "[0,0,0]", "zeros": "[1,2,3]"}),
+        ("IF same(three) AND NOT same(two) AND NOT same(zeros) keep three;", {"copy": "[1,2,3]"}),
+    ],
+)
+def test_array_parameter_is_assigned_and_compared_with_arrays_of_its_size(body: str, values: dict[str, str]) -> None:
+    bench = started(body, ARRAYS)
+    assert {name: bench.read(name) for name in values} == values
+
+
+@pytest.mark.parametrize("body", ["keep two;", "keep_all wide;", "fill two;", "swap three, two;"])
+def test_array_parameter_of_another_size_is_an_error_of_the_assignment(body: str) -> None:
+    assert error_of(body, ARRAYS) == "ERR_INVDIM"
+    bench = started(f"{body} ERROR IF ERRNO = ERR_INVDIM TRYNEXT;", ARRAYS)
+    assert [bench.read(name) for name in ("copy", "copies", "two")] == ["[0,0,0]", "[[0,0],[0,0]]", "[8,9]"]
+
+
+@pytest.mark.parametrize("value", ["two", "n", "square"])
+def test_datum_of_other_dimensions_is_not_read_or_written_by_its_name(value: str) -> None:
+    data = f"{ARRAYS} VAR num n; PERS num stored{{3}} := [4,5,6];"
+    assert error_of(f'GetDataVal "stored", {value};', data) == "ERR_INVDIM"
+    assert error_of(f'SetDataVal "stored", {value};', data) == "ERR_INVDIM"
 
 
 def test_present_is_whether_an_optional_argument_was_passed() -> None:

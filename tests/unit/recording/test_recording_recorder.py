@@ -20,7 +20,7 @@ from yumi.control.shared_state import (
     SessionLost,
     SessionStarted,
 )
-from yumi.errors import SettingsError
+from yumi.errors import ProtocolError, SettingsError
 from yumi.recording.mcap import AFTER, FullRecorder, RecordedEvent, Recorder, RecordingWriter, read_recording
 from yumi.robot.joints import Side
 
@@ -167,7 +167,10 @@ def test_every_record_is_begun_while_others_wait_for_what_follows(
 
 
 def is_whole(file: Path) -> bool:
-    recording = read_recording(file)
+    try:
+        recording = read_recording(file)
+    except ProtocolError:  # nothing is in it yet
+        return False
     return recording.is_complete and recording.stop is not None
 
 

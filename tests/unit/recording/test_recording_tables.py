@@ -73,10 +73,10 @@ def test_export_writes_every_row_as_csv(file: Path, tmp_path: Path, table: str, 
 def test_export_refuses_other_endings_and_empty_tables(tmp_path: Path, file: Path) -> None:
     with pytest.raises(CommandRefused, match=r"give a file that ends in \.csv or \.parquet"):
         export(file, tmp_path / "table.xlsx")
-    with RecordingWriter(tmp_path / "empty.mcap", EPOCH):
-        pass
-    with pytest.raises(CommandRefused, match=r"empty\.mcap has no grippers"):
-        export(tmp_path / "empty.mcap", tmp_path / "table.csv", "grippers")
+    with RecordingWriter(tmp_path / "cycles.mcap", EPOCH) as writer:
+        writer.add_frame(Side.LEFT, flown(1).frames()[0])
+    with pytest.raises(CommandRefused, match=r"cycles\.mcap has no grippers"):
+        export(tmp_path / "cycles.mcap", tmp_path / "table.csv", "grippers")
     assert not (tmp_path / "table.csv").exists()
 
 

@@ -92,6 +92,11 @@ def test_configuration_names_quarter_turns_and_branch(
     assert irb120().configuration(tuple(map(radians, angles))) == configuration  # type: ignore[arg-type]
 
 
+def test_axes_that_stand_at_zero_are_in_the_first_quarter_turn_despite_rounding() -> None:
+    assert irb120().configuration((-5e-5, 0.0, 0.0, -5e-5, -5e-5, -5e-5)) == (0, 0, 0, 0)  # type: ignore[arg-type]
+    assert irb120().configuration((-5e-3, 0.0, 0.0, -5e-3, -5e-3, -5e-3)) == (-1, -1, -1, 1)  # type: ignore[arg-type]
+
+
 def test_posture_beside_a_border_is_of_both_configurations() -> None:
     arm, beside = irb120(), tuple(map(radians, (-0.5, 0.0, 0.0, 0.0, 30.0, 0.0)))
     assert arm.has_configuration(beside, Configuration(0, 0, 0, 0))  # type: ignore[arg-type]

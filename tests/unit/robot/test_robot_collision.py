@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 
 import yumi.robot
 from yumi.control.collisions import BODY_MARGIN
+from yumi.errors import CommandRefused
 from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
 from yumi.robot.description import (
     BODY_SHAPES,
@@ -413,3 +415,54 @@ def test_a_declared_tool_reaches_further() -> None:
     floor = Obstacle("floor", Pose((0.0, 0.0, -0.6), UPRIGHT), (4.0, 4.0, 0.2))
     model = CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: [needle]}, obstacles=[floor])
     assert [each for each in model.nearest(HOME, 10_000) if each.part == "left needle" and each.other == "floor"]
+
+
+def boxes_of(*names: str) -> list[Obstacle]:
+    return [Obstacle(name, Pose((1.0, 0.0, 0.0), UPRIGHT), (0.1, 0.1, 0.1)) for name in names]
+
+
+@pytest.mark.parametrize("side", list(Side))
+@pytest.mark.parametrize("modules", list(GripperModules))
+def test_box_with_the_name_of_a_part_of_the_robot_is_refused(side: Side, modules: GripperModules) -> None:
+    own = {name for name in CollisionModel(dict.fromkeys(Side, modules)).names if name != "body"}
+    for name in {"body", f"{side.word} arm", *own}:
+        with pytest.raises(
+            CommandRefused, match=f"^Box '{name}' refused: a part of the robot has this name; give anot"
+        ):
+            CollisionModel(SERVO_GRIPPERS, obstacles=boxes_of("table", name))
+
+
+def test_box_with_the_name_of_a_declared_tool_is_refused() -> None:
+    needle = {Side.RIGHT: [Part("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]}
+    with pytest.raises(CommandRefused, match="Box 'right needle' refused: a part of the robot has this name"):
+        CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("right needle"))
+    assert CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("left needle")).names[-1] == "left needle"
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (("",), "Box '' refused: it has no name"),
+        ((" ",), "Box ' ' refused: it has no name"),
+        (("post", "table", "post"), "Box 'post' refused: another one has this name; give each a name of its own."),
+        ([f"b{each}" for each in range(101)], "Box 'b100' refused: it is one of 101, allowed are 100."),
+    ],
+)
+def test_box_is_refused_whose_name_does_not_stand_for_it_alone(names: Sequence[str], sentence: str) -> None:
+    with pytest.raises(CommandRefused, match=f"^{sentence}"):
+        CollisionModel(SERVO_GRIPPERS, obstacles=boxes_of(*names))
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        (["gripper"], "Tool 'gripper' of the left arm refused: a part of the robot has this name; give another one."),
+        (["arm"], "Tool 'arm' of the left arm refused: a part of the robot has this name; give another one."),
+        (["pen", "pen"], "Tool 'pen' of the left arm refused: another one has this name; give each a name of its own."),
+        ([f"t{each}" for each in range(21)], "Tool 't20' of the left arm refused: it is one of 21, allowed are 20."),
+    ],
+)
+def test_tool_is_refused_whose_name_does_not_stand_for_it_alone(names: Sequence[str], sentence: str) -> None:
+    tools = [Part(name, 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003) for name in names]
+    with pytest.raises(CommandRefused, match=f"^{sentence}"):
+        CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: tools})

@@ -225,3 +225,10 @@ def test_jacobian_is_the_derivative_of_the_tools_pose(side: Side, position: Join
 )
 def test_configuration_of_a_posture(posture_deg, confdata) -> None:
     assert configuration(rad(posture_deg)) == confdata
+
+
+@pytest.mark.parametrize("beside_deg", [-0.004, 0.0, 0.004])
+def test_configuration_beside_a_border_is_that_of_the_border(beside_deg: float) -> None:
+    posture = tuple(angle + beside_deg for angle in (0, 0, 0, -90, 0, 0, 90))
+    assert configuration(rad(posture)) == (0, 0, 1, 0)
+    assert configuration(rad(tuple(angle - 0.1 for angle in posture))) == (-1, -1, 0, 7)

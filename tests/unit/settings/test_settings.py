@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import re
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ from yumi.driver.settings import Settings, config_folder, override, read_control
 from yumi.errors import SettingsError
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import Side
+from yumi.settings import read_parameter_file
 
 
 @pytest.fixture
@@ -101,12 +104,89 @@ def egm_tool(mass: str) -> str:
         ("robot: here", "mine.yaml: robot needs a mapping, it has 'here'."),
         ("- 1", "must hold a mapping of settings."),
         ("robot: [", "mine.yaml is not YAML in line 1, column 9"),
+        (
+            "collision: {enabled: true}\ncollision: {}",
+            "mine.yaml line 2: collision stands in line 1 already; remove one",
+        ),
+        ("robot:\n  user: a\n  user: b", "mine.yaml line 3: user stands in line 2 already; remove one."),
+        (
+            "collision:\n  boxes:\n    1: {size: [1, 1, 1]}\n    '1': {size: [2, 2, 2]}",
+            "mine.yaml line 4: 1 stands in line 3 already; remove one.",
+        ),
+        (
+            "collision:\n  boxes: {<<: {table: {}, table: {}}}",
+            "mine.yaml line 2: table stands in line 2 already; remove one.",
+        ),
+        (
+            f"robot: {{rws_port: {'9' * 5000}}}",
+            "mine.yaml line 1: a text or number has 5000 characters; allowed are 1000.",
+        ),
+        (f"robot: {{rws_port: {'9' * 1000}}}", f"robot: rws_port is {'9' * 80}…; allowed is 1 to 65535."),
+        ("robot: {user: 2024-99-99}", "mine.yaml line 1: what stands there is not a valid timestamp; quote a text."),
+        (
+            "robot: !!python/tuple {user: a}",
+            "mine.yaml line 1 has the tag 'tag:yaml.org,2002:python/tuple'; remove it.",
+        ),
+        ("robot: &a {user: *a}", "mine.yaml line 1: an alias stands for what it is part of; remove it."),
     ],
 )
 def test_settings_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
     file.write_text(text)
     with pytest.raises(SettingsError, match=re.escape(sentence)):
         read_settings(file)
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (b"robot: {user: a}\n" * 4_000_000, "mine.yaml has more than 256 kB, the most a file of settings may have;"),
+        (b"robot:\n  user: \xe9", "mine.yaml is not text in UTF-8 from line 2 on: byte 0xe9; save it as UTF-8."),
+        (
+            b"robot: " + b"[" * 20_000,
+            "mine.yaml is nested more than 20 levels deep in line 1; allowed are",
+        ),
+        (b"{a: " * 20_000, "mine.yaml is nested more than 20 levels deep in line 1; allowed are 20."),
+        (b"robot:\n" + b"- " * 20_000, "mine.yaml is nested more than 20 levels deep in line 2"),
+        (
+            b"r: [" + b"1," * 60_000,
+            "mine.yaml has more than 20000 keys and values up to line 1; allowed are 20000, and",
+        ),
+        (
+            b"a: &a0 [1]\n" + b"".join(b"b%d: &a%d [*a%d]\n" % (each, each, each - 1) for each in range(1, 500)),
+            "mine.yaml is nested more than 20 levels deep in line 19; allowed are 20.",
+        ),
+        (
+            b"a: &a0 [1]\n"
+            + b"".join(b"b%d: &a%d [%s]\n" % (each, each, b"*a%d," % (each - 1) * 9) for each in range(1, 9)),
+            "mine.yaml has more than 20000 keys and values up to line 6; allowed are 20000, and what an alias",
+        ),
+        (
+            b"a: &a0 {x: 1}\n"
+            + b"".join(b"b%d: &a%d {<<: [%s]}\n" % (each, each, b"*a%d," % (each - 1) * 9) for each in range(1, 7)),
+            "mine.yaml has more than 20000 keys and values up to line 5; allowed are 20000",
+        ),
+    ],
+    ids=["50 MB", "Latin-1", "lists", "mappings", "items", "values", "deep aliases", "wide aliases", "merged aliases"],
+)
+@pytest.mark.parametrize("read", [read_settings, read_parameter_file], ids=["settings", "parameters"])
+def test_file_of_any_size_or_depth_is_refused_at_once(
+    file: Path, read: Callable[[Path], object], content: bytes, sentence: str
+) -> None:
+    file.write_bytes(content)
+    begin = time.process_time()
+    with pytest.raises(SettingsError, match=re.escape(sentence)):
+        read(file)
+    assert time.process_time() - begin < 5.0
+
+
+def test_key_overrides_one_of_a_mapping_that_is_merged(file: Path) -> None:
+    file.write_text("robot: &robot {user: a, timeout: 1}\negm: {}\n")
+    assert read_settings(file).robot.user == "a"
+    file.write_text("collision: {boxes: {a: &box {size: [1, 1, 1]}, b: {<<: *box, position: [1, 0, 0]}, c: *box}}")
+    boxes = read_settings(file).collision.boxes
+    assert [box.position[0] for box in boxes.values()] == [0.0, 1.0, 0.0]
+    file.write_text("collision: {boxes: {a: &box {size: [1, 1, 1]}, b: {<<: *box, size: [2, 2, 2]}}}")
+    assert [box.size[0] for box in read_settings(file).collision.boxes.values()] == [1.0, 2.0]
 
 
 def test_missing_settings_file_is_named(file: Path) -> None:
@@ -199,9 +279,29 @@ def test_walls_have_normals_of_length_one(tmp_path: Path) -> None:
         ("tool_limits: {walls: {window: {normal: [0, 0, 0]}}}", "a wall's normal has no direction"),
         ("tool_limits: {walls: [window]}", "tool_limits: walls needs a mapping of names, it has ['window']."),
         ("collision: {right_tools: {needle: {radius: 0}}}", "radius is 0; allowed is 0.001 to 0.5 m."),
+        (
+            "collision: {boxes: {body: {size: [1, 1, 1]}}}",
+            "mine.yaml: collision: Box 'body' refused: a part of the robot has this name; give another one.",
+        ),
+        ("collision: {boxes: {'': {size: [1, 1, 1]}}}", "collision: Box '' refused: it has no name; give one such as"),
+        (
+            "collision: {right_tools: {gripper: {}}}",
+            "mine.yaml: collision: Tool 'gripper' of the right arm refused: a part of the robot has this name;",
+        ),
     ],
 )
 def test_boxes_and_tools_are_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
     file.write_text(text)
     with pytest.raises(SettingsError, match=re.escape(sentence)):
         read_settings(file)
+
+
+def test_so_many_boxes_are_refused_at_once(file: Path) -> None:
+    box = "{size: [1, 1, 1]}"
+    file.write_text("collision: {boxes: {" + "".join(f"b{each}: {box}, " for each in range(1000)) + "}}")
+    with pytest.raises(
+        SettingsError, match=re.escape("collision: Box 'b100' refused: it is one of 1000, allowed are 100.")
+    ):
+        read_settings(file)
+    file.write_text("collision: {boxes: {" + "".join(f"b{each}: {box}, " for each in range(100)) + "}}")
+    assert len(read_settings(file).collision.boxes) == 100

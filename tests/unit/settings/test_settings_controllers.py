@@ -86,7 +86,7 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
     ("text", "sentence"),
     [
         ("- 1", "mine.yaml must hold a mapping of settings."),
-        ("/c: [", "mine.yaml is not YAML:"),
+        ("/c: [", "mine.yaml is not YAML in line 1, column 6; quote texts"),
         ("/c: 3", "mine.yaml line 1: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  ros__parameters: 3", "mine.yaml line 2: /c needs a mapping 'ros__parameters'."),
         ("/c:\n  p: 3", "mine.yaml line 2: /c/p needs a mapping 'ros__parameters'."),
@@ -94,7 +94,8 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
         ("/c:\n  ros__parameters:\n    p: [1, x]", "mine.yaml line 3: p is [1, 'x']; it must be"),
         ("/c:\n  ros__parameters:\n    p: [yes]", "mine.yaml line 3: p is [True]; it must be"),
         ("/c:\n  ros__parameters:\n    g: {p: 2024-01-01}", "mine.yaml line 3: g.p is datetime.date(2024, 1, 1)"),
-        ("/c:\n  ros__parameters:\n    p: 1\n    p: 2", "mine.yaml line 4: p stands in line 3 already."),
+        ("/c:\n  ros__parameters:\n    p: 1\n    p: 2", "mine.yaml line 4: p stands in line 3 already; remove one."),
+        (f"/c: {{ros__parameters: {{p: [{'9' * 400}]}}}}", f"mine.yaml line 1: p is [{'9' * 79}…; it must be a truth"),
     ],
 )
 def test_parameter_file_is_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:

@@ -68,10 +68,20 @@ def test_everything_that_the_wheels_are_made_from_is_copied() -> None:
 
 
 def test_stages_build_on_each_other_and_on_one_python() -> None:
-    outside = {stage.base for stage in STAGES.values() if stage.base not in STAGES}
-    assert outside == {"docker.io/library/python:3.12-slim"}
+    (outside,) = [stage.base for stage in STAGES.values() if stage.base not in STAGES]
+    assert re.fullmatch(r"docker\.io/library/python:3\.12-slim@sha256:[0-9a-f]{64}", outside)
     mounts = [re.findall(r"from=(\w+)", each) for image in IMAGES for each in image.all("RUN")]
     assert mounts == [["build"], ["build"]]
+
+
+@pytest.mark.parametrize("image", IMAGES, ids=lambda image: image.name)
+def test_image_installs_nothing_but_the_wheel_and_what_is_pinned_with_hashes(image: Stage) -> None:
+    (run,) = image.all("RUN")
+    pinned, wheel = re.findall(r"pip install [^&]*", run)
+    assert {"--require-hashes", "--no-deps", "--only-binary"} <= set(pinned.split())
+    assert re.search(r"--requirement /dist/requirements(-ros)?\.txt", pinned)
+    assert {"--no-index", "--no-deps"} <= set(wheel.split())
+    assert wheel.split()[-1].endswith(".whl")
 
 
 @pytest.mark.parametrize("image", IMAGES, ids=lambda image: image.name)
@@ -96,5 +106,9 @@ def test_wheels_are_made_where_the_images_look_for_them() -> None:
         ["make", "--dry-run", "wheels"], cwd=ROOT, capture_output=True, text=True, check=True
     ).stdout
     assert printed.count("hatchling build -t wheel -d dist") == 2
+    assert re.findall(r"setup/requirements\.py (.*)> dist/(\S+)", printed) == [
+        ("", "requirements.txt"),
+        ("ros record ", "requirements-ros.txt"),
+    ]
     assert all("source=/build/dist" in image.all("RUN")[0] for image in IMAGES)
     assert STAGES["build"].all("WORKDIR") == ["/build"]

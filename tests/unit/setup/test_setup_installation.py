@@ -216,7 +216,7 @@ def test_pip_is_given_every_pin_with_its_hashes_and_refuses_others(
 
 
 def test_every_pin_has_hashes() -> None:
-    pins = installation._requirements(installation.Clone(ROOT))
+    pins = installation.pins(installation.Clone(ROOT))
     assert len(pins) > 100
     assert [pin for pin in pins if "--hash=sha256:" not in pin] == []
 

@@ -147,7 +147,7 @@ def test_wrong_program_takes_the_place_of_the_right_one_and_goes_again(
     egm_system: System, egm_faults: FaultInjection
 ) -> None:
     egm_faults.inject(Fault.WRONG_PROGRAM)
-    assert [module.name for module in egm_system.client.modules("T_ROB_L")] == ["Pick"]
+    assert [module.name for module in egm_system.client.modules("T_ROB_L")] == ["user", "Pick"]
     egm_system.client.start_rapid()
     egm_system.wait(2.0)
     assert egm_system.world.controller.is_running

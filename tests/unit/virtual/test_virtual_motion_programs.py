@@ -1,6 +1,7 @@
 """Programs in the style of others (``motion_programs/``), each with what its path has to be, in its first lines.
 
 Lengths in mm, speeds in mm/s, places of the tool in the robot's base; ``through`` within 0.1 mm, ``speed`` within 2 %.
+A signal ``rises`` or ``falls`` where the tool is, and ``enters`` or ``leaves`` a zone where the tool is planned to be.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from yumi.virtual.world import World, WorldSettings
 
 Array = NDArray[np.float64]
 PROGRAMS = sorted((Path(__file__).parent / "motion_programs").glob("*.mod"))
+SIGNAL_WORDS = {"rises": (1.0, 0), "falls": (0.0, 0), "enters": (1.0, 1), "leaves": (0.0, 1)}
 
 # Denavit and Hartenberg's parameters (theta offset [deg], d [mm], a [mm], alpha [deg]) of an IRB 120, and Craig's
 # (alpha [deg], a [mm], d [mm], theta offset [deg]) of a YuMi's arm; where their feet stand.
@@ -83,7 +85,7 @@ class Performance:
     Attributes:
         points: of the tool, cycle by cycle [mm], (n, 3).
         joints: planned positions [rad].
-        changes: by signal, its new values with the places where they came.
+        changes: by signal, its new values with where the tool was then, and was planned to be.
     """
 
     def __init__(self, path: Path, expected: Expectations) -> None:
@@ -93,14 +95,14 @@ class Performance:
         system = delivered_system() if robot == "yumi" else factory_system(ROBOTS[robot])
         self.world = World(WorldSettings(system=with_programs(system, {task: [path]})))
         self.task = self.world.controller.tasks[task]
-        self.module = self.task.modules[0].name
+        self.module = self.task.modules[-1].name
         self._robot, self._tool = robot, np.array([*tool, 1.0])
         controller, touch = self.world.controller, next(expected.numbers("touch"), [np.inf])[0]
         controller.set_motors(on=True)
         controller.start_rapid("once")
-        watched = [name.split()[0] for word in ("rises", "falls") for name in expected.of(word)]
+        watched = [name.split()[0] for word in SIGNAL_WORDS for name in expected.of(word)]
         levels = dict.fromkeys(watched, 0.0)
-        self.changes: dict[tuple[str, float], Array] = {}
+        self.changes: dict[tuple[str, float], tuple[Array, Array]] = {}
         points, self.joints = [], []
         while self.task.is_running:
             self.world.cycle({})
@@ -112,7 +114,7 @@ class Performance:
                 value = controller.signals.get(name).value
                 if value != levels[name]:
                     levels[name] = value
-                    self.changes[name, value] = points[-1]
+                    self.changes[name, value] = self.place(self.world.arms[Side.RIGHT].position), points[-1]
             assert controller.time < 60.0, "still running after a minute"
         self.points = np.array(points)
 
@@ -159,11 +161,11 @@ def test_program_moves_the_robot_as_it_says(program: Path) -> None:
     for axis, angle_deg in expected.numbers("joint"):
         turned_to = np.degrees([position[int(axis)] for position in run.joints])
         assert 0.75 * angle_deg < np.max(turned_to) <= angle_deg
-    for word, level in (("rises", 1.0), ("falls", 0.0)):
+    for word, (level, which) in SIGNAL_WORDS.items():
         for rest in expected.of(word):
             name, *numbers = rest.split()
             x, y, z, off = map(float, numbers)
-            assert np.linalg.norm(run.changes[name, level] - (x, y, z)) < off
+            assert np.linalg.norm(run.changes[name, level][which] - (x, y, z)) < off
     screen = list(expected.of("screen"))
     assert not screen or screen == list(run.world.controller.screens[run.task.name])
     for rest in expected.of("value"):

@@ -10,11 +10,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from memory_http import MemoryHttp
+from yumi.clock import ManualClock
 from yumi.egm.codec import SensorCodec, SensorMessage
+from yumi.errors import YumiError
 from yumi.robot.joints import Joints, Side
 from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
+from yumi.virtual.faults import Fault
 from yumi.virtual.instructions.data import robtarget
-from yumi.virtual.world import World, WorldSettings
+from yumi.virtual.mechanics.motion import EgmRun
+from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 Array = NDArray[np.float64]
 
@@ -57,6 +62,25 @@ def run(world: World, limit: float = 30.0, each: Callable[[], None] = lambda: No
         positions.append(world.arms[Side.RIGHT].planned)
     assert not world.controller.is_running, f"still running after {limit} s"
     return positions
+
+
+@pytest.mark.parametrize(
+    ("robot", "facts"),
+    [
+        ("yumi", "14000-500000 14000-0.5/0.5 YuMi YuMi"),
+        ("irb14050", "14050-500000 14050-0.5/0.5 IRB_14050 IRB_14050"),
+        ("irb120", "120-500000 120-3/0.6 IRB_120 IRB_120"),
+    ],
+)
+def test_robot_names_itself_in_get_sys_info(tmp_path: Path, robot: str, facts: str) -> None:
+    names = ("SerialNo", "RobotType", "CtrlId", "SystemName")
+    file, task = tmp_path / "main.mod", ROBOTS[robot].units[0].task
+    text = '+" "+'.join(f"GetSysInfo(\\{name})" for name in names)
+    versions = 'TPWrite GetSysInfo(\\SWVersion)+" "+GetSysInfo(\\SWVersionName);'
+    file.write_text(f"MODULE Facts PROC main() TPWrite {text}; {versions} ENDPROC ENDMODULE", encoding="ascii")
+    world = World(WorldSettings(system=with_programs(factory_system(ROBOTS[robot]), {task: [file]})))
+    run(world)
+    assert world.controller.screens[task] == (facts, "ROBOTWARE_6.13.00.00 6.13.00.00")
 
 
 SQUARE = """
@@ -331,6 +355,26 @@ def test_egm_refuses_instructions_of_the_other_kind(
 ) -> None:
     world = guided(tmp_path, {**other, "kind": setup["kind"]}, lambda _: SensorMessage(0, (0.0,) * 6))
     assert any("EGM mode mismatch" in event.title for event in world.controller.events.entries())
+
+
+@pytest.mark.parametrize("robot", ["irb120", "irb14050"])
+@pytest.mark.parametrize(
+    "refuse",
+    [
+        lambda world: world.egm[Side.RIGHT].run_joint(EgmRun()),
+        lambda world: world.arms[Side.RIGHT].check_ready(),
+        lambda world: world.arms[Side.RIGHT].set_reference(None, None),
+        lambda world: world.network.inject(Fault.EGM_STALE, Side.RIGHT, 30.0),
+        lambda world: FaultInjection(world, MemoryHttp(world.controller, ManualClock()).adapter).inject(
+            Fault.COMM_TIMEOUT
+        ),
+    ],
+)
+def test_egm_of_a_single_robot_names_no_arm(robot: str, refuse: Callable[[World], None]) -> None:
+    world = World(WorldSettings(system=factory_system(ROBOTS[robot])))
+    with pytest.raises(YumiError, match=r"(the|The) robot( is| are| has|[:;])") as refused:
+        refuse(world)
+    assert "right arm" not in str(refused.value)
 
 
 def test_torques_that_are_not_known_are_an_error_of_the_program_not_of_the_controller(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import socket
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -14,6 +15,7 @@ import pytest
 from lark import UnexpectedInput
 
 from digest_client import authorization
+from free_ports import free_tcp_port
 from rws_examples_2 import BASIC, PASSWORD, USER
 from yumi.clock import ManualClock
 from yumi.rapid import compiler, parser
@@ -27,7 +29,7 @@ from yumi.virtual.rws import service, symbols
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Call, Router
 from yumi.virtual.rws.version_2 import RwsService2
-from yumi.virtual.server import LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController
+from yumi.virtual.server import LONGEST_BEGINNING, LONGEST_LAG, TIME_TO_ANSWER, Background, Pace, VirtualController
 from yumi.virtual.world import World, WorldSettings
 
 
@@ -139,10 +141,65 @@ def test_robot_that_is_faster_or_slower_than_real_time_begins_its_cycles_accordi
     assert clock.now() - begin == pytest.approx(4 * CYCLE / speed)
 
 
-def run_in_thread(virtual: VirtualController, over: Event) -> None:
+def run_in_thread(virtual: VirtualController, over: Event, on_ready: Callable[[int], None] = lambda port: None) -> None:
     """Until ``over``: the thread that runs it has real-time priority afterwards, as its own process would."""
     with ThreadPoolExecutor(1) as pool:
-        pool.submit(virtual.run, over, lambda port: None).result()
+        pool.submit(virtual.run, over, on_ready).result()
+
+
+def running_program(body: str) -> VirtualController:
+    """A controller whose left arm's task is to execute ``body`` in main, ten times as fast as a real one."""
+    virtual = VirtualController(
+        WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1", is_started=True, speed=10.0
+    )
+    task = virtual.world.controller.tasks["T_ROB_L"]
+    task.lose_pp()
+    for module in task.modules:
+        task.unload(module.name)
+    task.load(f"MODULE First VAR socketdev listener; VAR num n; PROC main() {body} ENDPROC ENDMODULE", "first.mod")
+    virtual.world.controller.execution.move_pp_to_main()
+    return virtual
+
+
+def test_controller_is_ready_once_a_program_listens_that_does_so_before_it_waits() -> None:
+    """Also when what it does before takes more than one cycle; each cycle executes two thousand steps at most."""
+    over, port, connected = Event(), free_tcp_port(), []
+    virtual = running_program(
+        f"""FOR i FROM 1 TO 20000 DO n:=n+i; ENDFOR
+        SocketCreate listener; SocketBind listener, "192.168.125.1", {port}; SocketListen listener;
+        WHILE TRUE DO WaitTime 1; ENDWHILE"""
+    )
+
+    def connect(_: int) -> None:
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as client:
+            connected.append(client.getpeername())
+        over.set()
+
+    run_in_thread(virtual, over, connect)
+    assert connected == [("127.0.0.1", port)]
+
+
+def test_controller_is_ready_though_a_program_never_waits(monkeypatch: pytest.MonkeyPatch) -> None:
+    over, cycles = Event(), []
+    virtual = running_program("WHILE TRUE DO n:=n+1; ENDWHILE")
+    exchange = virtual.world.exchange
+    monkeypatch.setattr(virtual.world, "exchange", lambda inboxes: cycles.append(1) or exchange(inboxes))
+    run_in_thread(virtual, over, lambda port: over.set())
+    assert len(cycles) == pytest.approx(LONGEST_BEGINNING / CYCLE, abs=2)
+
+
+def test_controller_without_a_program_that_runs_is_ready_before_its_first_cycle(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    over, cycles = Event(), []
+    virtual = VirtualController(WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1")
+    monkeypatch.setattr(virtual.world, "exchange", lambda inboxes: cycles.append(1) or [])
+
+    def ready(_: int) -> None:
+        assert not cycles
+        over.set()
+
+    run_in_thread(virtual, over, ready)
 
 
 def test_fault_in_a_cycle_stops_rapid_and_is_logged_once_but_ends_no_process(monkeypatch: pytest.MonkeyPatch) -> None:

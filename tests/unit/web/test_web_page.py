@@ -65,6 +65,27 @@ def operated(chromium: Any, url: str, errors: list[str]) -> Any:
 
 
 @pytest.mark.timeout(120)
+def test_token_of_the_address_lets_every_tab_of_a_browser_in_and_stands_in_no_cookie(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    ready = "() => document.querySelector('#verdict').innerText.includes('Ready')"
+    with browser() as chromium, running(), served() as url:
+        base = url.partition("#")[0]
+        context, other = chromium.new_context(), chromium.new_context()
+        first, second, foreign = context.new_page(), context.new_page(), other.new_page()
+        first.goto(url)
+        first.wait_for_function(ready, polling=50)
+        assert (first.url, context.cookies()) == (base, [])
+        second.goto(base)
+        second.wait_for_function(ready, polling=50)
+        foreign.goto(f"{base}#token=wrong")
+        foreign.wait_for_function("() => document.body.innerText.includes('address with the token')", polling=50)
+        foreign.goto(url)  # in the same tab, where only what follows the # is another
+        foreign.wait_for_function(ready, polling=50)
+
+
+@pytest.mark.timeout(120)
 def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     errors: list[str] = []

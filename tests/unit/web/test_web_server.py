@@ -115,12 +115,21 @@ class Site:
     def __init__(self, server: ViewServer, session: aiohttp.ClientSession) -> None:
         self.server, self.session = server, session
         self.base = f"http://127.0.0.1:{server.port}"
-        self.cookie = {"Cookie": "yumi_view_token=secret"}  # aiohttp keeps no cookies of bare addresses; a browser does
+
+    def connect(self, token: str = "secret") -> Any:
+        return self.session.ws_connect(f"{self.base}/ws?token={token}", headers={"Origin": self.base})
 
     @asynccontextmanager
     async def page(self) -> AsyncIterator[Page]:
-        async with self.session.ws_connect(f"{self.base}/ws", headers={"Origin": self.base, **self.cookie}) as socket:
+        async with self.connect() as socket:
             yield Page(socket)
+
+    async def why_closed(self, token: str) -> str | None:
+        """What a page is told that is not let in."""
+        async with self.connect(token) as socket:
+            end = await socket.receive(timeout=SOON)
+            assert end.type is aiohttp.WSMsgType.CLOSE
+            return end.extra
 
     async def status(self, path: str, **headers: str) -> int:
         async with self.session.get(f"{self.base}{path}", headers=headers, allow_redirects=False) as reply:
@@ -218,23 +227,19 @@ def test_foreign_pages_and_names_are_refused(driver: FakeDriver) -> None:
     run(story)
 
 
+NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
+
+
 def test_other_machines_need_the_token(driver: FakeDriver) -> None:
     with pytest.raises(SettingsError, match="needs a token"):
         ViewSettings(host="0.0.0.0")
 
     async def story(site: Site) -> None:
-        assert await site.status("/") == 403
-        assert await site.status("/?token=wrong") == 403
-        assert await site.status("/model.json?token=secret") == 403
-        with pytest.raises(aiohttp.WSServerHandshakeError):
-            await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base})
-        assert await site.status("/?token=secret") == 303
-        # aiohttp keeps no cookies of bare addresses; a browser does.
-        cookie = {"Cookie": "yumi_view_token=secret"}
-        assert await site.status("/", **cookie) == 200
-        async with site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base, **cookie}) as socket:
-            await Page(socket).until("state")
-        assert site.server.url == f"http://{platform.node()}:{site.server.port}/?token=secret"
+        for token in ("", "wrong", "%FF%FE", "secret2"):
+            assert await site.why_closed(token) == NO_TOKEN
+        async with site.page() as page:
+            await page.until("state")
+        assert site.server.url == f"http://{platform.node()}:{site.server.port}/#token=secret"
 
     run(story, host="0.0.0.0", token="secret")
 
@@ -244,11 +249,59 @@ def test_page_that_may_operate_a_real_robot_needs_the_token_on_this_machine_too(
         ViewSettings(may_operate=True)
 
     async def story(site: Site) -> None:
-        assert await site.status("/") == 403
-        assert await site.status("/", **site.cookie) == 200
-        assert site.server.url.endswith("/?token=secret")
+        assert await site.why_closed("") == NO_TOKEN
+        assert site.server.url.endswith("/#token=secret")
 
     run(story, may_operate=True)
+
+
+def test_token_is_in_no_cookie_as_another_server_of_the_machine_would_get_it(driver: FakeDriver) -> None:
+    """Who has the cookies of this host, and reads the page with them, has nothing to operate the robot with."""
+
+    async def story(site: Site) -> None:
+        cookie = {"Cookie": "yumi_view_token=secret; token=secret"}
+        for path in ("/", "/?token=secret", "/static/app.js", "/model.json"):
+            async with site.session.get(f"{site.base}{path}", headers=cookie) as reply:
+                assert (reply.status, reply.headers.getall("Set-Cookie", [])) == (200, [])
+                assert "secret" not in await reply.text()
+        headers = {"Origin": site.base, **cookie}
+        async with site.session.ws_connect(f"{site.base}/ws", headers=headers) as socket:
+            assert (await socket.receive(timeout=SOON)).extra == NO_TOKEN
+
+    run(story, may_operate=True)
+
+
+@pytest.mark.parametrize("line", [b"Cookie: yumi_view_token=\xff\xfe", b"Host: \xff\xfe", b"Origin: \xff\xfe"])
+@pytest.mark.parametrize("path", [b"/", b"/ws?token=\xff\xfe", b"/recording.json?token=%FF"])
+def test_bytes_that_are_not_utf_8_are_no_login_and_no_error(driver: FakeDriver, path: bytes, line: bytes) -> None:
+    async def story(site: Site) -> None:
+        reader, writer = await asyncio.open_connection("127.0.0.1", site.server.port)
+        host = b"" if line.startswith(b"Host") else b"Host: 127.0.0.1\r\n"
+        writer.write(b"GET " + path + b" HTTP/1.1\r\n" + host + line + b"\r\nConnection: close\r\n\r\n")
+        status = int((await reader.readline()).split()[1])
+        writer.close()
+        assert status in ((200,) if path == b"/" and line.startswith(b"Cookie") else (400, 403))
+
+    run(story, may_operate=True, recording={"name": "x.mcap"})
+
+
+@pytest.mark.parametrize("scheme", ["https", "ftp", "HTTP", "ws"])
+def test_origin_of_another_scheme_is_refused(driver: FakeDriver, scheme: str) -> None:
+    async def story(site: Site) -> None:
+        assert await site.status("/", Origin=f"{scheme}://127.0.0.1:{site.server.port}") == 403
+
+    run(story)
+
+
+def test_page_on_all_addresses_is_served_under_names_of_this_machine_only(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        port, name = site.server.port, platform.node()
+        for host in ("127.0.0.1", "192.168.1.20", "[fe80::1]", "localhost", name, f"{name}.local", name.upper()):
+            assert await site.status("/", Host=f"{host}:{port}") == 200, host
+        for host in ("evil.example", f"evil-{name}", f"{name}-evil", f"evil.{name}", "1.2.3.4.evil.example", "", "["):
+            assert await site.status("/", Host=f"{host}:{port}") == 403, host
+
+    run(story, host="0.0.0.0", token="secret")
 
 
 def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
@@ -369,15 +422,17 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             "Invalid value 'jog'",
         ),
         ({"type": "open_door"}, "Invalid value 'open_door'"),
+        ('{"type": ' + "[" * 16_000, "Message refused: it is nested too deeply."),
+        ('{"x":' * 3000, "Message refused: it is nested too deeply."),
     ],
 )
 def test_message_that_means_nothing_is_refused_and_changes_nothing(
-    driver: FakeDriver, message: dict[str, Any], words: str
+    driver: FakeDriver, message: dict[str, Any] | str, words: str
 ) -> None:
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
-            await page.send(**message)
+            await (page.socket.send_str(message) if isinstance(message, str) else page.send(**message))
             assert words in (await page.until("refused"))["sentence"]
         assert speeds_of(driver) is None
 
@@ -705,21 +760,29 @@ def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, mo
 
 def test_too_many_pages_are_refused(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
-        sockets = [
-            await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base}) for _ in range(MAX_PAGES)
-        ]
-        refused = await site.session.ws_connect(f"{site.base}/ws", headers={"Origin": site.base})
-        end = await refused.receive(timeout=10.0)
-        assert (end.type, end.extra) == (aiohttp.WSMsgType.CLOSE, f"{MAX_PAGES} pages are open already; close one.")
+        sockets = [await site.connect() for _ in range(MAX_PAGES)]
+        assert await site.why_closed("") == f"{MAX_PAGES} pages are open already; close one."
         for socket in sockets:
             await socket.close()
 
     run(story)
 
 
+def test_programs_without_the_token_take_no_place_of_a_page(driver: FakeDriver) -> None:
+    async def story(site: Site) -> None:
+        others = [await site.connect(token) for token in ("", "wrong") for _ in range(MAX_PAGES)]  # they do not close
+        async with site.page() as page:
+            await page.take_control()
+        for other in others:
+            await other.close()
+
+    run(story, may_operate=True)
+
+
 def test_recording_is_served_and_nothing_is_operated() -> None:
     async def story(site: Site) -> None:
-        async with site.session.get(f"{site.base}/recording.json", headers=site.cookie) as reply:
+        assert await site.status("/recording.json") == await site.status("/recording.json?token=wrong") == 403
+        async with site.session.get(f"{site.base}/recording.json?token=secret") as reply:
             assert await reply.json() == {"name": "x.mcap"}
         async with site.page() as page:
             assert (await page.until("view"))["is_recording"]

@@ -28,7 +28,7 @@ from yumi.control.trajectory import (
     blend,
     refused,
 )
-from yumi.errors import CommandRefused
+from yumi.errors import CommandRefused, cut
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values, flag, number, texts
 
@@ -315,7 +315,7 @@ class TrajectorySettings:
             given = texts(values, name)
             if given not in (("position",), ("position", "velocity")):
                 raise CommandRefused(
-                    f"Parameter {name!r} is [{', '.join(given)}]; choose [position] or [position, velocity]."
+                    f"Parameter {name!r} is [{cut(', '.join(given))}]; choose [position] or [position, velocity]."
                 )
         stopped = _or_any(number(values, "constraints.stopped_velocity_tolerance"))
         own = [number(values, f"constraints.{name}.max_deceleration_on_cancel") for name in joint_names]

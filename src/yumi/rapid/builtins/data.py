@@ -93,9 +93,10 @@ for _value, _name in enumerate(("low", "high", "edge")):
     DATA.data(_name, "dionum", _value)
 for _value, _name in enumerate(("OP_UNDEF", "OP_AUTO", "OP_MAN_PROG", "OP_MAN_TEST")):
     DATA.data(_name, "symnum", _value)
-DATA.data("load0", "loaddata", LOAD0)
-DATA.data("tool0", "tooldata", (True, NO_POSE, LOAD0))
-DATA.data("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
+# Technical reference manual, RAPID: data types: persistents of the system module BASE, which no program changes.
+DATA.persistent("load0", "loaddata", LOAD0)
+DATA.persistent("tool0", "tooldata", (True, NO_POSE, LOAD0))
+DATA.persistent("wobj0", "wobjdata", (False, True, "", NO_POSE, NO_POSE))
 for _name, _speed in (*((f"v{each}", each) for each in SPEEDS_MM_S), ("vmax", SPEEDS_MM_S[-1])):
     DATA.data(_name, "speeddata", (_speed, REORIENTATION_DEG_S, LINEAR_AXIS_MM_S, ROTATING_AXIS_DEG_S))
 DATA.data("fine", "zonedata", (True, 0, 0, 0, 0, 0, 0))
@@ -149,7 +150,8 @@ for _name, _signature, _compute in (
 ):
     MATHS.formula(_name, _signature, "num", _compute)
     if _name not in ("Exp", "Max", "Min", "Distance"):
-        MATHS.formula(f"{_name}Dnum", _signature.replace("num ", "dnum "), "dnum", _compute)
+        _signature = _signature.replace("num ", "dnum ").replace("dnum Exponent", "num Exponent")  # of PowDnum
+        MATHS.formula(f"{_name}Dnum", _signature, "dnum", _compute)
 MATHS.formula("NumToDnum", "num Value", "dnum", float)
 
 

@@ -554,7 +554,11 @@ for _name, _signature in (
     ("ReadBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
     ("WriteBlock", r"string device, num BlockNo, string FileName, \num TaskName"),
     ("WriteVar", r"string device, num VarNo, num VarData, \num TaskName"),
-    ("IVarValue", r"string device, num VarNo, INOUT num Value, VAR intnum Interrupt, \num Unit, \string DeadBand"),
+    (
+        "IVarValue",
+        r"string device, num VarNo, INOUT num Value, VAR intnum Interrupt, \num Unit, \num DeadBand, "
+        r"\switch ReportAtTool",
+    ),
 ):
     OPTIONS.refused(_name, _signature, "ERR_COMM_INIT", _NO_SENSOR)
 OPTIONS.refused("ReadVar", r"string device, num VarNo, \num TaskName", "ERR_COMM_INIT", _NO_SENSOR, "num")

@@ -27,9 +27,11 @@ from yumi.rapid.types import (
     BOOL,
     LONGEST_STRING,
     UNSET,
+    ArrayType,
     Part,
     RapidRuntimeError,
     Reference,
+    Type,
     Variable,
     is_assignable,
     is_numeric,
@@ -74,7 +76,7 @@ def part_of_time(call: Call) -> float:
 
 # Names and versions -----------------------------------------------------------------------------------------------
 
-FACTS = ("SerialNo", "SWVersion", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
+FACTS = ("SerialNo", "SWVersion", "SWVersionName", "RobotType", "CtrlId", "LanIp", "CtrlLang", "SystemName")
 
 
 @INFORMATION.function("GetSysInfo", " | ".join(rf"\switch {fact}" for fact in FACTS), "string")
@@ -609,10 +611,18 @@ def _named_datum(call: Call) -> Reference:
         raise RapidRuntimeError("ERR_SYM_ACCESS", f"{call.name}: there is no datum '{name}': {error}") from error
 
 
-def _check_type(call: Call, wanted: Any, given: Any) -> None:
+def _check_type(call: Call, wanted: Type, given: Type) -> None:
     if not is_assignable(wanted, given):
+        if is_assignable(_element(wanted), _element(given)):
+            sentence = f"{call.name}: '{call['Object']}' and Value have different dimensions."
+            raise RapidRuntimeError("ERR_INVDIM", sentence)
         sentence = f"{call.name}: '{call['Object']}' is not of the type {call.reference('Value').type.name}."
         raise RapidRuntimeError("ERR_SYMBOL_TYPE", sentence)
+
+
+def _element(type_: Type) -> Type:
+    array = resolved(type_)
+    return array.element if isinstance(array, ArrayType) else array
 
 
 @SYMBOLS.instruction("GetDataVal", rf"{_OBJECT}, INOUT anytype Value")

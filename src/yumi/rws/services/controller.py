@@ -821,7 +821,11 @@ class Users(Requests):
         Raises:
             ControllerRefused: there is no request.
         """
-        return self._state("asking for the privilege", f"{_RMMP}/poll", "user-rmmp-poll").member(RmmpStatus, "status")
+        state = self._state("asking for the privilege", f"{_RMMP}/poll", "user-rmmp-poll")
+        if state.text("code") == str(int(Code.NO_SUCH_REQUEST)):
+            what = f"{self.address}: there is no request for the remote manual mode privilege, or no longer; make one."
+            raise ControllerRefused(what, status=0, code=Code.NO_SUCH_REQUEST)
+        return state.member(RmmpStatus, "status")
 
     def cancel_rmmp(self) -> None:
         """Withdraw the request, or give the privilege back."""

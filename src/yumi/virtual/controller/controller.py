@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import PurePosixPath
@@ -21,12 +21,15 @@ from yumi.virtual.controller.events import EventLog, Refusal, Refused
 from yumi.virtual.controller.files import FileStore, rapid_devices
 from yumi.virtual.controller.signals import DRIVE_SIGNALS, Configuration, Instance, Signals
 from yumi.virtual.controller.system import (
+    DELIVERED_FILES,
+    USER_MODULE,
     Identity,
     Jobs,
     OwnSettings,
     System,
     TaskSettings,
     event_routines,
+    is_user_module,
     modules_of,
     task_settings,
 )
@@ -126,8 +129,9 @@ class Irc5:
         self.controller_state = ControllerState.MOTORS_OFF
         self.speed_ratio = 100
         self.time = start_time
-        self.files = FileStore(system.files, lambda: self.time)
+        self.files = FileStore({**DELIVERED_FILES, **system.files}, lambda: self.time)
         self.collision_state = CollisionState.INIT
+        self._collided: set[Side] = set()
         self.is_restarting = False
         self.started_at = self.energy_reset_at = start_time
         self.jobs = Jobs()
@@ -166,6 +170,7 @@ class Irc5:
             self.effective,
             self.signals,
             self.identity,
+            system.robot,
             self.events,
             now=lambda: self.time,
             tasks=lambda: self.tasks,
@@ -176,7 +181,7 @@ class Irc5:
         self._outputs = self._system_outputs()
         for task in self.tasks.values():
             task.host.devices = self.devices
-        if any(task.modules for task in self.tasks.values()):  # a controller from the factory has no program
+        if any(each.has_program for each in self.execution.installed.values()):  # from the factory there is none
             try:
                 self.execution.move_pp_to_main()
             except Refused as refused:  # what does not fit can be mended over RWS
@@ -191,6 +196,13 @@ class Irc5:
     def is_running(self) -> bool:
         """Whether RAPID runs."""
         return self.execution.is_running
+
+    @property
+    def has_closed_run_chain(self) -> bool:
+        """Whether nothing keeps the motors off; in manual mode the enabling device closes the chain with the motors."""
+        if self.controller_state is ControllerState.MOTORS_ON:
+            return True
+        return self.mode is OperatingMode.AUTO and self.controller_state not in _STOPPED_BY_SAFETY
 
     @property
     def cycle(self) -> str:
@@ -248,7 +260,7 @@ class Irc5:
     # What clients ask for
 
     def set_motors(self, on: bool) -> None:
-        """Switch the motors of both arms; switching them off stops RAPID.
+        """Switch the motors of all arms; switching them off stops RAPID.
 
         Raises:
             Refused: WRONG_MODE outside AUTO, EMERGENCY_STOP while a stop is active.
@@ -266,7 +278,7 @@ class Irc5:
         self.controller_state = ControllerState.MOTORS_ON
         for unit in self._arms.values():
             unit.arm.switch_motors_on()
-        self.events.append(10011, "Motors ON", "The motors of both arms are on.")
+        self.events.append(10011, "Motors ON", "The motors are on.")
 
     def start_rapid(self, cycle: str = "", step: StepKind | None = None, *, stop_at_breakpoints: bool = False) -> None:
         """Start all selected tasks from their program pointers.
@@ -329,15 +341,21 @@ class Irc5:
         self.execution.unload_module(task, name)
 
     def replace_program(self, files: Mapping[str, str]) -> None:
-        """Load another program into the motion tasks, or that of the configuration when ``files`` is empty."""
+        """Load another program into the motion tasks, or that of the configuration when ``files`` is empty.
+
+        The module `user` stays where the program does not bring one.
+        """
         self.execution.stop("Another program is loaded.")
         self.files.update(files)
-        paths = list(files) or [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        configured = [module.attributes["File"] for module in self.cfg("SYS", "CAB_TASK_MODULES")]
+        kept = [] if any(map(is_user_module, files.values())) else [each for each in configured if each == USER_MODULE]
+        paths = [*kept, *files] if files else configured
         self.execution.replace_program({path: self.files[path] for path in paths})
 
     def acknowledge_collision(self) -> None:
         """Reset the state of the collision detection."""
         self.collision_state = CollisionState.INIT
+        self._collided.clear()
 
     def restart(
         self, duration: float = RESTART_TIME, *, discards_programs: bool = False, discards_settings: bool = False
@@ -412,6 +430,7 @@ class Irc5:
             self._arms[side].contact = Contact.MADE
             return
         self.collision_state = CollisionState.TRIGGERED
+        self._collided.add(side)
         unit = self._arms[side].mechanical_unit
         name = self._arms[side].arm.kinematics.name
         sentence = f"Motion supervision triggered for {unit}: the {name} has met {met}."
@@ -446,7 +465,7 @@ class Irc5:
                     unit.forget_egm()
                 self.signals.restore_defaults()
                 self._gripper_signals.clear()
-                self.collision_state = CollisionState.INIT
+                self.acknowledge_collision()
         for unit in self._arms.values():
             unit.override_speed(self.speed_ratio)
         self.execution.advance(dt)
@@ -535,31 +554,69 @@ class Irc5:
             self.program_loaded(name)
 
     def _system_outputs(self) -> tuple[tuple[str, Callable[[], bool]], ...]:
-        """The signals that show a state of the controller, each with that state (SYSSIG_OUT)."""
-        units = {unit.mechanical_unit: unit for unit in self._arms.values()}
+        """The signals that show a state of the controller, each with that state (SYSSIG_OUT).
+
+        What this controller does not follow is in the event log.
+        """
         states: Mapping[str, Callable[[], bool]] = {
-            "CycleOn": lambda: self.is_running,
             "AutoOn": lambda: self.mode is OperatingMode.AUTO,
-            "MotOnState": lambda: self.controller_state is ControllerState.MOTORS_ON,
-            "MotOffState": lambda: self.controller_state is not ControllerState.MOTORS_ON,
+            "CycleOn": lambda: self.is_running,
             "EmStop": lambda: self.controller_state is ControllerState.EMERGENCY_STOP,
+            "MotOffState": lambda: self.controller_state is not ControllerState.MOTORS_ON,
+            "MotOnState": lambda: self.controller_state is ControllerState.MOTORS_ON,
+            "RunchOk": lambda: self.has_closed_run_chain,
         }
+        states = {
+            **states,
+            "MotorOff": states["MotOffState"],
+            "MotorOn": states["MotOnState"],
+        }  # that never pulsate here
+        of_tasks: Mapping[str, Callable[[InstalledTask], bool]] = {
+            "Error": lambda each: each.has_failed,
+            "TaskExecuting": lambda each: each.task.execution is Execution.STARTED,
+        }
+        of_units: Mapping[str, tuple[Callable[[Iterable[bool]], bool], Callable[[MechanicalUnit], bool]]] = {
+            "LimitSpeed": (any, lambda unit: self._arms[unit.side].limits_speed),
+            "MechUnitActive": (all, lambda unit: unit.mode == "Activated"),
+            "MechUnitNotMoving": (all, lambda unit: self.arm_of(unit).is_stationary),
+            "MotSupOn": (all, lambda unit: self.supervises_motion(unit.side)),
+            "MotSupTrigg": (any, lambda unit: unit.side in self._collided),
+        }
+        every_unit = frozenset(unit.name.upper() for unit in self.units)
         found = []
         for output in (each.attributes for each in self.effective.instances("EIO", "SYSSIG_OUT")):
-            signal, status = output.get("Signal", ""), output.get("Status", "")
-            named = {output.get("Arg1", ""), output.get("Arg2", "")}  # a task is in Arg2
-            tasks = [each for name, each in self.execution.installed.items() if name in named]
-            tasks = tasks or [each for each in self.execution.installed.values() if each.is_normal]
-            state = states.get(status)
-            if status == "MechUnitNotMoving" and output.get("Arg1") in units:
-                state = partial(_stands_still, units[output["Arg1"]])
-            elif status == "TaskExecuting":
-                state = partial(_any, tasks, lambda each: each.task.execution is Execution.STARTED)
-            elif status == "Error":
-                state = partial(_any, tasks, lambda each: each.has_failed)
-            if state is not None and signal in self.signals:
+            signal, status, argument = (output.get(name, "") for name in ("Signal", "Status", "Arg1"))
+            fault, state = "", states.get(status)
+            if signal not in self.signals:
+                fault = "there is no such signal"
+            elif status in of_tasks:
+                named = {argument, output.get("Arg2", "")}  # a task is in Arg2
+                tasks = [each for name, each in self.execution.installed.items() if name in named]
+                tasks = tasks or [each for each in self.execution.installed.values() if each.is_normal]
+                state = partial(_any, tasks, of_tasks[status])
+            elif status in of_units and argument.upper() not in (*every_unit, ""):
+                fault = f"there is no mechanical unit {argument!r} (Arg1); there are {', '.join(sorted(every_unit))}"
+            elif status in of_units:
+                names = frozenset({argument.upper()}) if argument else every_unit
+                state = partial(self._holds_for, names, *of_units[status])
+            elif state is None:
+                known = ", ".join(sorted({*states, *of_tasks, *of_units}))
+                fault = f"this controller does not follow the Status {status!r}, only {known}"
+            if state is not None and not fault:
                 found.append((signal, state))
+            else:
+                sentence = f"The system output {signal} of the EIO parameters stays as it is: {fault}."
+                self.events.append(80001, "System output rejected", sentence, EventType.WARNING)
         return (*found, *((signal, states["MotOnState"]) for signal in DRIVE_SIGNALS))
+
+    def _holds_for(
+        self,
+        names: Container[str],
+        combined: Callable[[Iterable[bool]], bool],
+        holds: Callable[[MechanicalUnit], bool],
+    ) -> bool:
+        """Whether something holds for the mechanical units of these names, in capitals: for any, or for all."""
+        return combined(holds(unit) for unit in self.units if unit.name.upper() in names)
 
     def _inputs_of_speed_limits(self) -> frozenset[str]:
         """The signals, in lower case, that make speed limits of programs count (SYSSIG_IN)."""
@@ -682,10 +739,15 @@ def _start_with_motors(controller: Irc5, cycle: str) -> None:
     controller.start_rapid(cycle)
 
 
+def _reset_errors(controller: Irc5, _: str) -> None:
+    for each in controller.execution.installed.values():
+        each.has_failed = False
+
+
 # What system inputs ask for, with the run mode they choose ("" leaves it as it is).
 _ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
-    "MotOn": lambda controller, _: controller.set_motors(True),
-    "MotOff": lambda controller, _: controller.set_motors(False),
+    "MotorOn": lambda controller, _: controller.set_motors(True),
+    "MotorOff": lambda controller, _: controller.set_motors(False),
     "Start": Irc5.start_rapid,
     "StartMain": _start_at_main,
     "MotOnStart": _start_with_motors,
@@ -695,16 +757,13 @@ _ACTIONS: Mapping[str, Callable[[Irc5, str], None]] = {
     "SoftStop": lambda controller, _: controller.stop_rapid(),
     "StopInstr": lambda controller, _: controller.stop_rapid(),
     "StopCycle": lambda controller, _: controller.execution.end_after_cycle(),
+    "ResetError": _reset_errors,
     "ResetEstop": lambda controller, _: controller.reset_emergency_stop(),
 }
 
 
 def _is_started(task: Task) -> bool:
     return task.execution is Execution.STARTED
-
-
-def _stands_still(unit: ArmUnit) -> bool:
-    return unit.arm.is_stationary
 
 
 def _any(tasks: Sequence[InstalledTask], holds: Callable[[InstalledTask], bool]) -> bool:
@@ -733,11 +792,11 @@ def robot_library(
     add_measurements(library, unit, robots)
     add_calibration(library, motion)
     add_recorder(library, motion)
-    add_corrections(library, unit, events)
+    corrections = add_corrections(library, motion)
     if not is_motion_task:
         forbid_motion(library)
     else:
-        add_egm(library, unit, configuration, events)
+        add_egm(library, motion, corrections, configuration)
     if is_motion_task and unit.arm.kinematics.is_of_yumi:
         add_gripper(library, unit.gripper, events)
     add_system(library, unit, units, configuration, sync_points, robots)

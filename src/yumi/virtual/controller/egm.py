@@ -20,7 +20,7 @@ import numpy as np
 from yumi.egm.codec import MciState, MotorState, PartialJoints, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.robot.arms import rotation_vectors
-from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector, joint_names
+from yumi.robot.joints import CYCLE, Joints, Pose, Quaternion, Side, Vector
 from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.mechanics.arm import VirtualArm
@@ -32,6 +32,7 @@ from yumi.virtual.mechanics.motion import (
     ExternalMotionData,
     StopMode,
 )
+from yumi.virtual.mechanics.path import Passage
 
 VIRTUAL_CYCLE = 0.004
 """Period of ABB's own virtual controller [s]."""
@@ -75,12 +76,25 @@ class EgmOptions:
     sends_rapid_state: bool = True
 
 
+class EgmUse(Enum):
+    """What the datagrams of a session are for."""
+
+    STREAM = auto()
+    """Positions are sent, and replies are not used (EGMStreamStart)."""
+
+    GUIDANCE = auto()
+    """Replies are references for the arm (EGMRunJoint, EGMRunPose)."""
+
+    PATH_CORRECTION = auto()
+    """Replies are offsets beside the path of the program (EGMMoveL, EGMMoveC)."""
+
+
 @dataclass(slots=True)
 class EgmSession:
     """From the first datagram, number 0, to the last.
 
     Attributes:
-        is_run: whether EGMRunJoint began it, so that replies move the arm; a position stream otherwise.
+        use: what its datagrams are for.
         cycles_per_datagram: SampleRate in cycles.
         queue_length: how many datagrams can wait for their cycle; the newest beyond are lost.
         cycle: cycles since the session began.
@@ -94,7 +108,7 @@ class EgmSession:
         queue: datagrams that wait for their cycle, oldest first.
     """
 
-    is_run: bool
+    use: EgmUse
     cycles_per_datagram: int = 1
     queue_length: int = 256
     cycle: int = -1
@@ -139,7 +153,7 @@ class EgmState(IntEnum):
 
 
 class EgmOutcome(Enum):
-    """How the last EGMRunJoint ended."""
+    """How the last EGMRunJoint, or the correction of a path, ended."""
 
     RUNNING = auto()
     CONVERGED = auto()
@@ -186,10 +200,12 @@ class EgmClient:
 
     Attributes:
         state: what EGMGetState returns.
-        outcome: how the last :meth:`run_joint` ended; None before the first.
+        outcome: how the last :meth:`run_joint` or :meth:`correct_path` ended; None before the first.
         fault: why the session ended by itself, a sentence for the event log; empty when it did not.
         rapid: RAPID's execution state in the datagrams.
         ignored_datagrams: how many datagrams of the sensor could not be decoded, or were rejected.
+        offset: beside the path, along the axes of the path, as the sensor wants it [m], (3,).
+        is_path_awaited: whether an instruction waits for the path that is corrected, and handles a missing sensor.
     """
 
     def __init__(self, arm: VirtualArm, options: EgmOptions | None = None) -> None:
@@ -198,6 +214,8 @@ class EgmClient:
         self.fault = ""
         self.rapid = RapidState.RUNNING
         self.ignored_datagrams = 0
+        self.offset = np.zeros(3)
+        self.is_path_awaited = False
         self._arm = arm
         self._options = options or EgmOptions()
         self._cycles = 0
@@ -216,6 +234,7 @@ class EgmClient:
         self._activation = EgmActivation(cond_min_max=DEFAULT_BANDS[: arm.kinematics.joint_count])
         self._run = EgmRun()
         self._goal: Pose | None = None
+        self._passage: Passage | None = None  # the last that is corrected
 
     # What RAPID does
 
@@ -245,12 +264,13 @@ class EgmClient:
         self._signals = signals
 
     def activate(self, activation: EgmActivation) -> None:
-        """EGMActJoint: the settings of the runs that follow.
+        """EGMActJoint: the settings of the runs that follow; a position stream goes on, with the new tool.
 
         Raises:
-            RobotNotReady: there is no identity yet, or EGM runs.
+            RobotNotReady: there is no identity yet, or EGM moves the arm.
         """
-        self._check_state(EgmState.CONNECTED)
+        if not self.is_streaming:
+            self._check_state(EgmState.CONNECTED)
         self._activation = activation
 
     def run_joint(self, run: EgmRun) -> None:
@@ -271,11 +291,47 @@ class EgmClient:
         self._arm.start_egm(EgmSettings.of(self._data, self._activation, run))
         self._run = run
         self.outcome = EgmOutcome.RUNNING
-        self._begin(self._activation.sample_rate_ms, is_run=True)
+        self._begin(self._activation.sample_rate_ms, EgmUse.GUIDANCE)
+
+    def expect_path(self) -> None:
+        """EGMMoveL, EGMMoveC: a leg that the sensor corrects will follow; without a session nothing is corrected yet.
+
+        Raises:
+            RobotNotReady: there is no identity yet, or EGM moves the arm.
+        """
+        if not self.has_path:
+            if not self.is_streaming:
+                self._check_state(EgmState.CONNECTED)
+            self.offset, self.outcome = np.zeros(3), None
+
+    def correct_path(self, passage: Passage) -> None:
+        """The sensor corrects a leg of the path: a session begins, or the one of the leg before it goes on.
+
+        Args:
+            passage: the leg, which the arm follows; the session ends with the last one.
+
+        Raises:
+            RobotNotReady: as :meth:`expect_path`.
+        """
+        self._passage = passage
+        frames = passage.leg.frames
+        if frames.robot_holds_tool:  # the poses in the datagrams are those of the tool that is corrected
+            self._activation = replace(self._activation, tool=frames.tool, wobj=frames.wobj)
+        if self.is_correcting:
+            return
+        self.stream_stop()
+        self._check_state(EgmState.CONNECTED)
+        self.fault, self.outcome = "", EgmOutcome.RUNNING
+        self._begin(self._activation.sample_rate_ms, EgmUse.PATH_CORRECTION)
 
     def stop(self, mode: StopMode = StopMode.HOLD, ramp_out_time: float = 1.0) -> None:
-        """EGMStop: end the run; with RAMP_DOWN the arm goes back to where it began, in ``ramp_out_time`` [s]."""
+        """EGMStop: end the run; with RAMP_DOWN the arm goes back to where it began, in ``ramp_out_time`` [s].
+
+        An arm whose path is corrected goes on along the path: with RAMP_DOWN back on the path, with HOLD beside it.
+        """
         if self._run_session() is not None:
+            if mode is StopMode.RAMP_DOWN:
+                self.offset = np.zeros(3)
             self._finish(EgmOutcome.STOPPED, mode, ramp_out_time)
 
     def abort(self) -> None:
@@ -295,11 +351,11 @@ class EgmClient:
             RobotNotReady: there is no identity yet, or EGM runs.
         """
         self._check_state(EgmState.CONNECTED)
-        self._begin(sample_rate_ms, is_run=False)
+        self._begin(sample_rate_ms, EgmUse.STREAM)
 
     def stream_stop(self) -> None:
         """EGMStreamStop: end a position stream; a run goes on."""
-        if self._session is not None and not self._session.is_run and not self._session.is_over:
+        if self._session is not None and self.is_streaming:
             self._session.end(MciState.STOPPED)
             self.state = EgmState.CONNECTED
 
@@ -329,13 +385,29 @@ class EgmClient:
     def overload(self) -> None:
         """End the run as if the reference asked too much of a drive; nothing happens without a run."""
         if self._run_session() is not None:
-            name = self._joint_name(1)
+            name = self._arm.joint_name(1)
             self._shut_down(EgmOutcome.OVERLOADED, f"The EGM reference needs more than the drive of {name} gives.")
 
     @property
     def is_running(self) -> bool:
         """Whether EGM moves the arm."""
         return self._run_session() is not None
+
+    @property
+    def is_streaming(self) -> bool:
+        """Whether a position stream is going on."""
+        return self._uses(EgmUse.STREAM)
+
+    @property
+    def is_correcting(self) -> bool:
+        """Whether the sensor corrects the path of the program."""
+        return self._uses(EgmUse.PATH_CORRECTION)
+
+    @property
+    def has_path(self) -> bool:
+        """Whether a leg that the sensor corrects is ahead, also while the program is stopped."""
+        goes_on = self.outcome in (EgmOutcome.RUNNING, EgmOutcome.ABORTED, EgmOutcome.MOTORS_OFF)
+        return goes_on and self._passage is not None and not self._arm.path.has_ended(self._passage)
 
     @property
     def resumes(self) -> bool:
@@ -386,23 +458,27 @@ class EgmClient:
             self._accept_next(session)
         return datagram
 
+    def _uses(self, use: EgmUse) -> bool:
+        return self._session is not None and self._session.use is use and not self._session.is_over
+
     def _run_session(self) -> EgmSession | None:
+        """The session of which the sensor moves the arm."""
         session = self._session
-        return session if session is not None and session.is_run and not session.is_over else None
+        return session if session is not None and session.use is not EgmUse.STREAM and not session.is_over else None
 
     def _check_state(self, needed: EgmState) -> None:
         if self.state is not needed:
             raise RobotNotReady(
-                f"EGM of the {self._arm.side.word} arm is {self.state.name.lower()}: "
+                f"EGM of the {self._arm.kinematics.name} is {self.state.name.lower()}: "
                 f"it has to be {needed.name.lower()} for this."
             )
 
-    def _begin(self, sample_rate_ms: int, *, is_run: bool) -> None:
+    def _begin(self, sample_rate_ms: int, use: EgmUse) -> None:
         self._session = EgmSession(
-            is_run,
+            use,
             cycles_per_datagram=max(1, sample_rate_ms // 4),
             queue_length=self._options.queue_length,
-            mci=MciState.RUNNING if is_run else MciState.STOPPED,
+            mci=MciState.STOPPED if use is EgmUse.STREAM else MciState.RUNNING,
         )
         self.state = EgmState.RUNNING
 
@@ -425,20 +501,24 @@ class EgmClient:
 
     def _supervise(self, session: EgmSession) -> None:
         """End a run that ends without an instruction."""
-        egm = self._arm.egm
-        if not session.is_run or session.is_over:
+        egm, corrects = self._arm.egm, session.use is EgmUse.PATH_CORRECTION
+        if session.use is EgmUse.STREAM or session.is_over:
             return
-        if egm is None or not self._arm.motors_on:
-            self.fault = f"The {self._arm.side.word} arm was stopped while EGM was running."
+        if (egm is None and not corrects) or not self._arm.motors_on:
+            self.fault = f"The {self._arm.kinematics.name} was stopped while EGM was running."
             self.abort()
         elif session.silence > self._comm_timeout:
             sentence = f"No data from the UdpUc device for {self._comm_timeout:g} s (41822)."
             self._fail(EgmOutcome.COMM_TIMEOUT, sentence, self._data.ramp_time)
-            if not self._run.is_waited:
+            if not (self.is_path_awaited if corrects else self._run.is_waited):
                 self._failure = EgmFailure(EgmOutcome.COMM_TIMEOUT, sentence)
+        elif egm is None:
+            if self._passage is None or self._arm.path.has_ended(self._passage):
+                self.offset = np.zeros(3)
+                self._end(EgmOutcome.STOPPED, MciState.STOPPED)
         elif self._arm.overload is not None:
             overload = self._arm.overload
-            name = self._joint_name(overload.joint)
+            name = self._arm.joint_name(overload.joint)
             self._shut_down(
                 EgmOutcome.OVERLOADED,
                 f"The EGM reference needs {overload.torque:.0f} N m at {name}, whose drive gives "
@@ -463,8 +543,12 @@ class EgmClient:
     def _accept_next(self, session: EgmSession) -> None:
         if not session.queue:
             return
+        datagram = session.queue.popleft()
         try:
-            message = self._codec.decode(session.queue.popleft())
+            if session.use is EgmUse.PATH_CORRECTION:
+                self._correct(session, self._codec.decode_correction(datagram).offset)
+                return
+            message = self._codec.decode(datagram)
         except ProtocolError:
             self.ignored_datagrams += 1
             return
@@ -478,10 +562,21 @@ class EgmClient:
         elif message.tool_position is not None:
             self._follow_pose(session, message.tool_position, message.tool_orientation)
 
+    def _correct(self, session: EgmSession, offset: Vector) -> None:
+        """Let the path be corrected across its direction; what is along it is not used (reference/egm.md §2.5)."""
+        if all(map(isfinite, offset)):
+            session.note_sensor()
+            self.offset = np.array((0.0, *offset[1:]))
+        elif self._options.invalid_reference is InvalidReference.REJECT:
+            self.ignored_datagrams += 1
+        else:
+            sentence = f"The {self._arm.kinematics.name} got a path correction that is not of finite numbers."
+            self._shut_down(EgmOutcome.SYSTEM_FAILURE, sentence)
+
     def _follow_pose(self, session: EgmSession, point: Vector, orientation: Quaternion | None) -> None:
         """Let the arm follow a pose of the tool in the sensor's frame; without an orientation it keeps its own."""
         egm, activation = self._arm.egm, self._activation
-        if egm is None or not session.is_run or activation.frame is None:
+        if egm is None or session.use is not EgmUse.GUIDANCE or activation.frame is None:
             return
         if not all(map(isfinite, (*point, *(orientation or ())))):
             self._shut_down(EgmOutcome.SYSTEM_FAILURE, "EGM got a pose that is not of finite numbers.")
@@ -519,27 +614,23 @@ class EgmClient:
     def _follow(self, session: EgmSession, position: PartialJoints | None, velocity: PartialJoints | None) -> None:
         """Let the arm follow references [rad], [rad/s], unless they are out of bounds."""
         egm = self._arm.egm
-        if egm is None or not session.is_run:
+        if egm is None or session.use is not EgmUse.GUIDANCE:
             return
         goal = None if position is None else _completed(position, egm.reference)
         speed = None if velocity is None else _completed(velocity, cast("Joints", (0.0,) * len(egm.reference)))
         if not _is_finite(goal, speed):
             self._shut_down(
                 EgmOutcome.SYSTEM_FAILURE,
-                f"The {self._arm.side.word} arm got an EGM reference that is not a finite number.",
+                f"The {self._arm.kinematics.name} got an EGM reference that is not a finite number.",
             )
         elif goal is not None and self._run.pos_corr_gain > 0.0 and self._bounds.outside(goal) is not None:
             self._leave_bounds(goal)
         else:
             self._arm.set_reference(goal, speed)
 
-    def _joint_name(self, index: int) -> str:
-        kinematics = self._arm.kinematics
-        return joint_names(self._arm.side)[index] if kinematics.is_of_yumi else f"axis {kinematics.axes[index]}"
-
     def _leave_bounds(self, position: Joints) -> None:
         index = self._bounds.outside(position) or 0
-        name, range_deg = self._joint_name(index), self._arm.model.limits.range_deg(index)
+        name, range_deg = self._arm.joint_name(index), self._arm.model.limits.range_deg(index)
         at_deg = degrees(position[index])
         sentence = f"External Motion Interface input out of bounds: {name} at {at_deg:.1f}°, range {range_deg}."
         self._shut_down(EgmOutcome.OUT_OF_BOUNDS, sentence)
@@ -655,10 +746,12 @@ class EgmNetwork:
     Args:
         cycle_time: of the robot [s].
         seed: of what is lost, reordered and cut at random.
+        names: of the arms in sentences; those of a YuMi's arms without them.
     """
 
-    def __init__(self, cycle_time: float = CYCLE, seed: int = 0) -> None:
+    def __init__(self, cycle_time: float = CYCLE, seed: int = 0, names: Mapping[Side, str] | None = None) -> None:
         self._cycle_time = cycle_time
+        self._names = names or {side: f"{side.word} arm" for side in Side}
         self._random = Random(seed)
         self._now = 0.0
         self._effects: dict[tuple[Fault, Side], _LastingFault] = {}
@@ -685,9 +778,9 @@ class EgmNetwork:
         """
         if fault in SINGLE:
             if fault is Fault.EGM_STALE and len(self._sent[side]) < amount:
-                count = len(self._sent[side])
+                name, count = self._names[side], len(self._sent[side])
                 raise CommandRefused(
-                    f"The {side.word} arm has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
+                    f"The {name} has sent only {count} EGM datagrams, not {amount:g}; let it send more first."
                 )
             self._once[side].append(_SingleFault(fault, amount))
         else:

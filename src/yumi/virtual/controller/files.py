@@ -20,7 +20,7 @@ from yumi.virtual.controller.events import Event, EventLog, Refusal, Refused
 from yumi.virtual.controller.signals import Configuration, Instance, Signals
 
 if TYPE_CHECKING:
-    from yumi.virtual.controller.system import Identity
+    from yumi.virtual.controller.system import Identity, Robot
 
 DEVICES = ("HOME", "TEMP", "BACKUP", "RAMDISK")
 ENCODING = "latin-1"
@@ -402,6 +402,7 @@ def rapid_devices(
     configuration: Configuration,
     signals: Signals,
     identity: Identity,
+    robot: Robot,
     events: EventLog,
     *,
     now: Callable[[], float],
@@ -417,9 +418,10 @@ def rapid_devices(
         RapidDisk(files),
         NoNetwork(),
         facts={
-            "SerialNo": "14000-500000",
+            "SerialNo": robot.serial_number,
             "SWVersion": f"ROBOTWARE_{identity.robotware}",
-            "RobotType": "14000-0.5/0.5",
+            "SWVersionName": identity.robotware,
+            "RobotType": robot.type_name,
             "CtrlId": identity.controller_name,
             "LanIp": "192.168.125.1",
             "CtrlLang": "en",

@@ -83,6 +83,7 @@ class Robot:
     Attributes:
         name: as `yumi controller --robot` has it.
         title: ABB's name.
+        system_name: of the RobotWare system and the controller where none is given.
         arms: kinematics of each arm; a robot with one arm has the right one's place.
         units: its mechanical units, the first of each arm being the robot itself.
         options: of the controller.
@@ -92,11 +93,22 @@ class Robot:
 
     name: str
     title: str
+    system_name: str
     arms: Mapping[Side, Callable[[], Arm]]
     units: tuple[MechanicalUnit, ...]
     options: tuple[str, ...]
     stock: Path
     is_yumi: bool = False
+
+    @property
+    def type_name(self) -> str:
+        """What GetSysInfo calls it, such as 120-3/0.6."""
+        return self.title.removeprefix("IRB ")
+
+    @property
+    def serial_number(self) -> str:
+        """Of the robot: the number of its model, and one of ours."""
+        return f"{self.type_name.partition('-')[0]}-500000"
 
     def unit_of(self, side: Side) -> str:
         """Name of the mechanical unit of an arm."""
@@ -106,6 +118,7 @@ class Robot:
 YUMI = Robot(
     "yumi",
     "IRB 14000-0.5/0.5",
+    "YuMi",
     {side: lambda side=side: yumi_arm(side) for side in Side},  # type: ignore[misc]
     YUMI_UNITS,
     YUMI_OPTIONS,
@@ -119,17 +132,19 @@ ROBOTS: Mapping[str, Robot] = {
         Robot(
             "irb14050",
             "IRB 14050-0.5/0.5",
+            "IRB_14050",
             {Side.RIGHT: irb14050},
             (
                 MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 7, NO_UNIT, "ROB_1_7", motion_task="T_ROB1"),
                 MechanicalUnit("ROB_1_7", Side.RIGHT, "Single", 1, 1, "ROB_1", NO_UNIT, motion_task="T_ROB1"),
             ),
-            (*_OPTIONS, "Drive System IRB 14050", "IRB 14050-0.5/0.5"),
+            (*_OPTIONS, "Leadthrough", "Drive System IRB 14050", "Hall Sensor Calibration", "IRB 14050-0.5/0.5"),
             _STOCK / "stock_irb14050",
         ),
         Robot(
             "irb120",
             "IRB 120-3/0.6",
+            "IRB_120",
             {Side.RIGHT: irb120},
             (MechanicalUnit("ROB_1", Side.RIGHT, "TCPRobot", 6, 6, NO_UNIT, NO_UNIT, motion_task="T_ROB1"),),
             (*_OPTIONS, "Drive System IRB 120", "IRB 120-3/0.6"),
@@ -140,6 +155,15 @@ ROBOTS: Mapping[str, Robot] = {
 """By name."""
 
 
+USER_MODULE = "HOME:/user.sys"
+"""The module that a stock controller's CAB_TASK_MODULES lists for all tasks: registers and a stopwatch.
+
+Read in a backup of a RobotWare 6.14 controller: the line of SYS.cfg, and the module in SYSMOD.
+"""
+
+DELIVERED_FILES: Mapping[str, bytes] = {USER_MODULE: (_STOCK / "user.sys").read_bytes()}
+"""What HOME has on a new controller, by path."""
+
 DOMAINS = ("EIO", "MMC", "MOC", "PROC", "SIO", "SYS")
 """Of system parameters; each has a cfg file in a backup."""
 
@@ -149,6 +173,7 @@ _SUFFIXES = (".mod", ".sys", ".modx", ".sysx", ".prg")
 _TASK_OF_BACKUP = re.compile(r">>(TASK\d+):\s*\(\s*(\w+)", re.IGNORECASE)  # >>TASK1: (T_ROB1,,)
 _REPLACED = ("CAB_TASKS", "CAB_TASK_MODULES", "MECHANICAL_UNIT_GROUP")  # where a backup has them
 _LARGEST_FILE = 8 * 1024 * 1024  # bytes
+_USER = re.compile(r"^\s*MODULE\s+user\b", re.IGNORECASE | re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,15 +226,17 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
 
     Args:
         system: what they are added to.
-        programs: by task, its modules or program files (.pgf), which take the place of what the task has.
+        programs: by task, its modules or program files (.pgf), which take the place of what the task has; `user` stays
+            where none of them is that module.
         cfg: files of system parameters.
 
     Raises:
         SettingsError: a file cannot be read or is not what it should be, or there is no such task.
     """
     system = replace(system, parameters=(*system.parameters, *(decoded(_read(path)) for path in cfg)))
-    tasks = {settings.name.upper() for settings in task_settings(system.configuration())}
-    files, modules = dict(system.files), dict(system.modules or {})
+    configuration = system.configuration()
+    tasks = {settings.name.upper(): settings for settings in task_settings(configuration)}
+    files, modules = {**DELIVERED_FILES, **system.files}, dict(system.modules or {})
     for task, paths in programs.items():
         if task.upper() not in tasks:
             raise SettingsError(
@@ -224,8 +251,21 @@ def with_programs(system: System, programs: Mapping[str, Sequence[Path]], cfg: S
                 place = f"{_HOME}{task.lower()}/{path.name}"
                 files[place] = content
             found.append(place)
+        if not _bring_user(found, files):
+            before = modules_of(tasks[task.upper()], system, configuration)
+            found = [*(path for path in before if path == USER_MODULE), *found]
         modules[task.upper()] = tuple(found)
     return replace(system, files=files, modules=modules)
+
+
+def is_user_module(text: str) -> bool:
+    """Whether a text is a module `user`, which takes the place of the one a controller is delivered with."""
+    return _USER.search(text) is not None
+
+
+def _bring_user(paths: Sequence[str], files: Mapping[str, bytes]) -> bool:
+    """Whether one of the modules of a task takes the place of `user`."""
+    return any(is_user_module(decoded(files[path])) for path in paths)
 
 
 def read_backup(folder: Path, robot: Robot = YUMI) -> System:
@@ -284,8 +324,11 @@ def _with_modules_of_tasks(system: System, shared: Sequence[str], modules: Mappi
     for settings in task_settings(configuration):
         paths = [*shared, *modules.get(settings.name.upper(), ())]
         stems = {PurePosixPath(path).stem.lower() for path in paths}
-        configured = (path for path in modules_of(settings, system, configuration) if path in system.files)
-        missing = (path for path in configured if PurePosixPath(path).stem.lower() not in stems)
+        there = {*system.files, *DELIVERED_FILES}
+        configured = (path for path in modules_of(settings, system, configuration) if path in there)
+        missing = [path for path in configured if PurePosixPath(path).stem.lower() not in stems]
+        if USER_MODULE in missing and _bring_user(paths, system.files):
+            missing.remove(USER_MODULE)
         of_tasks[settings.name.upper()] = (*missing, *paths)
     return replace(system, modules=of_tasks)
 

@@ -189,11 +189,19 @@ class RapidExecution:
         return {name: tuple(each.host.lines) for name, each in self.installed.items()}
 
     def _shared(self, task: Task, name: str) -> Variable | None:
-        """The persistent of a name that another task has; all tasks share its value."""
+        """The persistent of a name that another task has; all tasks share its value.
+
+        Of tasks that are not linked yet nothing is shared: they look here when they are.
+        """
         for other in self.tasks.values():
-            found = other.program.find(name, None) if other is not task else None
-            if isinstance(found, Variable) and found.storage is Storage.PERS and not found.is_task:
-                return found if found.value is not UNSET else None
+            found = other.program.exported(name) if other is not task else None
+            if (
+                isinstance(found, Variable)
+                and found.storage is Storage.PERS
+                and not found.is_task
+                and found.value is not UNSET
+            ):
+                return found
         return None
 
     @property

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from enum import Enum
 from math import radians
 from typing import Any
+
+import numpy as np
 
 from yumi.egm.codec import PartialJoints
 from yumi.errors import RobotNotReady
@@ -15,12 +18,12 @@ from yumi.robot.joints import JOINT_COUNT
 from yumi.robot.kinematics import compose
 from yumi.rws.types import EventType
 from yumi.virtual.controller.egm import EgmOutcome
-from yumi.virtual.controller.events import EventLog
 from yumi.virtual.controller.signals import Configuration
-from yumi.virtual.controller.units import ArmUnit
 from yumi.virtual.instructions.data import FRAME_TYPES, chain_order, pose_from_rapid, wobj_from_rapid
-from yumi.virtual.instructions.motion import check_may_move
+from yumi.virtual.instructions.motion import SPEED, Build, MotionInstructions, check_may_move
+from yumi.virtual.instructions.motion_settings import PathCorrection
 from yumi.virtual.mechanics.motion import Band, EgmActivation, EgmRun, ExternalMotionData, StopMode
+from yumi.virtual.mechanics.path import Offset, Passage
 
 MOST_IDENTITIES = 4
 """EGM identities a task can hold at a time (reference/egm.md §4.8)."""
@@ -33,19 +36,35 @@ _AXES = [f"J{axis}" for axis in range(1, 8)]
 _DIRECTIONS = ("x", "y", "z", "rx", "ry", "rz")
 _DEFAULT_BAND_DEG = (-0.5, 0.5)
 _FINAL_OUTCOMES = (EgmOutcome.CONVERGED, EgmOutcome.STOPPED)
+_INTERRUPTED_OUTCOMES = (EgmOutcome.ABORTED, EgmOutcome.MOTORS_OFF)
+_PATH_LEVEL = 2  # of External Motion Interface Data
+_NO_OFFSET = np.zeros(3)
+_PATH_SAMPLE_MS = 24  # sample rates of path corrections are multiples of it
+
+
+class Guidance(Enum):
+    """What EGMSetupUC has chosen that the sensor sends."""
+
+    JOINTS = "joints"
+    POSES = "poses"
+    PATH_CORRECTIONS = "path corrections"
 
 
 class EgmInstructions:
     """The EGM instructions of one task."""
 
-    def __init__(self, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
-        self._unit = unit
-        self._client = unit.egm
+    def __init__(self, motion: MotionInstructions, corrections: PathCorrection, configuration: Configuration) -> None:
+        self._motion = motion
+        self._corrections = corrections
+        self._unit = motion.unit
+        self._client = motion.unit.egm
         self._configuration = configuration
-        self._events = events
+        self._events = motion.events
         self._run: EgmRun | None = None
-        self._count = unit.arm.kinematics.joint_count
-        self._is_pose = False
+        self._count = motion.arm.kinematics.joint_count
+        self._guidance = Guidance.JOINTS
+        self._level = 0  # of the External Motion Interface Data that EGMSetupUC has chosen
+        self._corrects_moves = False  # EGMActMove has been executed since the last EGMSetupUC
 
     def get_id(self, call: Call) -> None:
         """EGMGetId: the same variable keeps its identity."""
@@ -68,9 +87,9 @@ class EgmInstructions:
         """EGMSetupUC: choose device and motion data."""
         if not call.present("Joint") and self._count == JOINT_COUNT:
             raise RapidRuntimeError(FATAL, "EGMSetupUC: a seven-axis arm uses EGM with \\Joint on RobotWare 6.")
-        if call.present("PathCorr"):
-            raise RapidRuntimeError(FATAL, "EGMSetupUC: this virtual controller has EGM with \\Joint and \\Pose only.")
-        self._is_pose = call.present("Pose")
+        if call.present("LATR"):
+            sentence = "EGMSetupUC: this virtual controller has no sensors that look ahead (\\LATR): use \\APTR."
+            raise RapidRuntimeError(FATAL, sentence)
         if call["MecUnit"].type != "TCPRobot":
             raise RapidRuntimeError(FATAL, f"EGMSetupUC: {call['MecUnit'].name} is not a TCP robot (41830).")
         name = call["UCDevice"]
@@ -82,6 +101,10 @@ class EgmInstructions:
         self._unit.egm_device = device.name
         data = self._motion_data(call)
         self._do(lambda: self._client.setup(call.get("CommTimeout", 1.0), data))
+        self._guidance = Guidance.POSES if call.present("Pose") else Guidance.JOINTS
+        if call.present("PathCorr"):
+            self._guidance = Guidance.PATH_CORRECTIONS
+        self._level, self._corrects_moves = data.level, False
 
     def setup_signals(self, call: Call) -> None:
         """EGMSetupAI, EGMSetupAO, EGMSetupGI: references [deg] from I/O signals, axis 7 from the first of E1 to E6."""
@@ -90,7 +113,6 @@ class EgmInstructions:
         if call["MecUnit"].type != "TCPRobot":
             raise RapidRuntimeError(FATAL, f"{call.name}: {call['MecUnit'].name} is not a TCP robot (41830).")
         kind, task = call.name[-2:].lower(), call.task
-        self._is_pose = False
         own = _SENSOR_SIGNALS[: self._count]
         names = [call[f"{kind}{each}"].name if call.present(f"{kind}{each}") else "" for each in own]
         if not any(names):
@@ -103,6 +125,7 @@ class EgmInstructions:
 
         data = self._motion_data(call)
         self._do(lambda: self._client.setup(ext_config=data, signals=read))
+        self._guidance = Guidance.JOINTS
 
     def _motion_data(self, call: Call) -> ExternalMotionData:
         name = call["ExtConfigName"]
@@ -128,13 +151,12 @@ class EgmInstructions:
             max_speed_deviation=radians(call.get("MaxSpeedDeviation", 1.0)),
         )
         self._do(lambda: self._client.activate(activation))
-        if call.present("StreamStart"):
+        if call.present("StreamStart") and not self._client.is_streaming:
             self._do(lambda: self._client.stream_start(activation.sample_rate_ms))
 
     def act_joint(self, call: Call) -> None:
         r"""EGMActJoint: the settings of the runs that follow; with \StreamStart positions are sent at once."""
-        if self._is_pose:
-            self.refuse_mode(call)
+        self._check_guidance(call, Guidance.JOINTS)
         tool, wobj = call.get("Tool"), call.get("WObj")
         bands_deg: list[Band] = [call.get(axis, _DEFAULT_BAND_DEG) for axis in _AXES[: self._count]]
         axes = EgmActivation(
@@ -144,27 +166,28 @@ class EgmInstructions:
         )
         self._activate(call, axes)
 
-    def refuse_mode(self, call: Call) -> None:
-        """What EGMSetupUC has chosen is the other kind of motion."""
+    def _check_guidance(self, call: Call, needed: Guidance) -> None:
+        """Refuse an instruction for something else than EGMSetupUC has chosen."""
+        if self._guidance is needed:
+            return
         self._events.append(41826, "EGM mode mismatch", type=EventType.ERROR)
         if self._count == JOINT_COUNT:
             raise RapidRuntimeError(
-                FATAL, "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not by poses (41826)."
+                FATAL,
+                "EGM moves a seven-axis arm by EGMActJoint and EGMRunJoint on RobotWare 6, not otherwise (41826).",
             )
-        chosen = "poses" if self._is_pose else "joints"
-        raise RapidRuntimeError(FATAL, f"{call.name}: EGMSetupUC has chosen {chosen} (41826).")
+        raise RapidRuntimeError(FATAL, f"{call.name}: EGMSetupUC has chosen {self._guidance.value} (41826).")
 
     def _ordered(self, axes: Sequence[Any]) -> tuple[Any, ...]:
         """One thing per axis in chain order."""
         return chain_order(axes) if self._count == JOINT_COUNT else tuple(axes)
 
     def act_pose(self, call: Call) -> None:
-        r"""EGMActPose: the settings of the runs that follow; the sensor's poses are in SensorFrame.
+        """EGMActPose: the settings of the runs that follow; the sensor's poses are in SensorFrame.
 
-        Corrections of a path are not made here, so that CorrFrame changes nothing.
+        CorrFrame is about corrections of a path, and changes nothing.
         """
-        if not self._is_pose:
-            self.refuse_mode(call)
+        self._check_guidance(call, Guidance.POSES)
         tool, wobj = call.get("Tool"), call.get("WObj")
         tool_pose = None if tool is None else pose_from_rapid(tool.tframe)
         wobj_pose = None if wobj is None else wobj_from_rapid(wobj)
@@ -184,16 +207,76 @@ class EgmInstructions:
         )
         self._activate(call, axes)
 
+    def act_move(self, call: Call) -> None:
+        """EGMActMove: the sample rate of the moves that follow.
+
+        The offsets of an at-point tracker are along the axes of the path, so that SensorFrame changes nothing.
+        """
+        self._check_guidance(call, Guidance.PATH_CORRECTIONS)
+        rate_ms = int(call.get("SampleRate", float(_PATH_SAMPLE_MS)))
+        activation = EgmActivation(sample_rate_ms=max(1, rate_ms // _PATH_SAMPLE_MS) * _PATH_SAMPLE_MS)
+        self._do(lambda: self._client.activate(activation))
+        self._corrects_moves = True
+
+    def corrected_move(self, build: Callable[[Call], Build]) -> Callable[[Call], Wait]:
+        """EGMMoveL, EGMMoveC: a move whose path the sensor corrects, from a fine point to a fine point."""
+
+        def move(call: Call) -> Wait:
+            client, path = self._client, self._unit.arm.path
+            self._check_guidance(call, Guidance.PATH_CORRECTIONS)
+            if not self._corrects_moves:
+                raise RapidRuntimeError(FATAL, f"{call.name}: no path is corrected yet: use EGMActMove before.")
+            if self._level != _PATH_LEVEL:
+                self._events.append(50452, "External Interface cyclic error", type=EventType.ERROR)
+                sentence = (
+                    f"{call.name}: the External Motion Interface Data needs the level {_PATH_LEVEL}, Path (50452)."
+                )
+                raise RapidRuntimeError(FATAL, sentence)
+            if not client.has_path:
+                yield from self._standing(call)
+            self._do(client.expect_path)
+            self._corrections.attach()
+            passages: list[Passage] = []
+
+            def begin(passage: Passage) -> None:
+                passages.append(passage)
+                self._do(lambda: client.correct_path(passage))
+
+            offset: Offset = (lambda: _NO_OFFSET) if call.present("NoCorr") else (lambda: client.offset)
+            moving = self._motion.passed(call, build(call), begin, offset)
+            client.is_path_awaited = True
+            try:
+                for due in moving:
+                    self._check_sensor()
+                    # The program had been stopped and continues: the sensor corrects the rest of the path.
+                    if (
+                        passages
+                        and client.outcome in _INTERRUPTED_OUTCOMES
+                        and client.resumes
+                        and not path.has_ended(passages[0])
+                    ):
+                        begin(passages[0])
+                    yield due
+            finally:
+                client.is_path_awaited = False
+                moving.close()
+
+        return move
+
+    def _check_sensor(self) -> None:
+        """Raise the error of a sensor that has been silent, as far as the program can handle it."""
+        if self._client.outcome is EgmOutcome.COMM_TIMEOUT:
+            self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
+            raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
+
     def run_pose(self, call: Call) -> Wait:
         """EGMRunPose: as EGMRunJoint."""
-        if not self._is_pose:
-            self.refuse_mode(call)
+        self._check_guidance(call, Guidance.POSES)
         yield from self._running(call, tuple(call.present(each) for each in _DIRECTIONS))
 
     def run_joint(self, call: Call) -> Wait:
         """EGMRunJoint: until EGM ends; an abandoned call lets EGM go on, EGMStop ends it."""
-        if self._is_pose:
-            self.refuse_mode(call)
+        self._check_guidance(call, Guidance.JOINTS)
         yield from self._running(call, self._ordered([call.present(axis) for axis in _AXES[: self._count]]))
 
     def _running(self, call: Call, axes: tuple[bool, ...]) -> Wait:
@@ -202,8 +285,7 @@ class EgmInstructions:
             raise RapidRuntimeError(
                 FATAL, f"{call.name}: EGM cannot be the first motion after a start; run a MoveAbsJ to CJointT() before."
             )
-        if not self._unit.arm.is_stationary:
-            raise RapidRuntimeError(FATAL, f"{call.name}: the arm has to stand in a fine point; use WaitRob \\InPos.")
+        yield from self._standing(call)
         self._run = run = EgmRun(
             stop_mode=StopMode(int(call["Mode"])),
             axes=axes,
@@ -216,6 +298,15 @@ class EgmInstructions:
         self._do(lambda: self._client.run_joint(run))
         if run.is_waited:
             yield from self._until_over(call, run)
+
+    def _standing(self, call: Call) -> Wait:
+        """The program's moves have to end in a fine point; EGM's own way to a stop is waited for."""
+        arm = self._unit.arm
+        if not arm.path.is_empty:
+            sentence = f"{call.name}: EGM has to begin in a fine point: end the move before it with zonedata fine."
+            raise RapidRuntimeError(FATAL, sentence)
+        while not arm.is_stationary:
+            yield None
 
     def wait_cond(self, call: Call) -> Wait:
         r"""EGMWaitCond: until the run that was started with \NoWaitCond ends."""
@@ -245,11 +336,10 @@ class EgmInstructions:
         while True:
             yield None
             outcome = self._client.outcome
-            if outcome is EgmOutcome.COMM_TIMEOUT:
-                if not run.is_waited:  # a program that did not wait cannot handle the error: the controller logs it
-                    raise RapidRuntimeError(FATAL, self._client.fault)
-                self._events.append(41822, "No data from the UdpUc device", self._client.fault, EventType.ERROR)
-                raise RapidRuntimeError("ERR_UDPUC_COMM", self._client.fault)
+            if outcome is EgmOutcome.COMM_TIMEOUT and not run.is_waited:
+                # A program that did not wait cannot handle the error: the controller logs it.
+                raise RapidRuntimeError(FATAL, self._client.fault)
+            self._check_sensor()
             if outcome in _FINAL_OUTCOMES or not self._client.resumes:
                 break
             if outcome is not EgmOutcome.RUNNING and self._unit.arm.is_stationary:
@@ -266,11 +356,20 @@ class EgmInstructions:
             raise RapidRuntimeError(FATAL, str(error)) from error
 
 
-def add_egm(library: Library, unit: ArmUnit, configuration: Configuration, events: EventLog) -> None:
-    """Register the EGM instructions of one task."""
-    egm = EgmInstructions(unit, configuration, events)
+def add_egm(
+    library: Library, motion: MotionInstructions, corrections: PathCorrection, configuration: Configuration
+) -> None:
+    """Register the EGM instructions of one task.
+
+    Args:
+        library: of the task.
+        motion: its moves.
+        corrections: what corrects their path.
+        configuration: of the controller.
+    """
+    egm = EgmInstructions(motion, corrections, configuration)
     identity = "VAR egmident EGMid"
-    own = _AXES[: unit.arm.kinematics.joint_count]
+    own = _AXES[: motion.arm.kinematics.joint_count]
     bands = "".join(rf", \egm_minmax {axis}" for axis in own)
     switches = "".join(rf", \switch {axis}" for axis in own)
     library.instruction("EGMGetId", identity)(egm.get_id)
@@ -311,6 +410,10 @@ def add_egm(library: Library, unit: ArmUnit, configuration: Configuration, event
         rf"{identity}, egmstopmode Mode, \switch NoWaitCond{switches}, \num CondTime, \num RampInTime, "
         r"\num RampOutTime, \pose Offset, \num PosCorrGain",
     )(egm.run_pose)
+    library.instruction("EGMActMove", rf"{identity}, pose SensorFrame, \num SampleRate")(egm.act_move)
+    rest = rf"robtarget ToPoint, \identno ID, {SPEED}, tooldata Tool, \wobjdata WObj, \loaddata TLoad, \switch NoCorr"
+    library.instruction("EGMMoveL", f"{identity}, {rest}")(egm.corrected_move(motion.line_build))
+    library.instruction("EGMMoveC", f"{identity}, robtarget CirPoint, {rest}")(egm.corrected_move(motion.circle_build))
     library.instruction("EGMWaitCond", identity)(egm.wait_cond)
     library.instruction("EGMStop", rf"{identity}, egmstopmode Mode, \num RampOutTime")(egm.stop)
     library.instruction("EGMStreamStart", rf"{identity}, \num SampleRate")(egm.stream_start)

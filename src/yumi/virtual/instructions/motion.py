@@ -49,7 +49,7 @@ from yumi.virtual.mechanics.motion import (
     line,
     tool_leg,
 )
-from yumi.virtual.mechanics.path import Passage
+from yumi.virtual.mechanics.path import Offset, Passage
 
 SpeedRatio = Callable[[], float]
 Build = Callable[[Joints, Zone], Leg]
@@ -86,7 +86,11 @@ class Target:
 
 
 class MotionInstructions:
-    """The moves of one task."""
+    r"""The moves of one task.
+
+    Attributes:
+        program_offset: reads the offset beside the path that the program has written [m], (3,), for moves with \Corr.
+    """
 
     def __init__(
         self, unit: ArmUnit, speed_ratio: SpeedRatio, events: EventLog, units_of_tasks: Mapping[str, ArmUnit]
@@ -98,6 +102,7 @@ class MotionInstructions:
         self._moved_at = -1.0  # task time [s]
         self._concurrent = 0
         self._units_of_tasks = units_of_tasks
+        self.program_offset: Offset | None = None
 
     # What the arguments mean --------------------------------------------------------------------------------------
 
@@ -242,7 +247,11 @@ class MotionInstructions:
         return build
 
     def passed(
-        self, call: Call, build: Build, added: Callable[[Passage], None] | None = None
+        self,
+        call: Call,
+        build: Build,
+        added: Callable[[Passage], None] | None = None,
+        offset: Offset | None = None,
     ) -> Generator[float | None, None, None]:
         r"""Plan a leg, add it to the path, and wait as the zone and \Conc demand.
 
@@ -250,6 +259,7 @@ class MotionInstructions:
             call: the move.
             build: plans it.
             added: called when the leg has been added to the path.
+            offset: reads where the arm is to be beside the leg; None where only the program corrects paths.
         """
         check_may_move(call)
         path, is_concurrent = self.arm.path, bool(call.get("Conc", False))
@@ -258,7 +268,7 @@ class MotionInstructions:
             sentence = rf"{call.name}: more than {MOST_CONCURRENT} moves with \Conc follow one another."
             raise RapidRuntimeError("ERR_CONC_MAX", sentence)
         try:
-            passage = yield from self._added(call, build)
+            passage = yield from self._added(call, build, offset)
             if added is not None:
                 added(passage)
             if self._moved_at == call.task.now:  # a loop of moves of no length leaves time to other tasks
@@ -272,15 +282,16 @@ class MotionInstructions:
             path.abandon()
             raise
 
-    def _added(self, call: Call, build: Build) -> Generator[float | None, None, Passage]:
+    def _added(self, call: Call, build: Build, offset: Offset | None) -> Generator[float | None, None, Passage]:
         """Plan a leg behind what is planned, and add it, with a corner where there is still time for one."""
         arm, path, unit = self.arm, self.arm.path, self.unit
         self._check_ready()
         while path.is_abandoned or (path.is_empty and not arm.is_stationary):
             yield None
         self.override_speed()
-        is_corrected = bool(call.get("Corr", False))
-        stands = path.nominal if is_corrected and path.state.position == arm.planned else arm.planned
+        if call.get("Corr", False):
+            offset = self.program_offset
+        stands = path.nominal if offset is not None and path.state.position == arm.planned else arm.planned
         if path.is_empty and (path.end is None or path.end.end != stands):
             path.restart_at(arm.planned)
         before = path.end
@@ -301,14 +312,15 @@ class MotionInstructions:
             sentence = f"{call.task.name}: the next move came too late; the corner has become a stop point."
             self.events.append(50024, "Corner path failure", sentence, EventType.WARNING)
         passage = path.append(leg, rounded if can_round else None)
-        passage.is_corrected = is_corrected
+        passage.offset = offset
         unit.tool, unit.wobj, unit.has_moved = call.get("Tool", unit.tool), call.get("WObj"), True
         arm.follow_path()
         return passage
 
     def is_there(self, passage: Passage) -> bool:
         """Whether the arm stands behind a leg."""
-        return self.arm.path.has_ended(passage) and self.arm.is_stationary
+        path = self.arm.path
+        return path.has_ended(passage) and path.has_acted and self.arm.is_stationary
 
     def go_on(self) -> None:
         """The program runs: the arm follows the path, also after a stop."""

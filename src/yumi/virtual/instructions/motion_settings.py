@@ -33,7 +33,7 @@ from yumi.virtual.instructions.data import NOT_PRESENT, chain_order, jointtarget
 from yumi.virtual.instructions.motion import FATAL, MotionInstructions, check_may_move, place_of
 from yumi.virtual.mechanics.arm import STOPPED, VirtualArm
 from yumi.virtual.mechanics.motion import CircleMode, Frames, Leg, MotionFault, Speed, Zone, followed, retraced_leg
-from yumi.virtual.mechanics.path import Acceleration
+from yumi.virtual.mechanics.path import Acceleration, Passage
 
 Array = NDArray[np.float64]
 
@@ -692,7 +692,10 @@ class CorrectionGenerator:
 
 
 class PathCorrection:
-    """The corrections of one task, and what becomes of the arm's path (`PathMotion.corrector`)."""
+    """The corrections of one task, and what becomes of the arm's path (`PathMotion.corrector`).
+
+    Each leg of the path says where its offset comes from: the program's generators, or EGM's sensor.
+    """
 
     def __init__(self, unit: ArmUnit, events: EventLog) -> None:
         self._unit, self._events = unit, events
@@ -714,7 +717,7 @@ class PathCorrection:
             raise RapidRuntimeError("CORR_NOFREE", f"CorrCon: {MOST_GENERATORS} generators are connected already.")
         generator.offset = np.zeros(3)
         self._generators.append(generator)
-        self._unit.arm.path.corrector = self
+        self.attach()
         self._unit.beginnings["path corrections"] = self.clear
 
     def disconnect(self, call: Call) -> None:
@@ -732,13 +735,13 @@ class PathCorrection:
     def write(self, call: Call) -> None:
         """CorrWrite: the offset of one generator [mm]; it replaces the one before."""
         self._connected(call).offset = np.array(call["Data"]) * 1e-3
-        self._has_failed = False
+        self.attach()
 
     def read(self, call: Call) -> tuple[float, ...]:
         """CorrRead: the sum of all generators' offsets [mm]."""
         if not self._generators:
             raise RapidRuntimeError("CORR_NOOBJECT", "CorrRead: no correction generator is connected; use CorrCon.")
-        return tuple((self._total() * 1e3).tolist())
+        return tuple((self.total() * 1e3).tolist())
 
     def _connected(self, call: Call) -> CorrectionGenerator:
         generator: CorrectionGenerator = call["Descr"]
@@ -747,7 +750,8 @@ class PathCorrection:
             raise RapidRuntimeError("CORR_NOTCONN", f"{call.name}: {name} is not connected; use CorrCon before.")
         return generator
 
-    def _total(self) -> Array:
+    def total(self) -> Array:
+        """The sum of all generators' offsets [m], (3,)."""
         total = np.zeros(3)
         for each in self._generators:
             if each.offset is not None:
@@ -755,6 +759,11 @@ class PathCorrection:
         return total
 
     # The path -----------------------------------------------------------------------------------------------------
+
+    def attach(self) -> None:
+        """Correct the arm's path from now on; what cannot be reached is reported once until this is called again."""
+        self._unit.arm.path.corrector = self
+        self._has_failed = False
 
     def restart(self) -> None:
         """The path begins anew where the arm stands: nothing is corrected there."""
@@ -770,9 +779,9 @@ class PathCorrection:
     def memory(self, value: Any) -> None:
         self._offset, self._rate, self._point, self._axes, self._beside = value
 
-    def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
+    def corrected(self, position: Joints, passage: Passage, dt: float) -> Joints:
         """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
-        wanted = self._total() if is_corrected and self._generators else np.zeros(3)
+        leg, wanted = passage.leg, np.zeros(3) if passage.offset is None else passage.offset()
         if not wanted.any() and not self._offset.any() and not self._rate.any():
             self._point = self._beside = None  # of where the arm is when it is corrected again they say nothing
             return position
@@ -837,12 +846,14 @@ class PathCorrection:
         return cast("Joints", found)
 
 
-def add_corrections(library: Library, unit: ArmUnit, events: EventLog) -> None:
+def add_corrections(library: Library, motion: MotionInstructions) -> PathCorrection:
     """Register the path corrections of one task."""
-    own = PathCorrection(unit, events)
+    own = PathCorrection(motion.unit, motion.events)
+    motion.program_offset = own.total
     library.object_type("corrdescr", CorrectionGenerator)
     library.instruction("CorrCon", "VAR corrdescr Descr")(own.connect)
     library.instruction("CorrDiscon", "VAR corrdescr Descr")(own.disconnect)
     library.instruction("CorrClear", "")(lambda call: own.clear())
     library.instruction("CorrWrite", "VAR corrdescr Descr, pos Data")(own.write)
     library.function("CorrRead", "", "pos")(own.read)
+    return own

@@ -445,7 +445,6 @@ def add_world_zones(library: Library, unit: ArmUnit) -> None:
 _FINGER_TIMEOUT = 5.0
 """How long an instruction waits for the fingers [s] (reference/statemachine.md §5.3)."""
 
-_POSITION_ALLOWANCE_MM = 1.0
 _GRIP_ARGUMENTS = r"\num holdForce, \num targetPos, \num posAllowance, \switch NoWait"
 
 
@@ -490,15 +489,15 @@ class GripperInstructions:
             yield from self._standing(call, _GripperFailure.FAILED_MOVE)
 
     def grip_in(self, call: Call) -> Wait:
-        r"""g_GripIn: done when something is held, or at once with \NoWait."""
+        r"""g_GripIn: done when the fingers stand, at something or at their end, or at once with \NoWait."""
         yield from self._readied(call)
-        self._do(lambda: self._gripper.grip_in(call.get("holdForce")))
+        self._do(lambda: self._gripper.grip_in(call.get("holdForce", MAX_FORCE)))
         yield from self._held(call, _GripperFailure.FAILED_GRIP_IN)
 
     def grip_out(self, call: Call) -> Wait:
-        r"""g_GripOut: done when something is held, or at once with \NoWait."""
+        r"""g_GripOut: done when the fingers stand, at something or at their end, or at once with \NoWait."""
         yield from self._readied(call)
-        self._do(lambda: self._gripper.grip_out(call.get("holdForce")))
+        self._do(lambda: self._gripper.grip_out(call.get("holdForce", MAX_FORCE)))
         yield from self._held(call, _GripperFailure.FAILED_GRIP_OUT)
 
     def jog(self, call: Call, *, opens: bool) -> Wait:
@@ -551,13 +550,18 @@ class GripperInstructions:
     def _held(self, call: Call, failure: _GripperFailure) -> Wait:
         if call.present("NoWait"):
             return
+        # ABB's driver waits for the state that force is held, which the end of the fingers' travel brings about, too:
+        # programs open fingers by gripping outward on nothing.
         yield from self._standing(call, failure)
-        if not self._gripper.is_holding:
-            self._fail(failure, "The fingers found nothing to hold.")
-        allowance_mm = call.get("posAllowance", call.get("posAlowance", _POSITION_ALLOWANCE_MM))
+        allowance_mm = call.get("posAllowance", call.get("posAlowance"))
         position_mm = self._gripper.position * 1e3
-        if call.present("targetPos") and abs(position_mm - call["targetPos"]) > allowance_mm:
-            self._fail(_GripperFailure.FAILED_GRIP_POSITION, f"The fingers hold something {position_mm:.1f} mm wide.")
+        if (
+            call.present("targetPos")
+            and allowance_mm is not None
+            and abs(position_mm - call["targetPos"]) > allowance_mm
+        ):
+            sentence = f"The fingers stand at {position_mm:.1f} mm each, not within {allowance_mm:g} mm of the target."
+            self._fail(_GripperFailure.FAILED_GRIP_POSITION, sentence)
 
     def _standing(self, call: Call, failure: _GripperFailure) -> Wait:
         deadline = call.task.now + _FINGER_TIMEOUT

@@ -1,7 +1,7 @@
 r"""RAPID's moves that do something on the way: MoveLDO and its like, TriggL with TriggIO, SearchL.
 
-What happens at a place on the path is done when the arm's planned position passes it, in the middle of its corner where
-the place is rounded, whatever the program is doing.
+What happens at a place on the path is done when the arm passes it, later than the plan by the servo's delay, in the
+middle of its corner where the place is rounded, whatever the program is doing.
 """
 
 from __future__ import annotations

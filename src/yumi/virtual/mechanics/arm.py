@@ -80,6 +80,7 @@ class VirtualArm:
         self.path = PathMotion(self.planned, self.model.limits)
         self._is_regaining = False
         self._servo = Servo(self.planned, self.model)
+        self.path.reaction_time = self.reaction_time
         self._load: LoadSupervision | None = None
         self._push, self._push_left = 0.0, 0.0  # by how much [rad], and for how long still [s]
         self.overload: Overload | None = None
@@ -105,6 +106,12 @@ class VirtualArm:
             return tool0_to_body(self.side, position, tool)
         tool0 = self.kinematics.tool0(position)
         return tool0 if tool is None else compose(tool0, tool)
+
+    def joint_name(self, index: int) -> str:
+        """What sentences call a joint, by its place in the chain: as in ROS on a YuMi, else ABB's number."""
+        if self.kinematics.is_of_yumi:
+            return joint_names(self.side)[index]
+        return f"axis {self.kinematics.axes[index]}"
 
     @property
     def velocity(self) -> Joints:
@@ -141,6 +148,8 @@ class VirtualArm:
             if self._is_regaining and self._motion.is_finished:
                 self._motion, self._is_regaining = self.path, False
             self._servo.advance(self.planned, dt / steps)
+            if not self.path.has_acted:
+                self.path.act(dt / steps)
             # Only references from outside are supervised: the controller plans its own motions within the limits.
             egm = self.egm
             if egm is not None and self._load is not None and self.overload is None:
@@ -196,15 +205,12 @@ class VirtualArm:
         self.check_ready()
         index = self.model.limits.outside(target)
         if index is not None:
-            name, range_deg = joint_names(self.side)[index], self.model.limits.range_deg(index)
+            name, range_deg = self.joint_name(index), self.model.limits.range_deg(index)
             raise CommandRefused(f"{name} cannot move to {target[index]:.4f} rad: its range is {range_deg} (50027).")
         if self._motion.is_finished and target == self.planned and duration <= 0.0:
             return  # there already: a program that repeats it in a loop must not cost a plan each time
         start = self.planned
-        poses = [
-            tool0_to_body(self.side, _between(start, target, index / _WAYPOINTS), tool)
-            for index in range(_WAYPOINTS + 1)
-        ]
+        poses = [self.tool_pose(_between(start, target, index / _WAYPOINTS), tool) for index in range(_WAYPOINTS + 1)]
         length = sum(dist(a.position, b.position) for a, b in pairwise(poses))
         cosines = (
             abs(sum(x * y for x, y in zip(a.orientation, b.orientation, strict=True))) for a, b in pairwise(poses)
@@ -276,7 +282,7 @@ class VirtualArm:
         """
         egm = self.egm
         if egm is None:
-            raise RobotNotReady(f"EGM does not move the {self.side.word} arm: start EGM first.")
+            raise RobotNotReady(f"EGM does not move the {self.kinematics.name}: start EGM first.")
         if position is not None:
             egm.reference = position
         egm.reference_velocity = MotionState.standing(egm.reference).velocity if velocity is None else velocity
@@ -300,9 +306,9 @@ class VirtualArm:
     def check_ready(self) -> None:
         """Raise RobotNotReady where RAPID cannot move the arm: the motors are off, or EGM moves it."""
         if not self._motors_on:
-            raise RobotNotReady(f"The motors of the {self.side.word} arm are off: switch them on first.")
+            raise RobotNotReady(f"The motors of the {self.kinematics.name} are off: switch them on first.")
         if self.egm is not None:
-            raise RobotNotReady(f"EGM moves the {self.side.word} arm: end EGM before other motions (50453).")
+            raise RobotNotReady(f"EGM moves the {self.kinematics.name}: end EGM before other motions (50453).")
 
 
 _SLEWING = 0.5  # how fast the delay may change [s/s]: below 1, so the past never runs backwards

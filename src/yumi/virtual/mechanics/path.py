@@ -33,7 +33,12 @@ _JOINT_WEIGHT = 0.01  # [m/rad]
 _ACCELERATION_SHARE = 0.6  # of the acceleration for going along, and as much for going round
 _LOWEST_SPEED = 1e-3  # [m/s] of distance along the path, so that the end is reached
 _SAME_DISTANCE = 1e-9  # [m] of distance
+_SAME_TIME = 1e-9  # [s]
 _SHORTEST_LEG = 1e-4  # [m] of distance: of a leg to where the arm already is, which ends in no corner
+
+
+Offset = Callable[[], Array]
+"""Reads where the arm is to be beside its path."""
 
 
 @dataclass(eq=False, slots=True)
@@ -46,7 +51,8 @@ class Passage:
         begin: distance where the arm is on it: the middle of the corner before it [m].
         end: distance of its end, or of the middle of the corner there [m].
         zone_begin: distance where the zone at its end begins [m].
-        is_corrected: whether path corrections count on it.
+        offset: reads how far the arm is to be beside it, along the axes of the path [m], (3,); None where nothing
+            corrects it.
     """
 
     leg: Leg
@@ -54,7 +60,7 @@ class Passage:
     begin: float
     end: float
     zone_begin: float = 0.0
-    is_corrected: bool = False
+    offset: Offset | None = None
 
 
 class Corrector(Protocol):
@@ -63,7 +69,7 @@ class Corrector(Protocol):
     memory: Any
     """What a path that is put aside has to be restored with."""
 
-    def corrected(self, position: Joints, leg: Leg, dt: float, *, is_corrected: bool) -> Joints:
+    def corrected(self, position: Joints, passage: Passage, dt: float) -> Joints:
         """Where the arm is instead of a position on its path [rad], after ``dt`` [s]."""
 
     def restart(self) -> None:
@@ -224,6 +230,7 @@ class PathMotion:
         prefetch: how long before the arm comes to a zone `is_due` [s].
         corrector: moves the arm beside its path; None where nothing does.
         nominal: where it would be without a corrector [rad].
+        reaction_time: how much later the arm is where it is planned to be [s]: what happens at a place waits for it.
         corner_failed: called with the leg that was ended by a stop instead of a corner.
     """
 
@@ -237,6 +244,8 @@ class PathMotion:
         self.prefetch = PREFETCH
         self.corrector: Corrector | None = None
         self.nominal = position
+        self.reaction_time = 0.0
+        self._passed: list[list[Any]] = []  # triggers whose place the plan has passed: time left [s], action
         self._limits = limits
         self._runs: deque[Run] = deque()
         self._passages: deque[Passage] = deque()
@@ -488,8 +497,7 @@ class PathMotion:
         old, position = self.state, self._position(run, shown)
         self.nominal = position
         if self.corrector is not None:
-            passage = self._passages[0]
-            position = self.corrector.corrected(position, passage.leg, dt, is_corrected=passage.is_corrected)
+            position = self.corrector.corrected(position, self._passages[0], dt)
         velocity = tuple((a - b) / dt for a, b in zip(position, old.position, strict=True))
         change = tuple((a - b) / dt for a, b in zip(velocity, old.velocity, strict=True))
         self.state = MotionState(position, cast("Joints", velocity), cast("Joints", change))
@@ -499,7 +507,7 @@ class PathMotion:
                 each for each in run.triggers if shown + rate * each.lead >= each.distance - _SAME_DISTANCE
             ]:
                 run.triggers.remove(trigger)
-                trigger.action()
+                self._passed.append([self.reaction_time, trigger.action])
         while len(self._passages) > 1 and self.has_ended(self._passages[0]):
             self._passages.popleft()
         if shown == run.length and past[0] == ahead:
@@ -509,6 +517,19 @@ class PathMotion:
             self.is_abandoned = self.is_abandoned and bool(self._runs)
         elif self.is_abandoned and self.is_standing:
             self.restart_at(self.state.position)
+
+    def act(self, dt: float) -> None:
+        """Let what happens at places that the plan has passed happen when the arm is there, after ``dt`` [s]."""
+        for each in list(self._passed):
+            each[0] -= dt
+            if each[0] <= _SAME_TIME:
+                self._passed.remove(each)
+                each[1]()
+
+    @property
+    def has_acted(self) -> bool:
+        """Whether everything has happened at the places that the plan has passed."""
+        return not self._passed
 
     def _go(self, run: Run, dt: float) -> float:
         """How far on the run the arm is after ``dt``, before that is averaged: a step of the speed law."""

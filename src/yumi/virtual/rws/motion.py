@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import radians
-from typing import Any
+from typing import Any, cast
 
-from yumi.errors import CommandRefused, ProtocolError, RobotNotReady, YumiError
+import numpy as np
+
+from yumi.errors import CommandRefused, ProtocolError, RobotNotReady
 from yumi.rapid.types import Variable
-from yumi.robot.inverse_kinematics import arm_angle, configuration, nearest_posture, postures
-from yumi.robot.joints import (
-    CHAIN_AXES,
-    YUMI_LIMITS,
-    Joints,
-    Pose,
-    abb_from_chain,
-    chain_from_abb,
-    joints,
-)
-from yumi.robot.kinematics import compose, inverse, tool0_to_body
+from yumi.robot.arms import Arm
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, abb_from_chain, chain_from_abb
+from yumi.robot.kinematics import compose, inverse, matrix
 from yumi.rws.documents import Link, Page, State, first_value
 from yumi.rws.types import Code, Grant, decode
 from yumi.virtual.controller.controller import Irc5
@@ -36,6 +30,8 @@ _STEPS_DEG = {"Small": 0.005, "Medium": 0.023, "Large": 0.143, "User": 0.5}  # o
 _CONTINUOUS_DEG = 2.0  # that an axis is jogged for each request without increments, at full deflection
 _FULL = 1000.0  # deflection of the joystick
 _UNIT_TOLERANCE = 1e-3  # of the length of a quaternion
+_HALL = "Hall Sensor Calibration"
+_LEAD_THROUGH = "Leadthrough"
 _COORDINATES = ("Base", "Word", "World", "Tool", "Wobj")
 
 
@@ -111,13 +107,27 @@ def jog(controller: Irc5, call: Call) -> None:
     mode = call.parameter("inc-mode", "")
     steps = [(value > 0) - (value < 0) if mode else value / _FULL for value in values]
     scale = _STEPS_DEG.get(mode, _CONTINUOUS_DEG)
-    robax, eax_a = abb_from_chain(arm.planned)
+    robax, eax_a = _abb(arm.planned)
     moves = [radians(step * scale) for step in steps]
     if unit.axes == 1:
-        target = chain_from_abb(robax, eax_a + moves[0])
+        target = _chain(arm.kinematics, robax, eax_a + moves[0])
     else:
-        target = chain_from_abb([at + move for at, move in zip(robax, moves, strict=True)], eax_a)
+        target = _chain(arm.kinematics, [at + move for at, move in zip(robax, moves, strict=True)], eax_a)
     _move(arm, target)
+
+
+def _abb(position: Joints) -> tuple[Sequence[float], float]:
+    """RAPID's split, axes 1 to 6 and axis 7, of joint positions; 0 for the axis 7 that a six-axis robot lacks."""
+    return (position, 0.0) if len(position) < JOINT_COUNT else abb_from_chain(position)
+
+
+def _chain(kinematics: Arm, robot: Sequence[float], axis_7: float) -> Joints:
+    return cast("Joints", tuple(robot)) if kinematics.joint_count < JOINT_COUNT else chain_from_abb(robot, axis_7)
+
+
+def _arm_angle(kinematics: Arm, position: Joints) -> float:
+    """The first extra axis of a robtarget [rad]; 0 with six axes."""
+    return float(kinematics.angles(np.array([position]))[0])
 
 
 def _check_jogging(controller: Irc5, call: Call) -> None:
@@ -146,8 +156,8 @@ def go_to_position(controller: Irc5, call: Call) -> None:
     unit = _active(controller)
     arm = controller.arm_of(unit)
     near = arm.planned
-    wanted = arm_angle(unit.side, near) if angle > _NO_AXIS else radians(angle)
-    _move(arm, _nearest(unit, _pose(position, orientation), wanted, near))
+    wanted = _arm_angle(arm.kinematics, near) if angle > _NO_AXIS else radians(angle)
+    _move(arm, _nearest(arm.kinematics, _pose(position, orientation), wanted, near))
 
 
 def _pose(position: list[float], orientation: list[float]) -> Pose:
@@ -159,17 +169,13 @@ def _pose(position: list[float], orientation: list[float]) -> Pose:
     return Pose((x, y, z), (w, i, j, k))
 
 
-def _nearest(unit: MechanicalUnit, pose: Pose, angle: float, near: Joints) -> Joints:
-    """The posture of a pose that is nearest to another one."""
-    try:
-        return nearest_posture(unit.side, pose, angle, near)
-    except CommandRefused as error:
-        raise invalid(str(error)) from error
-    except YumiError as error:
-        found = postures(unit.side, pose, angle)
-        if not found:
-            raise Failure(400, Code.POSE_OUTSIDE_REACH, str(error)) from error
-        return min(found, key=lambda each: max(abs(a - b) for a, b in zip(each, near, strict=True)))
+def _nearest(kinematics: Arm, pose: Pose, angle: float, near: Joints) -> Joints:
+    """The posture of a pose that is nearest to another one: of its branch, or any where that does not reach it."""
+    followed = kinematics.reached(np.array([pose.position]), matrix(pose.orientation)[None], angle, near)
+    found = kinematics.postures(pose, angle) if followed is None else (followed,)
+    if not found:
+        raise Failure(400, Code.POSE_OUTSIDE_REACH, f"the {kinematics.name} does not reach the pose")
+    return min(found, key=lambda each: max(abs(a - b) for a, b in zip(each, near, strict=True)))
 
 
 # State and supervision
@@ -346,8 +352,14 @@ def set_unit(controller: Irc5, call: Call) -> None:
     _changed(controller)
 
 
+def _led_unit(controller: Irc5, call: Call) -> MechanicalUnit:
+    if _LEAD_THROUGH not in controller.identity.options:
+        raise Failure(400, Code.OPTION, f"the controller lacks the option {_LEAD_THROUGH}")
+    return _find(controller, call)
+
+
 def get_lead_through(controller: Irc5, call: Call) -> Page:
-    unit = _find(controller, call)
+    unit = _led_unit(controller, call)
     fields = {"status": "active" if unit.name in controller.motion.lead_through else "inactive"}
     state = State("ms-mechunit-complianceleadthrough", unit.name, fields)
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
@@ -355,7 +367,7 @@ def get_lead_through(controller: Irc5, call: Call) -> Page:
 
 def set_lead_through(controller: Irc5, call: Call) -> None:
     """Let an arm be led by hand; no hand leads this one, so that it stands still all the same."""
-    unit = _find(controller, call)
+    unit = _led_unit(controller, call)
     if unit.type != "TCPRobot":
         raise invalid(f"{unit.name} is not a robot")
     led = controller.motion.lead_through
@@ -496,10 +508,10 @@ def get_axis(controller: Irc5, call: Call) -> Page:
 def get_axis_pose(controller: Irc5, call: Call) -> Page:
     """Where an axis is: the flange when all axes after it stand at zero, as the kinematic chain counts them."""
     unit, logical = _axis(controller, call)
-    position = controller.arm_of(unit).position
-    last = CHAIN_AXES.index(logical)
-    pose = tool0_to_body(unit.side, joints([angle if index <= last else 0.0 for index, angle in enumerate(position)]))
-    trans, rot = rapid_from_pose(pose)
+    arm = controller.arm_of(unit)
+    last = arm.kinematics.axes.index(logical)
+    position = tuple(angle if index <= last else 0.0 for index, angle in enumerate(arm.position))
+    trans, rot = rapid_from_pose(arm.kinematics.tool0(cast("Joints", position)))
     fields = {axis: printed(value) for axis, value in zip("xyz", trans, strict=True)}
     fields |= {f"q{n}": printed(value) for n, value in enumerate(rot, 1)}
     number = call.names["axis"]
@@ -521,7 +533,7 @@ def set_position(controller: Irc5, call: Call) -> None:
 
 def get_calibration(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
-    method = "Hall Sensor Calibration"
+    method = _HALL if _HALL in controller.identity.options else "Undefined"
     head = State(
         "ms-calibrationinfo",
         unit.name,
@@ -586,31 +598,32 @@ def _tool(call: Call) -> Pose:
     return _pose(_numbers(call, "tool_frame_position", 3), _numbers(call, "tool_frame_orientation", 4))
 
 
-def _chain(robot: list[float], extra: list[float]) -> Joints:
-    return chain_from_abb(robot, extra[0])
+def _given(kinematics: Arm, call: Call, prefix: str = "") -> Joints:
+    """The joint positions in a body."""
+    robot, extra = _numbers(call, f"{prefix}rob_joints", 6), _numbers(call, f"{prefix}ext_joints", 6)
+    return _chain(kinematics, robot, extra[0])
 
 
 def pose_from_joints(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
-    position = _chain(_numbers(call, "rob_joints", 6), _numbers(call, "ext_joints", 6))
-    pose = tool0_to_body(unit.side, position, _tool(call))
+    kinematics = controller.arm_of(unit).kinematics
+    position = _given(kinematics, call)
+    pose = compose(kinematics.tool0(position), _tool(call))
     fields = {f"position-{axis}": f"{value:.7g}" for axis, value in zip("xyz", pose.position, strict=True)}
     fields |= {f"robtargetorientation-u{n}": f"{value:.7g}" for n, value in enumerate(pose.orientation)}
-    fields |= _turns(position)
-    fields |= {f"extjoint-{n}": f"{value:.7g}" for n, value in enumerate((arm_angle(unit.side, position),), 1)}
+    fields |= _turns(kinematics, position)
+    fields["extjoint-1"] = f"{_arm_angle(kinematics, position):.7g}"
     state = State("position-from-joint", "positionData", fields)
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
 
 
-def _turns(position: Joints, number: str = "") -> dict[str, str]:
-    names = ("j1", "j4", "j6", "jx")
-    return {
-        f"quarter-rev-{name}{number}": str(value) for name, value in zip(names, configuration(position), strict=True)
-    }
+def _turns(kinematics: Arm, position: Joints) -> dict[str, str]:
+    numbers = zip(("j1", "j4", "j6", "jx"), kinematics.configuration(position), strict=True)
+    return {f"quarter-rev-{name}": str(value) for name, value in numbers}
 
 
 def _joints_fields(position: Joints) -> dict[str, str]:
-    robax, eax_a = abb_from_chain(position)
+    robax, eax_a = _abb(position)
     fields = {f"robotjoint-{n}": f"{value:.7g}" for n, value in enumerate(robax, 1)}
     return fields | {f"extjoint-{n}": f"{value:.7g}" for n, value in enumerate((eax_a, *(0.0,) * 5), 1)}
 
@@ -625,21 +638,24 @@ def _wanted(call: Call) -> tuple[Pose, float, list[float]]:
 def joints_from_pose(controller: Irc5, call: Call) -> Page:
     """The posture nearest to the old one; the first extra axis of the pose is the arm angle."""
     unit = _find(controller, call)
+    kinematics = controller.arm_of(unit).kinematics
     pose, angle, _ = _wanted(call)
-    near = _chain(_numbers(call, "old_rob_joints", 6), _numbers(call, "old_ext_joints", 6))
-    outside = YUMI_LIMITS.outside(near)
+    near = _given(kinematics, call, "old_")
+    outside = kinematics.limits.outside(near)
     if outside is not None:
-        raise invalid(f"old_rob_joints and old_ext_joints are outside of the range of joint {outside + 1} of 7")
-    state = State("joints-from-position", "jointData", _joints_fields(_nearest(unit, pose, angle, near)))
+        number = f"{outside + 1} of {kinematics.joint_count}"
+        raise invalid(f"old_rob_joints and old_ext_joints are outside of the range of joint {number}")
+    state = State("joints-from-position", "jointData", _joints_fields(_nearest(kinematics, pose, angle, near)))
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, state)
 
 
 def all_solutions(controller: Irc5, call: Call) -> Page:
     unit = _find(controller, call)
+    kinematics = controller.arm_of(unit).kinematics
     pose, angle, _ = _wanted(call)
     states = (
-        State("all-joint-solutions", f"solution{number}", _joints_fields(each) | _turns(each))
-        for number, each in enumerate(postures(unit.side, pose, angle), 1)
+        State("all-joint-solutions", f"solution{number}", _joints_fields(each) | _turns(kinematics, each))
+        for number, each in enumerate(kinematics.postures(pose, angle), 1)
     )
     return resource("motionsystem", f"{_BASE}mechunits/", unit.name, *states)
 

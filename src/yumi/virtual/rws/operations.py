@@ -319,6 +319,14 @@ OWN_DOMAINS: Domains = {"cfg": "cfg", "motion": "motion", "rapid": "rapid"}
 """Those of RobotWare 6."""
 
 _FULL_SPEED = 100  # [%]
+_POLL_CODES = {
+    "PENDING": 294914,
+    "GRANTED": 294915,
+    "DENIED": int(Code.DENIED),
+    "NO SUCH REQUEST": int(Code.NO_SUCH_REQUEST),
+}
+"""The states of a request for the privilege (3HAC050973, "Poll for RMMP grant status")."""
+
 _POLL_LIFE = 10.0
 """A request for the privilege ends when its client does not poll for this long [s]."""
 
@@ -539,12 +547,10 @@ class Users:
             self._request = None
 
     def poll(self, controller: Irc5, call: Call) -> Page:
-        held = self._request
-        if held is None or held.session != call.session:
-            raise Failure(400, Code.NO_SUCH_REQUEST, "NO SUCH REQUEST: the privilege was not asked for")
-        held.polled_at = self._now
-        code = {"PENDING": 294914, "GRANTED": 294915, "DENIED": int(Code.DENIED)}[held.status]
-        state = State("user-rmmp-poll", "poll", {"code": str(code), "status": held.status})
+        held, status = self._request, "NO SUCH REQUEST"
+        if held is not None and held.session == call.session:
+            held.polled_at, status = self._now, held.status
+        state = State("user-rmmp-poll", "poll", {"code": str(_POLL_CODES[status]), "status": status})
         return resource("ROBAPI2 User", _USERS_BASE, "rmmp/poll", state)
 
 

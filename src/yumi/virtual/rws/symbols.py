@@ -376,7 +376,8 @@ def validate(controller: Irc5, call: Call) -> None:
     task, name = find_task(controller, call.required("task")), call.required("datatype")
     node = s.Name(name)
     try:
-        module = next(iter(task.program.modules.values()), None)
+        modules = task.program.modules.values()
+        module = next((each for each in modules if name.lower() in each.symbols), next(iter(modules), None))
         type_ = task.library.type(name) if module is None else task.program.type_named(name, module, node)
         parse_value(type_, call.required("value"))
     except (RapidValueError, RapidReferenceError) as error:

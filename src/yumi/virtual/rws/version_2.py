@@ -79,6 +79,7 @@ GET /ctrl/diagnostics
 GET /ctrl/identity
 POST /ctrl/lang /ctrl?action=set-lang
 GET /ctrl/options
+GET /ctrl/features /ctrl/options
 POST! /ctrl/restart /rw/panel?action=restart
 GET /rw/panel
 GET /rw/panel/coldetstate
@@ -476,11 +477,9 @@ class RwsService2(RwsService):
     # Representations
 
     def _form(self, call: Call, request: HttpRequest) -> Form:
-        for text in (part for line in request.header_values("Accept") for part in line.split(",")):
-            if _media_type(text) == HAL:
-                return Form.JSON
-            if _media_type(text) == XHTML:
-                return Form.XHTML
+        form = preferred_form(request.header_values("Accept"))
+        if form is not None:
+            return form
         if call.path[:1] == ("fileservice",) and call.method in ("GET", "HEAD"):
             return Form.XHTML  # the content of a file is what it is
         raise Failure(
@@ -552,8 +551,51 @@ class RwsService2(RwsService):
         return tuple(found)
 
 
+_FORMS = {XHTML: Form.XHTML, HAL: Form.JSON}
+"""The representations by media type; the first is for a client that likes all of them alike."""
+
+
+def preferred_form(accepted: Sequence[str]) -> Form | None:
+    """The representation that the values of ``Accept`` prefer; None where they permit none.
+
+    A media type needs its version; a range such as ``*/*`` or ``application/*`` does not. What fits a representation
+    best has its quality (RFC 9110, section 12.5.1). Of equal quality, a media type comes before a range, and what
+    stands first before what follows.
+    """
+    ranges = [text for line in accepted for text in line.split(",") if text.strip()] or ["*/*"]
+    found: list[tuple[float, int, int, Form]] = []
+    for media_type, form in _FORMS.items():
+        fitting = [(fit, -place, text) for place, text in enumerate(ranges) if (fit := _fit(text, media_type))]
+        if fitting:
+            fit, place, text = max(fitting)
+            found.append((_quality(text), fit, place, form))
+    permitted = [each for each in found if each[0] > 0.0]
+    return max(permitted, key=lambda each: each[:3])[3] if permitted else None
+
+
+def _fit(text: str, media_type: str) -> int:
+    """How closely a range of ``Accept`` describes a media type; 0 where it does not."""
+    kind, _, version = _media_type(text).partition(";")
+    known, _, known_version = media_type.partition(";")
+    if kind == known:
+        return 3 if version == known_version else 0
+    if version not in ("", known_version):
+        return 0
+    return {"application/*": 2, "*/*": 1, "*": 1}.get(kind, 0)  # the last is what Java's own client sends
+
+
+def _quality(text: str) -> float:
+    """How much a client likes a range of ``Accept``: from 0, not at all, to 1, which is also for what is no number."""
+    weights = (part.partition("=")[2] for part in text.lower().split(";") if part.strip().startswith("q="))
+    try:
+        weight = float(next(weights, "1"))
+    except ValueError:
+        return 1.0
+    return weight if 0.0 <= weight <= 1.0 else 1.0
+
+
 def _media_type(text: str) -> str:
     """A media type with its version alone: ``application/hal+json;v=2.0``."""
-    kind, *parameters = (part.strip().lower() for part in text.split(";"))
+    kind, *parameters = (part.strip().lower().replace('"', "") for part in text.split(";"))
     version = next((each for each in parameters if each.startswith("v=")), "")
-    return f"{kind};{version}" if version else kind
+    return f"{kind};{'v=2.0' if version == 'v=2' else version}" if version else kind

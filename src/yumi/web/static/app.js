@@ -42,8 +42,22 @@ const rows = [];
 
 // ---- the connection
 
+/** What shows the server that this page may see the robot: the token of the address that was opened. It is kept for this
+ * origin alone, port included, and in no cookie, which the servers of other ports would get, too. */
+function withToken(path) {
+  const given = new URLSearchParams(location.hash.slice(1)).get("token");
+  if (given) {
+    localStorage.setItem("token", given);
+    history.replaceState(null, "", location.pathname); // so that the token is not left in the address bar
+  }
+  return `${path}?token=${encodeURIComponent(localStorage.getItem("token") ?? "")}`;
+}
+
+// The address of a server that was started anew, opened in this tab: a browser does not load the page again for it.
+window.addEventListener("hashchange", () => location.reload());
+
 function connect() {
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`);
+  socket = new WebSocket(withToken(`ws://${location.host}/ws`));
   socket.onmessage = ({ data }) => take(JSON.parse(data));
   socket.onclose = ({ reason }) => {
     endJog();
@@ -913,7 +927,7 @@ let recording = null;
 
 async function openRecording() {
   if (recording) return;
-  recording = await (await fetch("/recording.json")).json();
+  recording = await (await fetch(withToken("/recording.json"))).json();
   document.title = recording.name;
   const slider = at("time");
   slider.max = recording.duration;

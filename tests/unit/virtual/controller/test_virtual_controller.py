@@ -50,7 +50,8 @@ def test_controller_begins_in_auto_with_its_program_loaded(controller: Irc5) -> 
     assert controller.cycle == "forever"
     assert controller.identity.system_name == "Test"
     names = [module.name for module in controller.tasks["T_ROB_L"].modules]
-    assert names == ["TRobUtility", "TRobSystem", "TRobMain", "TRobRAPID", "TRobEGM", "TRobSG", "TRobWatchdog"]
+    ours = ["TRobUtility", "TRobSystem", "TRobMain", "TRobRAPID", "TRobEGM", "TRobSG", "TRobWatchdog"]
+    assert names == ["user", *ours]
 
 
 def test_motors_on_switches_both_arms(world: World) -> None:

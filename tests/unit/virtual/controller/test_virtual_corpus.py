@@ -41,7 +41,8 @@ def test_tasks_do_what_they_say(folder: Path) -> None:
         ]
     for line in _directives(text, "value"):
         name, _, value = line.partition(" ")
-        assert controller.tasks["T_ROB_L"].read(controller.tasks["T_ROB_L"].modules[0].name, name) == value
+        task = controller.tasks["T_ROB_L"]
+        assert task.read(task.modules[-1].name, name) == value
 
 
 def _directives(text: str, kind: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Programs and parameters of a user: modules, program files, backups, and the tasks they make."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -8,10 +9,20 @@ import pytest
 from yumi.errors import SettingsError
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
-from yumi.rws.types import ControllerState
+from yumi.robot.joints import Side, joints
+from yumi.rws.types import ControllerState, EventType, OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refusal, Refused
-from yumi.virtual.controller.system import System, delivered_system, read_backup, with_programs
+from yumi.virtual.controller.system import (
+    ROBOTS,
+    System,
+    delivered_system,
+    factory_system,
+    read_backup,
+    with_programs,
+    write_backup,
+)
+from yumi.virtual.controller.units import Supervision
 from yumi.virtual.world import World, WorldSettings
 
 EIO = """EIO:CFG_1.0:6:1::
@@ -72,7 +83,7 @@ def run(world: World, seconds: float) -> None:
 def test_program_of_a_user_runs_in_the_place_of_ours_and_repeats(tmp_path: Path) -> None:
     controller = started(world_of(write(tmp_path, {"a.mod": COUNT}), T_ROB_L="a.mod", T_ROB_R=""), 0.35)
     assert controller.screens["T_ROB_L"] == ("pass 1", "pass 2", "pass 3", "pass 4")
-    assert controller.tasks["T_ROB_R"].modules == ()
+    assert [module.name for module in controller.tasks["T_ROB_R"].modules] == ["user"]
 
 
 def test_modules_use_each_other_and_signals_of_a_cfg_as_robotstudio_writes_it(tmp_path: Path) -> None:
@@ -94,7 +105,7 @@ def test_text_is_read_in_either_encoding(tmp_path: Path, encoding: str) -> None:
 def test_program_file_names_its_modules_in_any_letter_case(tmp_path: Path) -> None:
     pgf = '<?xml version="1.0" encoding="ISO-8859-1" ?>\n<Program>\n <Module>MAIN.mod</Module>\n</Program>'
     world = world_of(write(tmp_path, {"p.pgf": pgf, "main.mod": COUNT}), T_ROB_L="p.pgf", T_ROB_R="")
-    assert [module.name for module in world.controller.tasks["T_ROB_L"].modules] == ["Count"]
+    assert [module.name for module in world.controller.tasks["T_ROB_L"].modules] == ["user", "Count"]
 
 
 @pytest.mark.parametrize(
@@ -154,7 +165,7 @@ def test_backup_brings_its_tasks_modules_signals_and_files(backup: Path) -> None
     world = World(WorldSettings(system=read_backup(backup)))
     controller = world.controller
     modules = {name: [module.name for module in task.modules] for name, task in controller.tasks.items()}
-    assert modules == {"T_ROB1": ["BASE", "Count"], "LOGGER": ["Log", "More"]}
+    assert modules == {"T_ROB1": ["user", "BASE", "Count"], "LOGGER": ["user", "Log", "More"]}
     assert controller.files["HOME:/data/list.txt"] == "1;2"
     assert controller.signals.get("doLamp").value == 0.0
     assert controller.execution.installed["T_ROB1"].unit is not None
@@ -233,12 +244,88 @@ def test_task_without_a_robot_cannot_move_one(backup: Path, move: str) -> None:
 def test_tasks_of_a_backup_without_backinfo_are_in_the_order_of_their_declarations(backup: Path) -> None:
     (backup / "BACKINFO/backinfo.txt").unlink()
     modules = read_backup(backup).modules or {}
-    assert [path.rpartition("/")[2] for path in modules["LOGGER"]] == ["Log.mod", "More.mod"]
+    assert [path.rpartition("/")[2] for path in modules["LOGGER"]] == ["user.sys", "Log.mod", "More.mod"]
 
 
 def test_directory_that_is_no_backup_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="is not a backup of a controller: it has neither RAPID nor SYSPAR"):
         read_backup(tmp_path)
+
+
+# The module `user` ------------------------------------------------------------------------------------------------
+
+REGISTERS = """MODULE Registers
+PROC main()
+  reg1 := reg1 + 1;
+  reg5 := reg1 + reg2 + reg3 + reg4;
+  ClkReset clock1;
+  ClkStart clock1;
+  WaitTime 0.1;
+  ClkStop clock1;
+  TPWrite "reg5 "\\Num:=reg5;
+  TPWrite "after "\\Num:=Round(ClkRead(clock1)\\Dec:=1);
+  Stop;
+ENDPROC
+ENDMODULE
+"""
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_every_robot_has_registers_and_a_stopwatch_in_the_system_module_user(tmp_path: Path, robot: str) -> None:
+    model = ROBOTS[robot]
+    tasks = {unit.task for unit in model.units}
+    (tmp_path / "a.mod").write_text(REGISTERS)
+    programs = {task: [tmp_path / "a.mod"] for task in tasks}
+    controller = started(World(WorldSettings(system=with_programs(factory_system(model), programs))))
+    assert {task: controller.screens[task] for task in tasks} == dict.fromkeys(tasks, ("reg5 1", "after 0.1"))
+    assert {task: controller.tasks[task].modules[0].is_system for task in tasks} == dict.fromkeys(tasks, True)
+
+
+def test_program_that_declares_a_register_as_local_has_its_own(tmp_path: Path) -> None:
+    text = REGISTERS.replace("PROC main", "LOCAL VAR num reg1 := 4;\nPROC main", 1)
+    controller = started(world_of(write(tmp_path, {"a.mod": text}), T_ROB_L="a.mod", T_ROB_R=""))
+    assert controller.screens["T_ROB_L"][0] == "reg5 5"
+    assert controller.tasks["T_ROB_L"].read("user", "reg1") == "0"
+
+
+def test_program_with_a_module_user_of_its_own_has_it_in_its_task_alone(tmp_path: Path) -> None:
+    own = "MODULE USER(SYSMODULE) PERS num reg1 := 40; VAR num reg2; VAR num reg3; VAR num reg4; VAR num reg5;"
+    files = {"a.mod": REGISTERS, "mine.sys": f"{own} VAR clock clock1; ENDMODULE"}
+    world = world_of(write(tmp_path, files), T_ROB_L="a.mod,mine.sys", T_ROB_R="a.mod")
+    controller = started(world)
+    assert [controller.screens[task][0] for task in ("T_ROB_L", "T_ROB_R")] == ["reg5 41", "reg5 1"]
+    assert [module.name for module in controller.tasks["T_ROB_L"].modules] == ["Registers", "USER"]
+
+
+def test_backup_with_a_module_user_has_its_own(backup: Path) -> None:
+    write(backup, {"RAPID/TASK1/SYSMOD/User.sys": "MODULE user(SYSMODULE) PERS num mine := 7; ENDMODULE"})
+    controller = World(WorldSettings(system=read_backup(backup))).controller
+    assert controller.tasks["T_ROB1"].read("user", "mine") == "7"
+    assert controller.tasks["LOGGER"].symbols("user") == ("reg1", "reg2", "reg3", "reg4", "reg5", "clock1")
+
+
+def test_robot_from_the_factory_has_the_module_user_and_no_program(tmp_path: Path) -> None:
+    controller = World(WorldSettings(system=factory_system())).controller
+    assert {name: [each.name for each in task.modules] for name, task in controller.tasks.items()} == {
+        "T_ROB_R": ["user"],
+        "T_ROB_L": ["user"],
+    }
+    assert [event.title for event in controller.events.entries() if event.type is not EventType.INFORMATION] == []
+    assert controller.files["HOME:/user.sys"].startswith("MODULE user")
+
+
+def test_backup_of_the_controller_has_the_module_user_among_system_modules(tmp_path: Path) -> None:
+    controller = World(WorldSettings(system=factory_system())).controller
+    write_backup(controller, "BACKUP:/one")
+    assert "VAR num reg1" in controller.files["BACKUP:/one/RAPID/TASK1/SYSMOD/user.sys"]
+
+
+def test_module_user_is_there_again_after_programs_are_discarded(tmp_path: Path) -> None:
+    world = World(WorldSettings(system=factory_system()))
+    world.controller.tasks["T_ROB_R"].unload("user")
+    world.controller.restart(0.1, discards_programs=True)
+    run(world, 1.0)
+    assert [each.name for each in world.controller.tasks["T_ROB_R"].modules] == ["user"]
 
 
 # Starting, stopping, stepping ---------------------------------------------------------------------------------------
@@ -440,10 +527,110 @@ def test_system_outputs_show_what_a_task_does() -> None:
     assert outputs() == [0, 0, 1]
 
 
+def _following(*outputs: str) -> World:
+    """A YuMi with one system output for each ``Status`` and its arguments, in signals ``out0``, ``out1`` and so on."""
+    bound = "".join(f' -Status {each} -Signal "out{number}"\n' for number, each in enumerate(outputs))
+    signals = "".join(f' -Name "out{number}" -SignalType "DO"\n' for number in range(len(outputs)))
+    eio = f"EIO:CFG_1.0:6:1::\nSYSSIG_OUT:\n{bound}#\nEIO_SIGNAL:\n{signals}"
+    return World(WorldSettings(system=System((eio,), {}, is_factory=True)))
+
+
+def _outputs(world: World) -> list[float]:
+    """The system outputs after a cycle."""
+    world.cycle({})
+    signals = world.controller.signals
+    return [signals.get(name).value for name in signals.names if name.startswith("out")]
+
+
+def test_system_output_of_the_run_chain_follows_the_stops() -> None:
+    world = _following('"RunchOk"', '"EmStop"', '"MotorOn"', '"MotorOff"', '"MotOffState"')
+    controller = world.controller
+    assert _outputs(world) == [1, 0, 0, 1, 1]
+    controller.set_motors(True)
+    assert _outputs(world) == [1, 0, 1, 0, 0]
+    controller.press_emergency_stop()
+    assert _outputs(world) == [0, 1, 0, 1, 1]
+    controller.release_emergency_stop()
+    assert _outputs(world) == [1, 0, 0, 1, 1]
+
+
+def test_system_output_of_the_run_chain_is_off_in_manual_mode_without_the_enabling_device() -> None:
+    world = _following('"RunchOk"', '"AutoOn"')
+    assert _outputs(world) == [1, 1]
+    world.controller.select_mode(OperatingMode.MANUAL_REDUCED)
+    assert _outputs(world) == [0, 0]
+    world.controller.select_mode(OperatingMode.AUTO)
+    assert _outputs(world) == [1, 1]
+
+
+def test_system_outputs_show_the_motion_supervision_of_a_unit() -> None:
+    world = _following(
+        '"MotSupOn" -Arg1 "ROB_L"', '"MotSupTrigg" -Arg1 "ROB_L"', '"MotSupTrigg" -Arg1 "rob_r"', '"MotSupTrigg"'
+    )
+    controller = world.controller
+    assert _outputs(world) == [0, 0, 0, 0]
+    controller.set_motors(True)
+    assert _outputs(world) == [1, 0, 0, 0]
+    controller.collide(Side.LEFT)
+    assert _outputs(world) == [1, 1, 0, 1]
+    controller.acknowledge_collision()
+    controller.motion.supervision["ROB_L"] = Supervision(jogging=False)
+    assert _outputs(world) == [0, 0, 0, 0]
+
+
+def test_system_outputs_without_a_unit_show_all_of_them() -> None:
+    world = _following(
+        '"MechUnitNotMoving"', '"MechUnitNotMoving" -Arg1 "ROB_R"', '"MechUnitActive" -Arg1 "ROB_L_7"', '"LimitSpeed"'
+    )
+    controller = world.controller
+    assert _outputs(world) == [1, 1, 1, 0]
+    controller.set_motors(True)
+    left = next(unit for unit in controller.units if unit.name == "ROB_L")
+    arm = controller.arm_of(left)
+    arm.move_to(joints([each + 0.2 for each in arm.planned]))
+    controller.units = tuple(
+        replace(unit, mode="Deactivated") if unit.name == "ROB_L_7" else unit for unit in controller.units
+    )
+    assert _outputs(world) == [0, 1, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("output", "sentence"),
+    [
+        ('"TCPSpeed" -Arg1 "ROB_L"', "does not follow the Status 'TCPSpeed', only AutoOn, CycleOn, EmStop"),
+        ('"MotSupOn" -Arg1 "ROB_1"', "there is no mechanical unit 'ROB_1' (Arg1); there are ROB_L, ROB_L_7, ROB_R"),
+    ],
+)
+def test_system_output_that_is_not_followed_is_in_the_event_log(output: str, sentence: str) -> None:
+    world = _following(output)
+    event = next(each for each in world.controller.events.entries() if each.title == "System output rejected")
+    assert "The system output out0 of the EIO parameters stays as it is" in event.description
+    assert sentence in event.description
+    assert _outputs(world) == [0]
+
+
+def test_system_input_resets_the_error_of_programs() -> None:
+    world = _two_tasks()
+    controller = world.controller
+    eio = 'EIO:CFG_1.0:6:1::\nSYSSIG_IN:\n -Signal "reset" -Action "ResetError"\n#\nEIO_SIGNAL:\n'
+    controller.configuration.load(f'{eio} -Name "reset" -SignalType "DI"\n')
+    controller.restart(0.1)
+    run(world, 0.5)
+    controller.set_motors(True)
+    controller.start_rapid("once")
+    while controller.is_running:
+        world.cycle({})
+    world.cycle({})
+    assert controller.signals.get("failed").value == 1
+    controller.signals.drive("reset", 1.0)
+    run(world, 0.02)
+    assert controller.signals.get("failed").value == 0
+
+
 INPUTS = """EIO:CFG_1.0:6:1::
 SYSSIG_IN:
 
-      -Signal "power" -Action "MotOn"
+      -Signal "power" -Action "MotorOn"
 
       -Signal "go" -Action "StartMain" -Arg1 "CONT"
 
@@ -453,7 +640,7 @@ SYSSIG_IN:
 
       -Signal "last" -Action "StopCycle"
 
-      -Signal "off" -Action "MotOff"
+      -Signal "off" -Action "MotorOff"
 
       -Signal "reset" -Action "ResetEstop"
 #

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from dataclasses import replace
+from itertools import permutations
 from math import degrees
 from pathlib import Path
 from typing import Any
@@ -14,7 +16,7 @@ from yumi.robot.joints import Joints, Side
 from yumi.rws.types import ControllerState, EventType
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.events import Refused
-from yumi.virtual.controller.system import delivered_system, with_programs
+from yumi.virtual.controller.system import ROBOTS, delivered_system, factory_system, with_programs
 from yumi.virtual.mechanics.motion import EgmRun
 from yumi.virtual.rws.operations import Call
 from yumi.virtual.rws.rapid import get_task
@@ -322,7 +324,7 @@ def test_program_is_replaced_while_routines_of_a_stop_run(tmp_path: Path) -> Non
     controller.replace_program({"HOME:/other.mod": "MODULE Other PROC main() WaitTime 5; ENDPROC ENDMODULE"})
     assert not controller.is_running
     task = controller.tasks["T_ROB_L"]
-    assert [each.name for each in task.modules] == ["Other"]
+    assert [each.name for each in task.modules] == ["user", "Other"]
     assert task.execution is Execution.READY
 
 
@@ -536,6 +538,27 @@ def test_background_task_calls_its_routines_of_power_on_and_start(tmp_path: Path
 
 BUSY = "MODULE Main PERS num n := 0; PROC main() WHILE n < 100000 DO Incr n; ENDWHILE WaitTime 1; ENDPROC ENDMODULE"
 COUNT = "MODULE Other PERS num c := 0; PROC main() WHILE TRUE DO Incr c; WaitTime 0.01; ENDWHILE ENDPROC ENDMODULE"
+
+
+SHARING = {
+    "T_ROB1": '-Type "NORMAL" -UseMechanicalUnitGroup "rob1" -MotionTask',
+    "WRITER": '-Type "SEMISTATIC"',
+    "READER": '-Type "SEMISTATIC"',
+}
+
+
+@pytest.mark.parametrize("order", list(permutations(SHARING)), ids="-".join)
+def test_persistent_of_one_name_is_shared_whatever_the_order_of_tasks(tmp_path: Path, order: Sequence[str]) -> None:
+    tasks = "\n\n".join(f'-Name "{name}" {SHARING[name]}' for name in order)
+    system = replace(factory_system(ROBOTS["irb120"]), restored=(f"SYS:CFG_1.0:6:0::\nCAB_TASKS:\n\n{tasks}\n",))
+    text = "MODULE {0} PERS num k:=0; PROC main() {1} WHILE TRUE DO WaitTime 0.1; ENDWHILE ENDPROC ENDMODULE"
+    files = {
+        name: [file_of(tmp_path, f"{name}.mod", text.format(name.title(), "k:=3;" if name == "WRITER" else ""))]
+        for name in order
+    }
+    controller = run(World(WorldSettings(system=with_programs(system, files))), 0.3)
+    assert list(controller.tasks) == list(order)
+    assert [task.read(name.title(), "k") for name, task in controller.tasks.items()] == ["3", "3", "3"]
 
 
 @pytest.mark.parametrize("spelling", ["Task_in_forground", "TaskInForeground"])

@@ -1,11 +1,12 @@
 """EGM instructions: their checks, and how a run ends for the program."""
 
-from math import radians
+from math import hypot, radians
 
+import numpy as np
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.egm.codec import SensorCodec, SensorMessage
+from yumi.egm.codec import MciState, SensorCodec, SensorMessage
 from yumi.robot.joints import Side, home
 from yumi.rws.types import SignalType
 from yumi.virtual.controller.egm import EgmOutcome, EgmState
@@ -173,6 +174,53 @@ def test_activation_begins_a_stream_when_told_so(bench: InstructionBench) -> Non
 def test_stream_sends_until_it_is_stopped(bench: InstructionBench) -> None:
     bench.run(SETUP + "EGMStreamStart egm\\SampleRate:=8; WaitTime 0.2; EGMStreamStop egm; WaitTime 0.2;")
     assert 20 <= len(bench.sent) <= 30
+
+
+def test_activation_is_accepted_while_positions_are_streamed_and_the_run_ends_the_stream(
+    bench: InstructionBench,
+) -> None:
+    bench.start(MOVE + SETUP + "EGMStreamStart egm; WaitTime 0.1; " + ACT + "WaitTime 0.1; " + RUN)
+    guide(bench)
+    assert bench.failure == ""
+    messages = [SensorCodec().decode(datagram) for datagram in bench.sent]
+    begins = [index for index, message in enumerate(messages) if message.seqno == 0]
+    assert [messages[index].mci for index in begins] == [MciState.STOPPED, MciState.RUNNING]
+    assert begins[1] > 45, "the stream goes on behind the activation"
+    shifts = [hypot(*(np.subtract(m.measured_pose.position, messages[0].measured_pose.position))) for m in messages]  # type: ignore[union-attr]
+    assert shifts[begins[1] - 1] == pytest.approx(0.1), "with the tool of the activation"
+    assert messages[-1].mci is MciState.STOPPED
+
+
+def test_activation_with_a_stream_lets_the_one_that_runs_go_on(bench: InstructionBench) -> None:
+    act = ACT.replace("egm", "egm\\StreamStart", 1)
+    bench.run(MOVE + SETUP + "EGMStreamStart egm; WaitTime 0.1; " + act + "WaitTime 0.1; number:=EGMGetState(egm);")
+    assert bench.failure == ""
+    assert float(bench.read("number")) == EgmState.RUNNING
+    assert SensorCodec().decode(bench.sent[-1]).seqno == len(bench.sent) - 1
+
+
+def test_activation_is_refused_while_egm_moves_the_arm(bench: InstructionBench) -> None:
+    bench.run(MOVE + SETUP + ACT + RUN.replace("HOLD", "HOLD\\NoWaitCond") + ACT)
+    assert "EGM of the right arm is running: it has to be connected" in bench.failure
+
+
+def test_run_after_a_timeout_waits_until_the_arm_stands(bench: InstructionBench) -> None:
+    bench.start(MOVE + SETUP + ACT + RUN + "flag:=TRUE; " + RUN + 'text:="done"; ERROR TRYNEXT;')
+    codec, arm = SensorCodec(), bench.unit.arm
+    aside = tuple(value + 0.5 for value in arm.planned)
+    while bench.read("flag") == "FALSE":  # references for a while, then none until the program goes on
+        bench.inbox = [codec.encode(SensorMessage(0, aside))] if bench.sent and bench.task.now < 0.4 else []
+        bench.step()
+    assert not arm.is_stationary
+    assert bench.task.is_running, bench.failure
+    guide(bench)
+    assert (bench.failure, bench.read("text")) == ("", '"done"')
+
+
+def test_run_needs_a_fine_point_before_it(bench: InstructionBench) -> None:
+    move = "MoveAbsJ [[0,-130,30,0,50,0],[-135,9E9,9E9,9E9,9E9,9E9]],v100,z50,tool0; "
+    bench.run(SETUP + ACT + move + RUN)
+    assert "EGM has to begin in a fine point: end the move before it with zonedata fine" in bench.failure
 
 
 def test_tool_shifts_the_pose_in_the_datagrams(bench: InstructionBench) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from instruction_bench import InstructionBench
 
-from yumi.robot.gripper import ServoState
+from yumi.robot.gripper import MAX_FORCE, ServoState
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 
 
@@ -48,16 +48,30 @@ def test_grip_in_holds_what_is_there(loaded: InstructionBench) -> None:
     assert loaded.unit.gripper.hold_force == 8
 
 
-def test_grip_in_raises_when_nothing_is_there(bench: InstructionBench) -> None:
-    bench.unit.gripper.move_to(0.025)
+@pytest.mark.parametrize(
+    ("grip", "end"),
+    [("g_GripIn", 0.0), ("g_GripOut", 25.0), ("Hand_GripInward", 0.0), ("Hand_GripOutward", 25.0)],
+)
+def test_grip_that_finds_nothing_ends_where_the_travel_ends(bench: InstructionBench, grip: str, end: float) -> None:
+    bench.unit.gripper.move_to(0.010)
     bench.unit.gripper.advance(2.0)
-    bench.run("g_GripIn;")
-    assert "ERR_HAND_FAILEDGRIPINWARD" in bench.failure
+    duration = bench.run(f"{grip}; number:=g_GetPos(); flag:=TRUE;")
+    assert (bench.failure, bench.read("flag"), list(bench.events.entries())) == ("", "TRUE", [])
+    assert float(bench.read("number")) == pytest.approx(end)
+    assert duration == pytest.approx(abs(end - 10.0) / 25.0, abs=0.1), "and waits until the fingers are there"
 
 
-def test_grip_checks_the_position_it_was_given(loaded: InstructionBench) -> None:
+def test_grip_checks_the_position_with_an_allowance_only(loaded: InstructionBench) -> None:
     loaded.run("g_GripIn\\targetPos:=3;")
+    assert loaded.failure == ""
+    loaded.run("g_GripIn\\targetPos:=3\\posAllowance:=2;")
     assert "ERR_HAND_FAILEDGRIPPOS" in loaded.failure
+    assert "The fingers stand at 10.0 mm each, not within 2 mm of the target" in loaded.failure
+
+
+def test_grip_without_a_force_presses_with_the_greatest(loaded: InstructionBench) -> None:
+    loaded.run("g_SetForce 5; g_GripIn;")
+    assert loaded.unit.gripper.hold_force == MAX_FORCE
 
 
 def test_grip_out_holds_something_hollow() -> None:

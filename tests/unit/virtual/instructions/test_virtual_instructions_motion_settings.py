@@ -167,6 +167,15 @@ def test_target_out_of_reach_has_no_joints(bench: InstructionBench) -> None:
     assert "ERR_OUTSIDE_REACH" in bench.failure
 
 
+def test_joints_of_a_target_are_of_the_configuration_it_names_also_without_supervision(bench: InstructionBench) -> None:
+    bench.run(
+        "ConfL\\Off; ConfJ\\Off; point:=CRobT(); target:=CalcJointT(point,tool0); "
+        "point.robconf:=[2,2,2,2]; target:=CalcJointT(point,tool0);"
+    )
+    assert "ERR_ROBLIMIT" in bench.failure
+    assert "with the configuration [2, 2, 2, 2], but with" in bench.failure
+
+
 STOPPED_ON_ANOTHER_PATH = r"""MODULE Program
     PERS bool again:=FALSE;
     VAR pathrecid begin;

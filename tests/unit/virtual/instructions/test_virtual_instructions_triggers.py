@@ -33,7 +33,7 @@ def bench() -> InstructionBench:
 
 
 class Watched(Drawing):
-    """A drawing that notes where the tool was planned to be when a signal changed [mm]."""
+    """A drawing that notes where the tool was when a signal changed [mm]."""
 
     def __init__(self, body: str, bench: InstructionBench, name: str) -> None:
         self.places: list[Array] = []
@@ -48,7 +48,7 @@ class Watched(Drawing):
         if now != self._value:
             self._value = now
             arm = self._bench.unit.arm
-            self.places.append(np.array(arm.kinematics.tool0(arm.planned).position) * 1e3)
+            self.places.append(np.array(arm.kinematics.tool0(arm.position).position) * 1e3)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +85,21 @@ def test_trigger_sets_an_output_at_its_distance(bench: InstructionBench, where: 
     body = rf"TriggIO event,{where}\DOp:=done,1; TriggL Offs(point,0,0,-100),v100,event,fine,tool0;"
     drawing = Watched(body, bench, "done")
     assert drawing.places[0] == pytest.approx(drawing.points[0] + at(0, 0, z_mm), abs=1.0)
+
+
+def test_trap_of_a_trigger_reads_the_position_of_the_trigger(bench: InstructionBench) -> None:
+    bench.run(
+        BEGIN + "CONNECT interrupt WITH note; TriggInt event,50,interrupt; "
+        "TriggL Offs(point,0,0,-100),v100,event,fine,tool0;"
+    )
+    begin, read = (float(bench.read(name).split(",")[2].rstrip("]")) for name in ("point", "tip"))
+    assert read - begin == pytest.approx(-50.0, abs=0.6), "a cycle is 0.4 mm"
+
+
+@pytest.mark.parametrize("move", ["MoveLDO", "MoveJDO"])
+def test_output_at_a_fine_point_is_set_when_the_move_is_over(bench: InstructionBench, move: str) -> None:
+    bench.run(BEGIN + f"{move} Offs(point,0,0,-100),v100,fine,tool0,done,1; number:=DOutput(done);")
+    assert (bench.failure, bench.read("number")) == ("", "1")
 
 
 def test_trigger_by_time_comes_that_long_before_the_end(bench: InstructionBench) -> None:

@@ -1,6 +1,6 @@
 !@ robot irb120
-!@ rises custom_DO_0 350 -20 300 2
-!@ falls custom_DO_0 350 20 300 2
+!@ enters custom_DO_0 350 -20 300 2
+!@ leaves custom_DO_0 350 20 300 2
 !@ value home_seen 1
 !@ value sphere_seen 1
 !@ value cylinder_seen 1

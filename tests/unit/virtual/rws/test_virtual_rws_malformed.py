@@ -114,6 +114,37 @@ def test_other_methods_are_refused(session: Session) -> None:
             assert raw(session, method, target, session.form_type, b"").status in (404, 405), (method, target)
 
 
+@pytest.mark.parametrize(
+    "value", ["[" * 60000 + "1" + "]" * 60000, "(" * 120000, "NOT " * 30000, "{" * 100000, '"' * 100001]
+)
+def test_deeply_nested_value_gets_a_documented_status(session: Session, value: str) -> None:
+    datum = "RAPID/T_ROB_L/TRobMain/current_state"
+    targets = {
+        Session: (f"/rw/rapid/symbol/data/{datum}?action=set", "/rw/rapid/symbol/data?action=validate"),
+        Session2: (
+            f"/rw/rapid/symbol/{datum}/data?mastership=implicit",
+            "/rw/rapid/symbol/RAPID/T_ROB_L/data?action=validate",
+        ),
+    }[type(session)]
+    session.reset()
+    for target in targets:
+        body = f"value={value}&task=T_ROB_L&datatype=robtarget&dattyp=robtarget".encode()
+        reply = raw(session, "POST", target, session.form_type, body)
+        check(reply, target)
+        assert reply.status == 400
+
+
+@pytest.mark.parametrize("header", ["Cookie", "Accept", "Host", "Content-Type", "Authorization", "Upgrade"])
+@pytest.mark.parametrize(
+    "text", ["\udcff=\udcfe", "Basic \udcff", 'Digest username="\udcff", nonce="\udcff", uri="\udcff"']
+)
+def test_header_that_is_not_text_gets_a_documented_status(session: Session, header: str, text: str) -> None:
+    headers = ((header, text), session.cookie)
+    reply = session._handled(HttpRequest("GET", "/rw/panel/opmode", headers, b"", "client"))
+    assert reply.status in {200, 401, 406}
+    assert FAULT.encode() not in reply.body
+
+
 @pytest.mark.parametrize("action", ["loadmod", "resetpp", "set"])
 def test_action_on_no_resource_gets_a_documented_status(session: Session, action: str) -> None:
     check(raw(session, "POST", f"/?action={action}", session.form_type, b"modulepath=HOME/x.mod"), action)

@@ -96,11 +96,90 @@ def test_links_lead_to_what_is_there(client: Session2) -> None:
     assert lost == set()
 
 
-@pytest.mark.parametrize("accept", ["", "*/*", "application/json", "application/hal+json", "application/xhtml+xml"])
-def test_other_representations_are_not_acceptable(client: Session2, accept: str) -> None:
+class AsLibrariesDo(Session2):
+    """A client that leaves ``Accept`` to its library: to all that is possible, or nothing."""
+
+    accept: str | None = None
+
+    def show(self, method: str, target: str, body: str, form: str) -> HttpReply:
+        return self.ask(method, target, body, accept=self.accept)
+
+
+@pytest.fixture(scope="module", params=["*/*", None], ids=["all", "none"])
+def default_session(request: pytest.FixtureRequest) -> AsLibrariesDo:
+    session = AsLibrariesDo()
+    session.accept = request.param
+    return session
+
+
+@pytest.mark.parametrize("example", EXAMPLES_2, ids=lambda each: f"{each.method} {each.target}")
+def test_operation_is_answered_to_the_defaults_of_http_libraries(
+    default_session: AsLibrariesDo, example: Example
+) -> None:
+    reply = example.send(default_session)
+    assert reply.status == operation_of(default_session, example).success, reply.body
+    if reply.body.startswith(b"<?xml"):
+        assert content_type(reply) == XHTML
+
+
+@pytest.mark.parametrize("accept", ["*/*", None])
+def test_options_are_answered_to_the_defaults_of_http_libraries(client: Session2, accept: str | None) -> None:
+    reply = client.ask("OPTIONS", PANEL, accept=accept)
+    assert (reply.status, content_type(reply), b"motoron|motoroff" in reply.body) == (200, XHTML, True)
+
+
+@pytest.mark.parametrize(
+    ("accept", "expected"),
+    [
+        ("", XHTML),
+        ("application/*", XHTML),
+        ("*/*;v=2.0", XHTML),
+        ("text/html,application/xhtml+xml,application/xml;q=0.9,image/avif,image/webp,*/*;q=0.8", XHTML),
+        ("text/html, image/gif, image/jpeg, *; q=.2, */*; q=.2", XHTML),
+        ("application/json, text/plain, */*", XHTML),
+        ("application/hal+json;v=2.0, */*", HAL),
+        ("*/*, application/hal+json;v=2.0", HAL),
+        ("APPLICATION/HAL+JSON; V=2.0", HAL),
+        ("application/hal+json ; charset=utf-8 ; v=2", HAL),
+        ('application/hal+json;v="2.0"', HAL),
+        ("application/hal+json;v=2.0, application/xhtml+xml;v=2.0", HAL),
+        ("application/xhtml+xml;v=2.0, application/hal+json;v=2.0", XHTML),
+        ("application/xhtml+xml;v=2.0;q=0.5, application/hal+json;v=2.0;q=0.9", HAL),
+        ("application/hal+json;v=2.0;q=0.2, application/*;q=0.5", XHTML),
+        ("application/xhtml+xml;v=2.0;q=0, */*", HAL),
+        ("application/hal+json;v=2.0;q=much", HAL),
+    ],
+)
+def test_representation_is_the_one_that_a_client_prefers(client: Session2, accept: str, expected: str) -> None:
     reply = client.ask("GET", PANEL, accept=accept)
-    assert (reply.status, content_type(reply)) == (406, XHTML)
-    assert "accept header" in read_status(XHTML, reply.body).message
+    assert (reply.status, content_type(reply)) == (200, expected)
+
+
+def test_representation_is_chosen_from_all_accept_headers(client: Session2) -> None:
+    headers = (client.cookie, ("Accept", "text/html"), ("accept", "application/xml;q=0.5"), ("ACCEPT", HAL))
+    assert content_type(client._handled(HttpRequest("GET", PANEL, headers))) == HAL
+
+
+@pytest.mark.parametrize(
+    "accept",
+    [
+        "application/json",
+        "application/hal+json",
+        "application/xhtml+xml",
+        "application/hal+json;v=1.0",
+        "application/*;v=1.0",
+        "text/*",
+        "*/*;q=0",
+        "application/hal+json;v=2.0;q=0",
+        "nonsense",
+    ],
+)
+def test_other_representations_are_not_acceptable(client: Session2, accept: str) -> None:
+    for method, target, form in (("GET", PANEL, ""), ("POST", PANEL, "ctrl-state=motoron"), ("OPTIONS", PANEL, "")):
+        reply = client.ask(method, target, form, accept=accept)
+        assert (reply.status, content_type(reply)) == (406, XHTML)
+        assert "accept header" in read_status(XHTML, reply.body).message
+    assert client.controller.controller_state.value == "motoroff"
 
 
 def test_parameter_json_of_version_1_has_no_effect(client: Session2) -> None:
