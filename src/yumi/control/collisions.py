@@ -268,9 +268,9 @@ class CollisionLimiter:
         self.is_of = {side: np.zeros(len(model.names), dtype=bool) for side in Side}
         for side, parts in model.arms.items():
             self.is_of[side][parts] = True
-        is_shoulder = model.frames == 0
         # The shoulders are as near to the other arm as to the body, and bolted to it.
-        is_near = is_shoulder | (np.array(model.names) == "body")
+        is_near = model.frames == 0
+        is_near[model.body] = True
         self._declared = np.where(is_near[:, None] | is_near, min(margin, BODY_MARGIN), margin)
         self.library = collision_library.load()
         numbers = {name: number for number, name in enumerate(model.names)}

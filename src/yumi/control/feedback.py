@@ -195,7 +195,8 @@ class ReferenceMonitor:
         self._fastest = fastest
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
         self._commands = [self._sent]  # the one that its plan has shown, then those that it has not shown yet
-        self._repeated = 0  # cycles in a row in which the first of them moved the robot
+        self._newest_heard = self._sent  # of them: the newest that moves the robot as it moves
+        self._repeated = 0  # for so many cycles in a row, although there are newer ones
         self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
         self._acting = self._sent  # what moves the robot from there to its next state
@@ -230,14 +231,18 @@ class ReferenceMonitor:
         fading = self._gain * state.dt  # the robot's loop closes the lead meanwhile
         share = -expm1(-fading) / fading if fading > 0.0 else 1.0
         moved = change_rate(state.planned, last.planned, state.dt * share)
-        speeds = [self._bounded(self.speeds(last, command)) for command in commands]
-        differences = [dist(each, moved) for each in speeds]
+        oldest = self.speeds(last, commands[0])
+        if self._bounded(oldest) is not oldest:  # as slowed as all that follow: nothing tells them apart
+            return
+        differences = [dist(self._bounded(self.speeds(last, command)), moved) for command in commands]
         closest = min(differences)
         if closest > _EXPLAINED + _EXPLAINED_SHARE * hypot(*moved):  # false feedback, or a robot that moves otherwise
             self._repeated = 0
             return
         alike = [index for index, each in enumerate(differences) if each <= closest + _SAME_SPEED]
-        self._repeated = self._repeated + 1 if alike == [0] else 0
+        newest, self._newest_heard = self._newest_heard, commands[alike[-1]]
+        is_behind = newest is self._newest_heard and newest is not commands[-1]
+        self._repeated = self._repeated + 1 if is_behind else 0
         # Where a motion turns round, commands before and after are alike; where all are, the arm stands.
         del commands[: alike[0] if len(alike) < len(commands) else -1]
 

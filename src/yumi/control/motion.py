@@ -245,7 +245,7 @@ def ramp_speed(
 ) -> tuple[float, float]:
     """The speed after ``dt`` [s] and its rate of change, on the way from ``last`` to ``goal`` [rad/s].
 
-    A goal that changes smoothly is followed at once.
+    A goal that changes smoothly is followed at once, as far as it does not rise too quickly to stay below the highest.
 
     Args:
         goal: the speed to come to; one that is no number is 0.
@@ -257,8 +257,9 @@ def ramp_speed(
         dt: time that passes [s] > 0.
     """
     change = (goal - last) / dt
+    rises = speed_to_come(change, jerk) if goal * change > 0.0 else 0.0
     if (
-        abs(goal) <= top * _ROUNDING
+        abs(goal) + rises <= top * _ROUNDING
         and abs(change) <= acceleration * _ROUNDING
         and abs(change - rate) <= jerk * dt * _ROUNDING
     ):

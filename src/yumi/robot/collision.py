@@ -223,6 +223,7 @@ class CollisionModel:
     Attributes:
         names: of all parts, those of the right arm first, then the left arm's, then what stands still.
         arms: the parts of each arm.
+        body: those of the robot's body.
         frames: the link that a part moves with, from 0 in chain order, or 7 for tool0; -1 for what stands still.
         handle: what the library calls it.
     """
@@ -245,7 +246,8 @@ class CollisionModel:
             self.arms[side] = slice(len(self.names), len(self.names) + len(own))
             self.names += [f"{side.word} {part.name}" for part in own]
             frames += [part.frame for part in own]
-        fixed = [Obstacle("body", *middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        fixed = [Obstacle(BODY, *middle_and_size(box)) for box in BODY_SHAPES] + list(obstacles)
+        self.body = slice(len(self.names), len(self.names) + len(BODY_SHAPES))
         self.names += [box.name for box in fixed]
         self.frames = np.array(frames + [-1] * len(fixed))
         capsules = [
@@ -257,9 +259,9 @@ class CollisionModel:
             (
                 *_axes(box.centre.position, box.centre.orientation),
                 *(edge / 2.0 for edge in box.size),
-                box.name == "body",
+                number < len(BODY_SHAPES),
             )
-            for box in fixed
+            for number, box in enumerate(fixed)
         ]
         frames_of = [_frames(side) for side in Side]
         counts = np.array([len(parts[side]) for side in Side])

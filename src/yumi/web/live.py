@@ -54,7 +54,7 @@ from yumi.driver.endpoint import (
 )
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.collision import TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
+from yumi.robot.collision import BODY, TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose, Side
@@ -674,7 +674,7 @@ class Distances:
         ``only``: look among these pairs of parts alone, also with the body; by names, such as what limits the arms.
         """
         if not only:
-            return next(iter(self._model.nearest(positions, within=NEAR, ignore="body")), None)
+            return next(iter(self._model.nearest(positions, within=NEAR, ignore=BODY)), None)
         wanted = {frozenset(pair) for pair in only}
         near = self._model.nearest(positions, len(self._model.names) ** 2, within=NEAR)
         return next((each for each in near if frozenset((each.part, each.other)) in wanted), None)
