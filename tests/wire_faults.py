@@ -81,7 +81,7 @@ LASTING = (
     Attack(Fault.EGM_LOSS, None, Way.TO_ROBOT, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_LOSS, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_DELAY, 50.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
-    Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, delays=True, unanswered=None),
+    Attack(Fault.EGM_REORDER, 3.0, None, 0.5, strays=_MANY, delays=True, stops=True, unanswered=None),
     Attack(Fault.EGM_DUPLICATE, 1.0, Way.FROM_ROBOT, 0.5),
     # Each reference that comes twice makes the robot a cycle later for the rest of the session (reference/egm.md §4.3).
     Attack(Fault.EGM_DUPLICATE, 1.0, Way.TO_ROBOT, 0.05, strays=_MANY, delays=True),

@@ -56,7 +56,7 @@ def test_plan_is_asked_about_and_no_means_no(where: list[str], state: Path, cont
     assert result.exit_code == 1
     assert "Make these 48 changes; it restarts [y/N]: n" in result.stdout
     assert not list(state.rglob("*.json"))
-    assert all(not task.modules for task in controller.tasks.values())
+    assert all([module.name for module in task.modules] == ["user"] for task in controller.tasks.values())
 
 
 def test_no_to_the_streams_leaves_a_complete_installation(

@@ -113,6 +113,12 @@ class Controller(ABC):
         It would make up for that as soon as the way is free, so a controller that leads the arm no further gives it up.
         """
 
+    def note_waiting(self, position: Joints) -> None:
+        """The command stands at ``position`` [rad], (7,), until the robot hears it again; no time passes meanwhile.
+
+        A motion that keeps no time but its own can go on from there, at rest.
+        """
+
     def take_reports(self) -> Sequence[object]:
         """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""
         return ()

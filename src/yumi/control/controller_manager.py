@@ -714,6 +714,14 @@ class ControllerManager:
             except Exception as error:
                 self._fail(loaded, error)
 
+    def note_waiting(self, position: Joints) -> None:
+        """The command waits at ``position`` [rad], see :meth:`.Controller.note_waiting`. Never raises."""
+        for loaded in self._commanding:
+            try:
+                loaded.controller.note_waiting(position)
+            except Exception as error:
+                self._fail(loaded, error)
+
     def note_times(self, state: ArmState, marks: Sequence[float]) -> None:
         """After the reply to ``state``: take the times of the cycle's stages into the statistics."""
         self._component.note(state.session, state.time, marks)

@@ -224,6 +224,8 @@ class ArmLoop:
             self._sent_moves = way > AT_REST * cycle.state.dt
             if cycle.beyond > AT_GOAL and not self._sent_moves:
                 self.manager.note_withheld(cycle.sent.position)
+            if self._limiter.is_waiting:
+                self.manager.note_waiting(cycle.sent.position)
             self._cycles += 1
             self._is_interrupted = False
             if self._speed.advance(cycle.state.dt):
