@@ -232,7 +232,7 @@ class ReferenceMonitor:
         share = -expm1(-fading) / fading if fading > 0.0 else 1.0
         moved = change_rate(state.planned, last.planned, state.dt * share)
         oldest = self.speeds(last, commands[0])
-        if self._bounded(oldest) is not oldest:  # as slowed as all that follow: nothing tells them apart
+        if self._bounded(oldest) is not oldest:  # as slowed as all that follow: they look alike
             return
         differences = [dist(self._bounded(self.speeds(last, command)), moved) for command in commands]
         closest = min(differences)
