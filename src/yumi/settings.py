@@ -239,8 +239,8 @@ MAX_DEPTH = 20
 MAX_NODES = 20_000
 """So many keys and values a file may have; what an alias stands for counts each time."""
 
-MAX_TEXT = 1000
-"""Longest key or value [characters]."""
+MAX_NUMBER = 1000
+"""Longest number [characters]."""
 
 _Read = TypeVar("_Read")
 _NULL, _MERGE = "tag:yaml.org,2002:null", "tag:yaml.org,2002:merge"
@@ -333,9 +333,9 @@ class _Document(yaml.SafeLoader):
 
     def _extent(self, node: yaml.Node) -> tuple[int, int]:
         if isinstance(node, yaml.ScalarNode):
-            if len(node.value) > MAX_TEXT:
+            if len(node.value) > MAX_NUMBER and node.tag.endswith((":int", ":float")):
                 raise SettingsError(
-                    f"{self.place(node)}: a text or number has {len(node.value)} characters; allowed are {MAX_TEXT}."
+                    f"{self.place(node)}: a number has {len(node.value)} characters; allowed are {MAX_NUMBER}."
                 )
             return 1, 1
         if node.tag not in _COLLECTIONS:

@@ -16,6 +16,7 @@ from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
+from yumi.control.shared_state import ReferencesIgnored
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
@@ -48,6 +49,7 @@ class Arm:
         self.rig.switch_to(NAME)
         self.rig.run(0.1)
         self.speeds: list[Joints] = []
+        self.reported: int | None = None  # the cycle in which it was reported that the robot ignores its references
         self._drive = drive
 
     def run(self, seconds: float) -> None:
@@ -55,6 +57,8 @@ class Arm:
             self._drive(self.rig)
             self.rig.cycle()
             self.speeds.append(self.rig.robot.arm.velocity)
+            if self.reported is None and any(isinstance(event, ReferencesIgnored) for event in self.rig.events):
+                self.reported = len(self.speeds)
 
     def lose(self, seconds: float) -> None:
         """Let its replies be lost for a time."""
@@ -172,3 +176,16 @@ def test_motion_goes_on_after_60_ms_of_lost_replies(name: str) -> None:
     goal = FROM if name in ("joint trajectory", "Cartesian") else TO
     near = 0.4 if "velocity" in name else radians(0.5)  # a person who commands speeds lets go somewhat before
     assert arm.rig.robot.arm.planned == pytest.approx(goal, abs=near)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_robot_that_hears_nothing_any_more_is_reported_once_it_stands(name: str) -> None:
+    arm = ARMS[name]()
+    arm.run(0.3)
+    arm.lose(4.0)
+    events = [event for event in arm.rig.events if isinstance(event, ReferencesIgnored)]
+    assert [event.deactivated for event in events] == [(NAME,)]
+    stood = next(index for index, speed in enumerate(arm.speeds) if index > 100 and max(map(abs, speed)) < 1e-3)
+    assert not arm.rig.snapshot.is_commanded
+    assert arm.reported is not None
+    assert arm.reported <= stood + round(0.5 / CYCLE)

@@ -114,9 +114,9 @@ class Controller(ABC):
         """
 
     def note_waiting(self, position: Joints) -> None:
-        """The command stands at ``position`` [rad], (7,), until the robot hears it again; no time passes meanwhile.
+        """Replies are lost: the command stands at ``position`` [rad], (7,), until the robot follows it again.
 
-        A motion that keeps no time but its own can go on from there, at rest.
+        A motion without a time base outside the controller is planned again from there.
         """
 
     def take_reports(self) -> Sequence[object]:

@@ -73,9 +73,7 @@ def run_cycle(
     state = None if reported is None else limiter.check(reported)
     if state is None:
         return None
-    # No time passes for what is planned while the command waits: the arm could not make up for it at its top speed.
-    seen = state._replace(dt=0.0) if limiter.is_waiting else state
-    desired = timing.timed(UPDATE, manager.update(seen))
+    desired = timing.timed(UPDATE, manager.update(state))
     sent = timing.timed(LIMIT, limiter.limit(state, desired))
     arm.write(sent)
     return Cycle(state, desired, sent)

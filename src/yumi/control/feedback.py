@@ -213,9 +213,8 @@ class ReferenceMonitor:
         """Compare from here on, as nothing is known; ``sent`` where a session begins with this command."""
         self.are_ignored = False
         self._compare_from(state)
-        if sent is not None:
-            self._sent = sent
-            self._commands, self._repeated = [sent], 0
+        self._sent = sent or self._sent
+        self._commands, self._repeated = [self._sent], 0
 
     def compare(self, state: ArmState | None) -> None:
         """With each state, before its reply: which of the commands so far has moved the plan to where it is now.
@@ -226,7 +225,7 @@ class ReferenceMonitor:
         last, self._seen = self._seen, state
         commands = self._commands
         if state is None or last is None or len(commands) == 1 or last.session != state.session or state.dt <= 0.0:
-            self._repeated = 0
+            self._doubt()
             return
         fading = self._gain * state.dt  # the robot's loop closes the lead meanwhile
         share = -expm1(-fading) / fading if fading > 0.0 else 1.0
@@ -237,14 +236,17 @@ class ReferenceMonitor:
         differences = [dist(self._bounded(self.speeds(last, command)), moved) for command in commands]
         closest = min(differences)
         if closest > _EXPLAINED + _EXPLAINED_SHARE * hypot(*moved):  # false feedback, or a robot that moves otherwise
-            self._repeated = 0
+            self._doubt()
             return
         alike = [index for index, each in enumerate(differences) if each <= closest + _SAME_SPEED]
         newest, self._newest_heard = self._newest_heard, commands[alike[-1]]
         is_behind = newest is self._newest_heard and newest is not commands[-1]
         self._repeated = self._repeated + 1 if is_behind else 0
-        # Where a motion turns round, commands before and after are alike; where all are, the arm stands.
-        del commands[: alike[0] if len(alike) < len(commands) else -1]
+        # Where a motion turns round, commands before and after are alike; where all are, it is slow or at rest.
+        if len(alike) == len(commands):
+            del commands[1:-1]
+        else:
+            del commands[: alike[0]]
 
     @property
     def is_repeating(self) -> bool:
@@ -265,7 +267,9 @@ class ReferenceMonitor:
         most = TAKEN_AT_ONCE * period
         return any(abs(self._gain * (q - p) + w - v) > top * most for p, q, v, w, top in rows)
 
-    def observe(self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool) -> None:
+    def observe(
+        self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool, is_waiting: bool = False
+    ) -> None:
         """After each reply.
 
         Args:
@@ -273,6 +277,7 @@ class ReferenceMonitor:
             sent: the reply; the robot's plan does not show it yet, but the one before.
             is_valid: whether the state says anything: the robot follows, and the state is plausible.
             is_at_rest: whether the command leads nowhere.
+            is_waiting: whether the command waits, since newer ones than that which moves the robot were lost.
         """
         before, self._sent = self._sent, sent
         self._last, self._acting = state, before
@@ -292,8 +297,10 @@ class ReferenceMonitor:
         self._due = joints([due + speed * dt for due, speed in rows])
         self._due_for += dt
         if self._due_for >= IGNORED_AFTER:
-            due = hypot(*self._due)
-            self.are_ignored = due >= _DUE and dist(state.planned, self._plan) < _FOLLOWED * due
+            due, moved = hypot(*self._due), dist(state.planned, self._plan)
+            # A command that waits may lead nowhere; then a plan that stands shows it.
+            stands = is_waiting and self._repeated * dt >= IGNORED_AFTER and moved < _MOTION
+            self.are_ignored = stands or (due >= _DUE and moved < _FOLLOWED * due)
             if not self.are_ignored:
                 self._compare_from(state)
 
@@ -319,6 +326,11 @@ class ReferenceMonitor:
         """How fast a robot moves that follows ``sent`` [rad/s]."""
         rows = zip(sent.position, state.planned, sent.velocity, strict=True)
         return [self._gain * (ahead - now) + speed for ahead, now, speed in rows]
+
+    def _doubt(self) -> None:
+        """A state shows nothing: what was not shown before begins anew, and what was shown stays."""
+        if not self.is_repeating:
+            self._repeated = 0
 
     def _bounded(self, speeds: list[float]) -> list[float]:
         """The speeds of joints that are slowed together where one asks for more than its highest speed [rad/s]."""

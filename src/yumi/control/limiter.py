@@ -689,7 +689,9 @@ class Limiter:
         """After the reply to ``state``: what the next one depends on."""
         self._speeds.observe(state.planned, self._positions.position)
         is_valid = state.is_running and not self._feedback.in_a_row
-        self._references.observe(state, self._last, is_valid=is_valid, is_at_rest=self.is_at_rest)
+        self._references.observe(
+            state, self._last, is_valid=is_valid, is_at_rest=self.is_at_rest, is_waiting=self.is_waiting
+        )
 
     @property
     def _last(self) -> ArmCommand:
@@ -727,6 +729,7 @@ class Limiter:
 
     def _begin_session(self, state: ArmState) -> ArmState:
         self._session, self._entering, self._stop_within = state.session, None, None
+        self.is_waiting = False
         self._references.begin(state)
         self._feedback.begin()
         return self._accept(state)
@@ -746,7 +749,7 @@ class Limiter:
         self._positions.rest_at(position)
         self._speeds.end()
         self.is_at_rest, self._stop_within = True, None
-        self._is_new = self._is_settling = False
+        self._is_new = self._is_settling = self.is_waiting = False
         command = ArmCommand(position)
         self._references.begin(state, command)
         return command

@@ -640,6 +640,7 @@ class EndpointServer:
         self._end: Callable[[], None] = lambda: None
         self._thread = SupervisedThread("endpoint", self._run, self._is_over)
         self._workers = ThreadPoolExecutor(MAX_CLIENTS, "endpoint-work")
+        self._stops = ThreadPoolExecutor(2, "endpoint-stop")  # a stop waits for no other request
         # The end of a jog waits neither for requests nor on the loop's thread, which all clients need.
         self._jog_ends = ThreadPoolExecutor(len(Side), "endpoint-end-jog")
 
@@ -677,6 +678,7 @@ class EndpointServer:
         self._end()
         self._thread.join()
         self._workers.shutdown()
+        self._stops.shutdown()
         self._jog_ends.shutdown()
 
     def _run(self) -> None:
@@ -810,7 +812,8 @@ class EndpointServer:
             client.pending -= 1
             self._work -= is_work
 
-        work = asyncio.get_running_loop().run_in_executor(self._workers, self._answer, client, request)
+        workers = self._stops if _is_stop(request) else self._workers
+        work = asyncio.get_running_loop().run_in_executor(workers, self._answer, client, request)
         work.add_done_callback(end)
         return work
 

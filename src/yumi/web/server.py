@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
+from socket import getfqdn
 from typing import Any
 from urllib.parse import urlsplit
 from xml.etree import ElementTree as ET
@@ -199,7 +200,8 @@ class ViewServer:
                 "`yumi view` printed."
             )
         origin = request.headers.get("Origin")
-        if origin is not None and origin != f"{request.scheme}://{request.host}":
+        # Of https where a proxy encrypts: then this server sees http.
+        if origin is not None and origin not in (f"http://{request.host}", f"https://{request.host}"):
             raise web.HTTPForbidden(text="Pages of other origins may not use this server.")
         response = await handler(request)
         if not response.prepared:
@@ -210,14 +212,15 @@ class ViewServer:
         """Whether a page may be opened under ``host``; another name may be a foreign one that leads here.
 
         A page that listens on loopback is opened under its names and addresses; another one by any address, by the name
-        that it listens on, and by this machine's name in any domain.
+        that it listens on, and by this machine's names.
         """
         if is_loopback(host):
             return True
         if is_loopback(self._settings.host):
             return False
-        own = platform.node().partition(".")[0].lower()
-        return _is_address(host) or host in {self._settings.host.lower(), own} or host.startswith(f"{own}.")
+        node, own = platform.node().lower(), platform.node().partition(".")[0].lower()
+        names = {self._settings.host.lower(), node, own, f"{own}.local", getfqdn().lower()}
+        return bool(host) and (_is_address(host) or host in names)
 
     def _has_token(self, request: web.Request) -> bool:
         # Not in a cookie: a browser sends cookies to every port of a host, so to servers of other users, too.

@@ -119,7 +119,7 @@ def egm_tool(mass: str) -> str:
         ),
         (
             f"robot: {{rws_port: {'9' * 5000}}}",
-            "mine.yaml line 1: a text or number has 5000 characters; allowed are 1000.",
+            "mine.yaml line 1: a number has 5000 characters; allowed are 1000.",
         ),
         (f"robot: {{rws_port: {'9' * 1000}}}", f"robot: rws_port is {'9' * 80}…; allowed is 1 to 65535."),
         ("robot: {user: 2024-99-99}", "mine.yaml line 1: what stands there is not a valid timestamp; quote a text."),

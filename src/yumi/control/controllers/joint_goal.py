@@ -140,7 +140,6 @@ class JointGoalController(Controller):
         self._notices: list[GoalEnded] = []
         self._order: JointGoal | StopMotion | None = None
         self._standstill: StandstillDetector | None = None
-        self._is_waiting = False  # the command, for the robot to hear it
         self._rest_at(ZERO)
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -197,11 +196,6 @@ class JointGoalController(Controller):
             self._rest_at(state.planned)
             if self._order is not None:
                 self._start(self._planned(self._order)[1])
-        if self._is_waiting and self._order is not None:
-            if state.dt <= 0.0:
-                return ArmCommand(self._setpoint.position)
-            self._start(self._planned(self._order)[1])
-        self._is_waiting = False
         scale = self._scale
         self._time += min(state.dt, self._longest_step) * (scale if self._time < self._motion.duration else 1.0)
         self._setpoint = self._motion.at(self._time)
@@ -217,7 +211,7 @@ class JointGoalController(Controller):
     def note_waiting(self, position: Joints) -> None:
         if isinstance(self._order, JointGoal) and self._standstill is None and self._time < self._motion.duration:
             self._setpoint = Setpoint(position)
-            self._is_waiting = True
+            self._start(self._way_to(self._order))
 
     def take_reports(self) -> Sequence[object]:
         if not self._notices:

@@ -57,7 +57,7 @@ function withToken(path) {
 window.addEventListener("hashchange", () => location.reload());
 
 function connect() {
-  socket = new WebSocket(withToken(`ws://${location.host}/ws`));
+  socket = new WebSocket(withToken(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`));
   socket.onmessage = ({ data }) => take(JSON.parse(data));
   socket.onclose = ({ reason }) => {
     endJog();
