@@ -138,8 +138,8 @@ class Attacked(EgmLoop):
 
     @property
     def may_be_unheard(self) -> bool:
-        """Whether the robot may not have heard the last commands."""
-        return self.clock.now() < self.unheard_until
+        """Whether the robot may not have heard the last commands: those to forged datagrams make the others wait."""
+        return self.clock.now() < self.unheard_until or self.robot.egm.waiting > 2
 
     def activate(self) -> None:
         if self._speeds is None:

@@ -165,12 +165,14 @@ _DUE = 5e-3  # [rad] of motion that should have been; an arm at rest is led by l
 _FOLLOWED = 0.002  # of it that a robot has moved at least which follows: at the begin of a slow ramp-in it is little
 
 UNHEARD_CYCLES = 3
-"""After so many cycles in which one command moves the robot the later ones are not heard: they are four by then."""
+"""After so many cycles in which one command moves the robot the later ones are not heard: they are four by then. More
+are needed on a network on which replies usually show later."""
 
 TAKEN_AT_ONCE = 0.75
 """Share of what a joint's speed may change in a cycle by which it may change when a command is heard again."""
 
 _EXPLAINED, _EXPLAINED_SHARE = 0.05, 0.02  # [rad/s] over all joints, and of the speed: near enough to a command's speed
+_LATEST, _FORGETTING = 25, 0.02  # of the commands that are usually on their way: the most; by how much fewer a cycle
 _REMEMBERED = 40  # commands: the first of them, and the newest
 _SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the plan is the same
 
@@ -197,6 +199,7 @@ class ReferenceMonitor:
         self._commands = [self._sent]  # the one that its plan has shown, then those that it has not shown yet
         self._newest_heard = self._sent  # of them: the newest that moves the robot as it moves
         self._repeated = 0  # for so many cycles in a row, although there are newer ones
+        self._latency = 1.0  # how many newer ones there are usually
         self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
         self._acting = self._sent  # what moves the robot from there to its next state
@@ -240,6 +243,9 @@ class ReferenceMonitor:
             return
         alike = [index for index, each in enumerate(differences) if each <= closest + _SAME_SPEED]
         newest, self._newest_heard = self._newest_heard, commands[alike[-1]]
+        if newest is not self._newest_heard and not self.is_repeating:  # it goes on along the commands, however late
+            late = min(len(commands) - 1 - alike[-1], _LATEST)
+            self._latency = max(late, self._latency - _FORGETTING, 1.0)
         is_behind = newest is self._newest_heard and newest is not commands[-1]
         self._repeated = self._repeated + 1 if is_behind else 0
         # Where a motion turns round, commands before and after are alike; where all are, it is slow or at rest.
@@ -251,7 +257,7 @@ class ReferenceMonitor:
     @property
     def is_repeating(self) -> bool:
         """Whether the robot goes on by one command although it was sent others since."""
-        return self._repeated >= UNHEARD_CYCLES
+        return self._repeated >= UNHEARD_CYCLES - 1 + self._latency
 
     def are_unheard(self, limits: JointLimits, period: float) -> bool:
         """Whether it has not heard commands that would change its speed by more than it may in a cycle.

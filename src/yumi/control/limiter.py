@@ -262,6 +262,7 @@ def inside(position: Joints, limits: JointLimits, last: Joints) -> Joints:
     return joints([max(min(low, old), min(max(high, old), new)) for low, high, old, new in rows])
 
 
+_CORRECTED = 1.5  # times a joint's acceleration
 _UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
@@ -325,10 +326,16 @@ class FeedForwardLimiter:
             # A speed that sets in now must not take the way since the last known plan for the motion of one cycle.
             self._planned, self._position, self._position_before = planned, position, position
 
-    def follow(self, speeds: list[float]) -> None:
-        """Go on from the motion of a robot that has not heard the last commands: ``speeds`` [rad/s] of its joints."""
+    def follow(self, speeds: list[float], dt: float) -> None:
+        """Come to the motion of a robot that does not follow the last commands: ``speeds`` [rad/s] of its joints.
+
+        Within some cycles, as it may follow them all the same, and its reports be late.
+        """
         if self._is_feeding:
-            self._speeds, self._rates = speeds, [0.0] * JOINT_COUNT
+            rows = zip(speeds, self._speeds, self._limits.acceleration, strict=True)
+            steps = [(speed, old, _CORRECTED * top * dt) for speed, old, top in rows]
+            self._speeds = [max(old - most, min(old + most, speed)) for speed, old, most in steps]
+            self._rates = [0.0] * JOINT_COUNT
 
     def observe(self, planned: Joints, position: Joints) -> None:
         """Where the robot planned to be and the position reference it got then, both [rad], (7,), after each reply.
@@ -605,7 +612,7 @@ class Limiter:
             self._positions.rest_at(self._positions.position)  # to brake would lead it on by what it does not hear
         if self.is_waiting:
             desired = self._heard_last()
-            self._speeds.follow(references.speeds(state, references.heard))
+            self._speeds.follow(references.speeds(state, references.heard), dt)
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
