@@ -22,7 +22,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from ipaddress import ip_address
 from pathlib import Path
-from socket import getfqdn
 from typing import Any
 from urllib.parse import urlsplit
 from xml.etree import ElementTree as ET
@@ -219,7 +218,7 @@ class ViewServer:
         if is_loopback(self._settings.host):
             return False
         node, own = platform.node().lower(), platform.node().partition(".")[0].lower()
-        names = {self._settings.host.lower(), node, own, f"{own}.local", getfqdn().lower()}
+        names = {self._settings.host.lower(), node, own, f"{own}.local"}
         return bool(host) and (_is_address(host) or host in names)
 
     def _has_token(self, request: web.Request) -> bool:
