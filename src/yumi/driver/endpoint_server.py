@@ -772,6 +772,8 @@ class EndpointServer:
             except (ValueError, RecursionError) as error:  # also of a document that is no request, or not in UTF-8
                 client.send(_not_understood(line, error))
                 continue
+            if client.is_gone and not _is_stop(request):
+                return  # it came while the connection was being closed
             if not self._serves(client):
                 if not await self._serve_beyond_limit(client, request):
                     return

@@ -554,12 +554,33 @@ def test_client_that_attached_while_all_places_were_taken_is_not_kept(clock: Shi
     with ExitStack() as stack:
         clients = [stack.enter_context(attach()) for _ in range(MAX_CLIENTS)]
         poll_until(lambda: driver.server.client_count == MAX_CLIENTS)
-        one_more = stack.enter_context(attach())
-        assert clients[0].state.is_connected
+        connection, file = raw()
+        stack.enter_context(connection)
+        stack.enter_context(file)
+        connection.sendall(b'{"method": "attach"}\nnonsense\n')
+        assert "JSON is malformed" in json.loads(file.readline())["error"]["message"]  # so the client has attached
         clock.ahead = 600.0
         assert clients[0].state.is_connected
-        with pytest.raises(CommandRefused, match="16 clients already"):
-            one_more.stop_egm()
+        assert "16 clients already" in json.loads(file.readline())["error"]["message"]
+        assert file.readline() == b""
+
+
+@pytest.mark.parametrize(("method", "asked"), [("start_egm", []), ("stop_egm", ["stop"])])
+def test_request_that_comes_while_its_connection_is_closed_is_carried_out_only_if_it_is_a_stop(
+    clock: ShiftedTime, driver: FakeDriver, method: str, asked: list[str]
+) -> None:
+    connection, file = raw()
+    with connection, file:
+        connection.sendall(b"nonsense\n")
+        assert "JSON is malformed" in json.loads(file.readline())["error"]["message"]
+        clock.ahead = 600.0  # with the next data that comes the connection is closed
+        connection.sendall(b'{"method": "%s"}\n' % method.encode())
+        assert "No request came" in json.loads(file.readline())["error"]["message"]
+        assert file.readline() == b""
+    poll_until(lambda: driver.manager.asked == asked)
+    with attach() as attached:
+        assert attached.state.is_connected
+    assert driver.manager.asked == asked
 
 
 def test_stop_whose_answer_takes_long_is_answered_however_many_clients_there_are(
