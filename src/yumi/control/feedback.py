@@ -173,6 +173,7 @@ TAKEN_AT_ONCE = 0.75
 
 _EXPLAINED, _EXPLAINED_SHARE = 0.05, 0.02  # [rad/s] over all joints, and of the speed: near enough to a command's speed
 _LATEST, _FORGETTING = 25, 0.02  # of the commands that are usually on their way: the most; by how much fewer a cycle
+_NEXT = 2  # commands further a robot goes in a cycle that hears all of them, at most
 _REMEMBERED = 40  # commands: the first of them, and the newest
 _SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the plan is the same
 
@@ -197,8 +198,8 @@ class ReferenceMonitor:
         self._fastest = fastest
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
         self._commands = [self._sent]  # the one that its plan has shown, then those that it has not shown yet
-        self._newest_heard = self._sent  # of them: the newest that moves the robot as it moves
-        self._repeated = 0  # for so many cycles in a row, although there are newer ones
+        self._furthest = 0  # which of them is the newest that the plan has shown
+        self._repeated = 0  # for so many cycles in a row it has shown no newer one, although there are
         self._latency = 1.0  # how many newer ones there are usually
         self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
@@ -217,7 +218,7 @@ class ReferenceMonitor:
         self.are_ignored = False
         self._compare_from(state)
         self._sent = sent or self._sent
-        self._commands, self._repeated = [self._sent], 0
+        self._commands, self._furthest, self._repeated = [self._sent], 0, 0
 
     def compare(self, state: ArmState | None) -> None:
         """With each state, before its reply: which of the commands so far has moved the plan to where it is now.
@@ -242,17 +243,18 @@ class ReferenceMonitor:
             self._doubt()
             return
         alike = [index for index, each in enumerate(differences) if each <= closest + _SAME_SPEED]
-        newest, self._newest_heard = self._newest_heard, commands[alike[-1]]
-        if newest is not self._newest_heard and not self.is_repeating:  # it goes on along the commands, however late
-            late = min(len(commands) - 1 - alike[-1], _LATEST)
-            self._latency = max(late, self._latency - _FORGETTING, 1.0)
-        is_behind = newest is self._newest_heard and newest is not commands[-1]
-        self._repeated = self._repeated + 1 if is_behind else 0
+        further = alike[-1] - self._furthest
+        if further > 0:
+            if further <= _NEXT and not self.is_repeating:  # the robot goes on along the commands, however late
+                late = min(len(commands) - 1 - alike[-1], _LATEST)
+                self._latency = max(late, self._latency - _FORGETTING, 1.0)
+            self._furthest, self._repeated = alike[-1], 0
+        else:  # also where the plan looks again as an older command made it
+            self._repeated = self._repeated + 1 if self._furthest < len(commands) - 1 else 0
         # Where a motion turns round, commands before and after are alike; where all are, it is slow or at rest.
-        if len(alike) == len(commands):
-            del commands[1:-1]
-        else:
-            del commands[: alike[0]]
+        first, last = (1, len(commands) - 1) if len(alike) == len(commands) else (0, alike[0])
+        del commands[first:last]
+        self._furthest = max(0, self._furthest - (last - first))
 
     @property
     def is_repeating(self) -> bool:
@@ -291,6 +293,7 @@ class ReferenceMonitor:
             self._commands.append(sent)
             if len(self._commands) > _REMEMBERED:
                 del self._commands[1]
+                self._furthest = max(0, self._furthest - 1)
         if not is_valid or (is_at_rest and not self.are_ignored):
             self._compare_from(state)
             return

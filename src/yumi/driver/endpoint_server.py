@@ -765,24 +765,27 @@ class EndpointServer:
             except ValueError:
                 client.send(_refused(0, f"A request is longer than {MAX_REQUEST} bytes; the connection is closed."))
                 return
-            if not line.endswith(b"\n"):
+            if not line.endswith(b"\n") or not await self._take(line, client):
                 return
-            try:
-                request = _requests.decode(line)
-            except (ValueError, RecursionError) as error:  # also of a document that is no request, or not in UTF-8
-                client.send(_not_understood(line, error))
-                continue
-            if client.is_gone and not _is_stop(request):
-                return  # it came while the connection was being closed
-            if not self._serves(client):
-                if not await self._serve_beyond_limit(client, request):
-                    return
-            elif isinstance(request, Subscribe):
-                if client.subscription is not None:
-                    client.subscription.cancel()
-                client.subscription = asyncio.create_task(self._publish(client, request))
-            elif not isinstance(request, Attach):
-                self._begin_unless_full(client, request)
+
+    async def _take(self, line: bytes, client: _Client) -> bool:
+        """Serve what a client asks for in a line; whether the client may ask for more."""
+        try:
+            request = _requests.decode(line)
+        except (ValueError, RecursionError) as error:  # also of a document that is no request, or not in UTF-8
+            client.send(_not_understood(line, error))
+            return True
+        if client.is_gone and not _is_stop(request):
+            return False  # it came while the connection was being closed
+        if not self._serves(client):
+            return await self._serve_beyond_limit(client, request)
+        if isinstance(request, Subscribe):
+            if client.subscription is not None:
+                client.subscription.cancel()
+            client.subscription = asyncio.create_task(self._publish(client, request))
+        elif not isinstance(request, Attach):
+            self._begin_unless_full(client, request)
+        return True
 
     async def _serve_beyond_limit(self, client: _Client, request: AnyRequest) -> bool:
         """Serve a stop of a client that is none of those served; whether the client may ask for another one."""
