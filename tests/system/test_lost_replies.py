@@ -22,7 +22,7 @@ from yumi.errors import YumiError
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, change_rate, joints
 from yumi.virtual.faults import Fault, Way
 
-pytestmark = pytest.mark.timeout(120)
+pytestmark = pytest.mark.timeout(300)
 
 LOST = (0.06, 0.1, 0.15, 0.25, 0.4)  # [s]
 FAST, MOVES = radians(120.0), radians(0.01)  # [rad/s] of a command; [rad]

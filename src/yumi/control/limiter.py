@@ -5,7 +5,8 @@ fast, and change its motion only as quickly, as the joints may, measured from th
 come to rest, then to repeat the last command, not the measured position, which creeps under load.
 
 It does not trust the session. Whatever a datagram says, as long as the robot may be following earlier commands the next
-one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`
+one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`,
+which commands the robot follows in :mod:`yumi.control.references`
 (docs/explanation/decisions/0014-feedback-is-doubted.md).
 
 Three parts, each for what it limits: :class:`PositionLimiter`, :class:`FeedForwardLimiter`, and :class:`SpeedScale` for
@@ -21,7 +22,7 @@ from operator import sub
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
-from yumi.control.feedback import DOUBTED, TAKEN_AT_ONCE, FeedbackCheck, ReferenceMonitor
+from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
     EGM_GAIN,
     Setpoint,
@@ -35,6 +36,7 @@ from yumi.control.motion import (
     step_to_rest,
     step_towards,
 )
+from yumi.control.references import ReferenceMonitor
 from yumi.control.shared_state import Factor, Limited, Problem
 from yumi.robot.joints import (
     CYCLE,
@@ -407,6 +409,7 @@ FOLLOWING = 5.0
 """Time constants of the robot's position loop after which it stands where its references lead it: what is left is less
 than a hundredth of the lead. Until then a new session does not mean that the last command is of no effect."""
 
+_TAKEN_AT_ONCE = 0.75  # of what a joint's speed may change in a cycle
 _LATE = 1.25  # periods: the robot has repeated the last command meanwhile
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
@@ -450,15 +453,14 @@ class Limiter:
 
     Attributes:
         counters: what it changed so far.
-        longest_step: no command moves further than the joints may within this time, a cycle of the robot [s]: the robot
-            takes a command in one cycle, however long ago the one before was.
         is_at_rest: whether the command stands, and does not lead the robot any more.
-        is_waiting: whether the command waits since the robot does not hear it.
+        is_waiting: whether the command waits since the robot follows an older one.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
             moves where a speed is fed forward too.
-        period: time between two states of the arm [s].
+        period: time between two states of the arm [s]. No command moves further than the joints may within this time,
+            in which the robot takes a command, however long ago the one before was.
         gain: of the robot's position loop [1/s].
         other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
         collisions: what keeps the arm apart from the other one and from all else; None where nothing does.
@@ -473,10 +475,11 @@ class Limiter:
         collisions: ArmCollisionLimiter | None = None,
     ) -> None:
         self.counters = LimiterCounters()
-        self.longest_step = period
         self.is_at_rest = True
         self.is_waiting = False
-        self._shortest_step = _NO_TIME * period
+        self._period = period
+        most = [_TAKEN_AT_ONCE * top * period for top in limits.acceleration]
+        self._taken_at_once = joints(most)  # [rad/s] a joint may change its speed by when it follows again
         self._limits = limits
         self._near = min(limits.acceleration) * FEEDBACK_DELAY / EGM_GAIN  # a lead that any robot may have
         self._gain = gain
@@ -596,26 +599,38 @@ class Limiter:
             return self._begin(state)
         if state.dt <= 0.0:
             self._positions.rest_at(self._positions.position)  # without datagrams the command has stood still
-        if not 0.0 < state.dt <= _LATE * self.longest_step:
+        if not 0.0 < state.dt <= _LATE * self._period:
             self._speeds.resume(state.planned, self._positions.position)
-        dt = min(state.dt, self.longest_step)
-        if dt < self._shortest_step:
+        dt = min(state.dt, self._period)
+        if dt < _NO_TIME * self._period:
             return self._last
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             self.is_waiting = False
             return self._come_to(state, dt)
-        references = self._references
-        if self.is_waiting:  # until the robot hears it, or the arm is held for hearing nothing
-            self.is_waiting = references.is_repeating and self.problem is Problem.NONE
-        elif self.problem is Problem.NONE and references.are_unheard(self._limits, self.longest_step):
-            self.is_waiting = True
-            self._positions.rest_at(self._positions.position)  # to brake would lead it on by what it does not hear
-        if self.is_waiting:
-            desired = self._heard_last()
-            self._speeds.follow(references.speeds(state, references.heard), dt)
+        if self._has_to_wait():
+            desired = self._place_to_wait()
+            self._speeds.follow(self._references.speeds(state, self._references.followed), dt)
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
+
+    def _has_to_wait(self) -> bool:
+        """Whether the command waits in this cycle, for a robot that follows an older one."""
+        references = self._references
+        if self.is_waiting:  # until the robot follows a newer one, or the arm is held for following none
+            self.is_waiting = references.is_repeating and self.problem is Problem.NONE
+        elif self.problem is Problem.NONE and references.are_lost(self._taken_at_once):
+            self.is_waiting = True
+            self._positions.rest_at(self._positions.position)  # to brake would lead it on by what it does not follow
+        return self.is_waiting
+
+    def _place_to_wait(self) -> ArmCommand:
+        """Where a command waits: as near to the one that the robot follows as it may set out to at once."""
+        last, gain = self._positions.position, self._gain
+        if gain == 0.0:
+            return ArmCommand(last)
+        rows = zip(self._references.followed.position, last, self._taken_at_once, strict=True)
+        return ArmCommand(joints([p + max(-most / gain, min(most / gain, q - p)) for p, q, most in rows]))
 
     def _next_apart(
         self, collisions: ArmCollisionLimiter, state: ArmState, desired: ArmCommand | None, dt: float
@@ -827,15 +842,6 @@ class Limiter:
         rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)
         # At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
         return all(abs(last - now) < (abs(v) + top * FEEDBACK_DELAY) / EGM_GAIN for last, now, v, top in rows)
-
-    def _heard_last(self) -> ArmCommand:
-        """Where a command waits that the robot does not hear: as near to the last one it heard as it may set out to."""
-        last, gain = self._positions.position, self._gain
-        if gain == 0.0:
-            return ArmCommand(last)
-        rows = zip(self._references.heard.position, last, self._limits.acceleration, strict=True)
-        most = TAKEN_AT_ONCE * self.longest_step / gain
-        return ArmCommand(joints([p + max(-top * most, min(top * most, q - p)) for p, q, top in rows]))
 
 
 FULL = 1.0

@@ -258,7 +258,7 @@ def test_limiter_never_steps_by_more_than_velocity_times_dt(wanted: list[Joints 
     for position in wanted:
         now = limiter.limit(state(ZERO, dt=dt), None if position is None else ArmCommand(position)).position
         for old, new, speed in zip(last, now, YUMI_LIMITS.velocity, strict=True):
-            assert abs(new - old) <= speed * min(dt, limiter.longest_step) * 1.001 + 1e-9
+            assert abs(new - old) <= speed * min(dt, CYCLE) * 1.001 + 1e-9
         last = now
 
 

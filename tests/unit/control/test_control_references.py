@@ -6,8 +6,8 @@ from math import exp
 
 import pytest
 
-from yumi.control.feedback import UNHEARD_CYCLES, ReferenceMonitor
 from yumi.control.motion import EGM_GAIN
+from yumi.control.references import LOST_AFTER, ReferenceMonitor
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
 
 STEP = 0.008  # [rad] a command goes on in a cycle
@@ -51,10 +51,10 @@ def test_robot_repeats_a_command_after_more_cycles_where_each_command_shows_late
     sent = [command(STEP * index) for index in range(100)]
     for index in range(1, 50):
         robot.cycle(sent[max(0, index - LATE)], sent[index])
-    for index in range(50, 50 + UNHEARD_CYCLES):
+    for index in range(50, 50 + LOST_AFTER):
         robot.cycle(sent[49 - LATE], sent[index])
         assert not robot.monitor.is_repeating
-    for index in range(50 + UNHEARD_CYCLES, 50 + UNHEARD_CYCLES + LATE):
+    for index in range(50 + LOST_AFTER, 50 + LOST_AFTER + LATE):
         robot.cycle(sent[49 - LATE], sent[index])
     assert robot.monitor.is_repeating
 

@@ -132,7 +132,7 @@ class JointGoalController(Controller):
         speed: SpeedScale | None = None,
     ) -> None:
         self._speed = speed or SpeedScale()
-        self._longest_step = period  # as the limiter has it
+        self._period = period
         self._goals = goals
         self._limits = limits
         self._values: Mapping[str, float] = _DEFAULTS
@@ -197,7 +197,7 @@ class JointGoalController(Controller):
             if self._order is not None:
                 self._start(self._planned(self._order)[1])
         scale = self._scale
-        self._time += min(state.dt, self._longest_step) * (scale if self._time < self._motion.duration else 1.0)
+        self._time += min(state.dt, self._period) * (scale if self._time < self._motion.duration else 1.0)
         self._setpoint = self._motion.at(self._time)
         if self._order is not None:
             self._check_progress(state)
