@@ -15,7 +15,7 @@ from yumi.control import motion
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
-from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
 
 DT = 0.004
 WANTED = st.tuples(*[st.floats(-100.0, 100.0)] * 7)
