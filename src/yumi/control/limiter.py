@@ -265,6 +265,7 @@ def inside(position: Joints, limits: JointLimits, last: Joints) -> Joints:
 
 
 _CORRECTED = 1.5  # times a joint's acceleration
+_USED_AFTER = 2.0  # cycles after a state its reply is used: one in which the reply arrives, one in the robot
 _UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
@@ -272,8 +273,8 @@ _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is 
 class FeedForwardLimiter:
     """The speeds fed forward to one arm so far, and the speeds the arm has by now.
 
-    A robot in EGM moves at ``k · (position reference - planned position) + speed reference`` (reference/egm.md §6.1).
-    Each of the two may be within the limits and their sum not: a position that runs ahead already asks for a speed. So
+    A robot in EGM plans to move at ``k · (position reference - reported position) + speed reference``, and uses a
+    command two cycles after the state that the command is the reply to (reference/egm.md §6.1). Each of the two may be within the limits and their sum not: a position that runs ahead already asks for a speed. So
     the sum is what is kept within the joints' velocity, acceleration and jerk, and able to stop before the end of their
     ranges; a sum that is smooth passes unchanged.
 
@@ -295,7 +296,7 @@ class FeedForwardLimiter:
         self._speeds = [0.0] * JOINT_COUNT
         self._rates = [0.0] * JOINT_COUNT
         self._places: list[float] = []
-        self._planned: Joints | None = None
+        self._state: ArmState | None = None
         self._position: Joints = ZERO
         self._position_before: Joints = ZERO
 
@@ -312,21 +313,21 @@ class FeedForwardLimiter:
 
     def end(self) -> None:
         """Forget; no speed is fed forward from now on."""
-        self.velocity, self._is_feeding, self._planned = ZERO, False, None
+        self.velocity, self._is_feeding, self._state = ZERO, False, None
 
-    def resume(self, planned: Joints, position: Joints) -> None:
+    def resume(self, state: ArmState, position: Joints) -> None:
         """Go on from the motion of a robot that repeated the last command for a while.
 
         Args:
-            planned: where it plans to be by now [rad], (7,).
+            state: of the robot by now.
             position: the position reference it got last [rad], (7,).
         """
         if self._is_feeding:
-            speeds = zip(self._led(position, planned), self.velocity, strict=True)
+            speeds = zip(self._led(position, state), self.velocity, strict=True)
             self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
-        elif self._planned is not None:
-            # A speed that sets in now must not take the way since the last known plan for the motion of one cycle.
-            self._planned, self._position, self._position_before = planned, position, position
+        elif self._state is not None:
+            # A speed that sets in now must not take the way since the last known state for the motion of one cycle.
+            self._state, self._position, self._position_before = state, position, position
 
     def follow(self, speeds: list[float], dt: float) -> None:
         """Come to the motion of a robot that does not follow the last commands: ``speeds`` [rad/s] of its joints.
@@ -339,19 +340,19 @@ class FeedForwardLimiter:
             self._speeds = [max(old - most, min(old + most, speed)) for speed, old, most in steps]
             self._rates = [0.0] * JOINT_COUNT
 
-    def observe(self, planned: Joints, position: Joints) -> None:
-        """Where the robot planned to be and the position reference it got then, both [rad], (7,), after each reply.
+    def observe(self, state: ArmState, position: Joints) -> None:
+        """The robot's state and the position reference it got then [rad], (7,), after each reply.
 
         What it makes of them is the motion that a speed sets in upon.
         """
-        self._position_before = position if self._planned is None else self._position
-        self._planned, self._position = planned, position
+        self._position_before = position if self._state is None else self._position
+        self._state, self._position = state, position
 
-    def next(self, planned: Joints, position: Joints, desired: Joints, dt: float) -> Joints:
+    def next(self, state: ArmState, position: Joints, desired: Joints, dt: float) -> Joints:
         """The speed that may be fed forward [rad/s], (7,), next to ``desired``.
 
         Args:
-            planned: where the robot plans to be [rad], (7,); the command before this one is not in it yet.
+            state: of the robot; the last commands are not in it yet.
             position: the position reference that goes with it [rad], (7,), limited already.
             desired: the speed [rad/s], (7,).
             dt: time since the last command [s] > 0.
@@ -360,21 +361,24 @@ class FeedForwardLimiter:
         if desired is ZERO and not self._is_feeding:
             return ZERO
         if not self._is_feeding:
-            self._begin(planned, dt)
-        predicted = dt
-        if self._planned is not None:
-            rows = zip(self._planned, planned, self._speeds, strict=True)
+            self._begin(state, dt)
+        later = _USED_AFTER * dt
+        predicted = later
+        if self._state is not None:
+            rows = zip(self._state.planned, state.planned, self._speeds, strict=True)
             if max(abs(now - last - speed * dt) for last, now, speed in rows) > _UNEXPECTED:
                 predicted = 0.0
-                self.resume(planned, self._position)
+                self.resume(state, self._position)
         limits, fed = self._limits, []
         # New lists: for a command that is not sent, the ones before are taken back.
         self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
-        for index, (now, ahead, speed, last) in enumerate(zip(planned, position, desired, self._speeds, strict=True)):
-            place = now + last * predicted  # where the joint will be when the robot takes the command
+        reported = self._reported(state, later)  # when the robot uses the command
+        values = zip(state.planned, reported, position, desired, self._speeds, strict=True)
+        for index, (now, then, ahead, speed, last) in enumerate(values):
+            place = now + last * predicted  # where the robot will plan to be by then
             self._places.append(place)
             most, top, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
-            lead = self._gain * (ahead - place)
+            lead = self._gain * (ahead - then)
             goal = lead + max(-most, min(most, speed))
             room = limits.upper[index] - place if goal > 0.0 else place - limits.lower[index]
             total, self._rates[index] = ramp_speed(
@@ -387,19 +391,25 @@ class FeedForwardLimiter:
         self.velocity, self._is_feeding = (ZERO, False) if is_over else (joints(fed), True)
         return self.velocity
 
-    def _begin(self, planned: Joints, dt: float) -> None:
+    def _begin(self, state: ArmState, dt: float) -> None:
         """Set in upon the motion that the position references before made."""
-        if self._planned is None:
+        if self._state is None:
             self._speeds, self._rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
             return
-        self._speeds = self._led(self._position, planned)
-        before = self._led(self._position_before, self._planned)
+        self._speeds = self._led(self._position, state)
+        before = self._led(self._position_before, self._state)
         rates = zip(self._speeds, before, self._limits.acceleration, strict=True)
         self._rates = [max(-top, min(top, (new - old) / dt)) for new, old, top in rates]
 
-    def _led(self, position: Joints, planned: Joints) -> list[float]:
+    def _reported(self, state: ArmState, later: float) -> list[float]:
+        """Where the robot will report to be ``later`` [s]: it goes on, but not beyond its plan, which it follows."""
+        rows = zip(state.position, state.velocity, state.planned, strict=True)
+        ways = [(now, speed * later, plan - now) for now, speed, plan in rows]
+        return [now + (left if way * left > 0.0 and abs(way) > abs(left) else way) for now, way, left in ways]
+
+    def _led(self, position: Joints, state: ArmState) -> list[float]:
         """How fast the robot sets out towards a position reference [rad/s]."""
-        return [self._gain * (ahead - now) for ahead, now in zip(position, planned, strict=True)]
+        return [self._gain * (ahead - now) for ahead, now in zip(position, state.position, strict=True)]
 
 
 FEEDBACK_DELAY = 0.050
@@ -600,7 +610,7 @@ class Limiter:
         if state.dt <= 0.0:
             self._positions.rest_at(self._positions.position)  # without datagrams the command has stood still
         if not 0.0 < state.dt <= _LATE * self._period:
-            self._speeds.resume(state.planned, self._positions.position)
+            self._speeds.resume(state, self._positions.position)
         dt = min(state.dt, self._period)
         if dt < _NO_TIME * self._period:
             return self._last
@@ -660,7 +670,7 @@ class Limiter:
         self.is_at_rest, self._was_refused = False, not is_held
         last = self._positions.position
         position = last if self._positions.stands(dt) else self._positions.brake(dt)
-        return ArmCommand(position, self._speeds.next(state.planned, position, ZERO, dt))
+        return ArmCommand(position, self._speeds.next(state, position, ZERO, dt))
 
     def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand) -> Iterator[ArmCommand]:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
@@ -702,14 +712,14 @@ class Limiter:
         self.counters.position_limited += goal is not desired.position
         position = self._positions.next(goal, dt, state.dt)
         passes = position is goal
-        velocity = self._speeds.next(state.planned, position, desired.velocity, dt)
+        velocity = self._speeds.next(state, position, desired.velocity, dt)
         # What is cut at the range and then passes is counted there already.
         self.counters.slowed += not passes or (self._speeds.is_bounded and goal is desired.position)
         return ArmCommand(position, velocity)
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
-        self._speeds.observe(state.planned, self._positions.position)
+        self._speeds.observe(state, self._positions.position)
         is_valid = state.is_running and not self._feedback.in_a_row
         self._references.observe(
             state, self._last, is_valid=is_valid, is_at_rest=self.is_at_rest, is_waiting=self.is_waiting
@@ -744,7 +754,7 @@ class Limiter:
             is_false = moved > 2.0 * led + _CONTRADICTS  # no robot moves so fast that follows: not both can be true
             if not is_false and (self._has_stood or not stands):
                 self._is_new = stands
-                self._speeds.resume(state.planned, last.position)
+                self._speeds.resume(state, last.position)
                 return self._begin_session(state)
             self._has_stood = stands  # one datagram alone proves nothing: it may be a copy of the one before
         return None
@@ -762,7 +772,7 @@ class Limiter:
         return self._feedback.accept(state)
 
     def _go_on_after_doubts(self, state: ArmState) -> None:
-        self._speeds.resume(state.planned, self._positions.position)
+        self._speeds.resume(state, self._positions.position)
         self._stop_at = self._stop_within = None
 
     def _begin(self, state: ArmState) -> ArmCommand:
@@ -786,7 +796,7 @@ class Limiter:
         """
         last, planned = self._positions.position, state.planned
         if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
-            return ArmCommand(last, self._speeds.next(planned, last, ZERO, dt))
+            return ArmCommand(last, self._speeds.next(state, last, ZERO, dt))
         # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is taken.
         kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
         self._stop_within = self._stop_within or self._places_to_stop(state)
@@ -796,7 +806,7 @@ class Limiter:
         leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
         is_led = max(map(abs, leads)) >= _NO_LEAD
         against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
-        velocity = self._speeds.next(planned, position, against, dt)
+        velocity = self._speeds.next(state, position, against, dt)
         self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)
 
@@ -822,7 +832,7 @@ class Limiter:
             self._stop_at = goal = self._stop_at or self._positions.place_to_stop()
         last, position = self._positions.position, self._go_to(goal, state, dt)
         self.is_at_rest = dist(position, goal) < _NEAR and dist(last, position) < _CREEPS
-        return ArmCommand(position, self._speeds.next(state.planned, position, ZERO, dt))
+        return ArmCommand(position, self._speeds.next(state, position, ZERO, dt))
 
     def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""

@@ -7,6 +7,7 @@ docs/explanation/decisions/0049-lost-commands-wait.md).
 from __future__ import annotations
 
 from math import dist, expm1, hypot
+from operator import add
 
 from yumi.control.feedback import LONGEST
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
@@ -33,8 +34,8 @@ _SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the pla
 class ReferenceMonitor:
     """Which of our references the robot follows, if any.
 
-    The robot's planned position is the integral of its references (reference/egm.md §6.1): how it has moved shows which
-    command moved it, and whether it moves at all although it is led.
+    The robot's planned position is the integral of speeds that its references make (reference/egm.md §6.1): how it has
+    moved shows which command moved it, and whether it moves at all although it is led.
 
     Args:
         gain: of the robot's position loop [1/s].
@@ -55,7 +56,7 @@ class ReferenceMonitor:
         self._latency = 1.0  # how many newer ones there are usually
         self._seen: ArmState | None = None  # the state before this one
         self._last: ArmState | None = None  # what was replied to last
-        self._acting = self._sent  # what moves the robot from there to its next state
+        self._acting = (self._sent, self._sent)  # what moves the robot from there to its next states, before the last
         self._plan: Joints = ZERO  # where the robot planned to be some time ago
         self._due: Joints = ZERO  # how far it has been led since [rad]
         self._due_for = 0.0  # how long ago that was [s]
@@ -83,9 +84,7 @@ class ReferenceMonitor:
         if state is None or last is None or len(commands) == 1 or last.session != state.session or state.dt <= 0.0:
             self._doubt()
             return
-        fading = self._gain * state.dt  # the robot's loop closes the lead meanwhile
-        share = -expm1(-fading) / fading if fading > 0.0 else 1.0
-        moved = change_rate(state.planned, last.planned, state.dt * share)
+        moved = change_rate(state.planned, last.planned, state.dt)
         oldest = self.speeds(last, commands[0])
         if self._bounded(oldest) is not oldest:  # as slowed as all that follow: they look alike
             return
@@ -134,7 +133,7 @@ class ReferenceMonitor:
             is_waiting: whether the command waits, since newer ones than that which moves the robot were lost.
         """
         before, self._sent = self._sent, sent
-        self._last, self._acting = state, before
+        self._last, self._acting = state, (self._acting[1], before)
         if sent != self._commands[-1]:
             self._commands.append(sent)
             if len(self._commands) > _REMEMBERED:
@@ -168,18 +167,19 @@ class ReferenceMonitor:
         if state is None:
             return None
         left = min(time - state.time, LONGEST)
-        for command, most in ((self._acting, CYCLE), (self._sent, LONGEST)):
+        for command, most in (*((each, CYCLE) for each in self._acting), (self._sent, LONGEST)):
             passed = min(left, most)
             left -= passed
             # The speed fades with the lead, as the robot's loop closes it.
             factor = -expm1(-self._gain * passed) / self._gain if self._gain > 0.0 else passed
-            moved = zip(state.planned, self.speeds(state, command), strict=True)
-            state = state._replace(planned=joints([now + speed * factor for now, speed in moved]))
+            way = [speed * factor for speed in self.speeds(state, command)]
+            planned, position = (list(map(add, place, way)) for place in (state.planned, state.position))
+            state = state._replace(planned=joints(planned), position=joints(position))
         return state.planned
 
     def speeds(self, state: ArmState, sent: ArmCommand) -> list[float]:
         """How fast a robot moves that follows ``sent`` [rad/s]."""
-        rows = zip(sent.position, state.planned, sent.velocity, strict=True)
+        rows = zip(sent.position, state.position, sent.velocity, strict=True)
         return [self._gain * (ahead - now) + speed for ahead, now, speed in rows]
 
     def _doubt(self) -> None:

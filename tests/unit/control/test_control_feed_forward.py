@@ -20,6 +20,7 @@ FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""
 
 MOVING = (0, 6)
+AT_ZERO = ArmState(0.0, CYCLE, 1, ZERO, ZERO, ZERO, is_running=True)
 
 
 class Dictated(Controller):
@@ -129,18 +130,18 @@ def test_arm_that_is_told_to_hold_stops_on_its_way_and_does_not_turn_back(gain: 
 
 def test_nothing_is_fed_forward_where_nothing_is_wanted() -> None:
     speeds = FeedForwardLimiter(YUMI_LIMITS)
-    assert speeds.next(ZERO, ZERO, ZERO, CYCLE) is ZERO
+    assert speeds.next(AT_ZERO, ZERO, ZERO, CYCLE) is ZERO
 
 
 def test_speed_fades_when_it_is_not_wanted_any_more() -> None:
     speeds, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
     for _ in range(100):
-        speeds.next(ZERO, ZERO, wanted, CYCLE)
+        speeds.next(AT_ZERO, ZERO, wanted, CYCLE)
     assert speeds.velocity == pytest.approx(wanted, abs=1e-6)
-    first = speeds.next(ZERO, ZERO, ZERO, CYCLE)
+    first = speeds.next(AT_ZERO, ZERO, ZERO, CYCLE)
     assert 0.4 < first[6] < 0.5
     for _ in range(100):
-        speeds.next(ZERO, ZERO, ZERO, CYCLE)
+        speeds.next(AT_ZERO, ZERO, ZERO, CYCLE)
     assert speeds.velocity is ZERO
 
 
