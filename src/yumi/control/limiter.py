@@ -15,6 +15,7 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
@@ -265,7 +266,8 @@ def inside(position: Joints, limits: JointLimits, last: Joints) -> Joints:
 
 
 _CORRECTED = 1.5  # times a joint's acceleration
-_USED_AFTER = 2.0  # cycles after a state its reply is used: one in which the reply arrives, one in the robot
+_USED_AFTER = 2  # cycles after a state its reply is used: one in which the reply arrives, one in the robot
+_FOLLOWS_AFTER = 4  # cycles after its plan a robot reports to be where it planned
 _UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
@@ -274,9 +276,10 @@ class FeedForwardLimiter:
     """The speeds fed forward to one arm so far, and the speeds the arm has by now.
 
     A robot in EGM plans to move at ``k · (position reference - reported position) + speed reference``, and uses a
-    command two cycles after the state that the command is the reply to (reference/egm.md §6.1). Each of the two may be within the limits and their sum not: a position that runs ahead already asks for a speed. So
-    the sum is what is kept within the joints' velocity, acceleration and jerk, and able to stop before the end of their
-    ranges; a sum that is smooth passes unchanged.
+    command two cycles after the state that the command is the reply to (reference/egm.md §6.1). Each of the two may be
+    within the limits and their sum not: a position that runs ahead already asks for a speed. So the sum is what is kept
+    within the joints' velocity, acceleration and jerk, and able to stop before the end of their ranges; a sum that is
+    smooth passes unchanged.
 
     Args:
         limits: of the joints.
@@ -297,6 +300,7 @@ class FeedForwardLimiter:
         self._rates = [0.0] * JOINT_COUNT
         self._places: list[float] = []
         self._state: ArmState | None = None
+        self._plans: deque[Joints] = deque(maxlen=_FOLLOWS_AFTER)  # of the last states
         self._position: Joints = ZERO
         self._position_before: Joints = ZERO
 
@@ -314,6 +318,7 @@ class FeedForwardLimiter:
     def end(self) -> None:
         """Forget; no speed is fed forward from now on."""
         self.velocity, self._is_feeding, self._state = ZERO, False, None
+        self._plans.clear()
 
     def resume(self, state: ArmState, position: Joints) -> None:
         """Go on from the motion of a robot that repeated the last command for a while.
@@ -323,7 +328,7 @@ class FeedForwardLimiter:
             position: the position reference it got last [rad], (7,).
         """
         if self._is_feeding:
-            speeds = zip(self._led(position, state), self.velocity, strict=True)
+            speeds = zip(self._led(position, state.position), self.velocity, strict=True)
             self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
         elif self._state is not None:
             # A speed that sets in now must not take the way since the last known state for the motion of one cycle.
@@ -347,6 +352,7 @@ class FeedForwardLimiter:
         """
         self._position_before = position if self._state is None else self._position
         self._state, self._position = state, position
+        self._plans.append(state.planned)
 
     def next(self, state: ArmState, position: Joints, desired: Joints, dt: float) -> Joints:
         """The speed that may be fed forward [rad/s], (7,), next to ``desired``.
@@ -396,20 +402,26 @@ class FeedForwardLimiter:
         if self._state is None:
             self._speeds, self._rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
             return
-        self._speeds = self._led(self._position, state)
-        before = self._led(self._position_before, self._state)
+        self._speeds = self._led(self._position, state.position)
+        before = self._led(self._position_before, self._state.position)
         rates = zip(self._speeds, before, self._limits.acceleration, strict=True)
         self._rates = [max(-top, min(top, (new - old) / dt)) for new, old, top in rates]
 
-    def _reported(self, state: ArmState, later: float) -> list[float]:
-        """Where the robot will report to be ``later`` [s]: it goes on, but not beyond its plan, which it follows."""
-        rows = zip(state.position, state.velocity, state.planned, strict=True)
-        ways = [(now, speed * later, plan - now) for now, speed, plan in rows]
-        return [now + (left if way * left > 0.0 and abs(way) > abs(left) else way) for now, way, left in ways]
+    def against(self, state: ArmState, position: Joints, dt: float) -> Joints:
+        """The speed that keeps the robot from following a position reference [rad/s], (7,)."""
+        return joints([-speed for speed in self._led(position, self._reported(state, _USED_AFTER * dt))])
 
-    def _led(self, position: Joints, state: ArmState) -> list[float]:
-        """How fast the robot sets out towards a position reference [rad/s]."""
-        return [self._gain * (ahead - now) for ahead, now in zip(position, state.position, strict=True)]
+    def _reported(self, state: ArmState, later: float) -> Joints:
+        """Where the robot will report to be when it uses the command, ``later`` [s], as it follows its plan late."""
+        plans = self._plans
+        if len(plans) < _FOLLOWS_AFTER or state.dt > _LATE * CYCLE:
+            return moved(state.position, state.velocity, later)
+        rows = zip(state.position, plans[_USED_AFTER - _FOLLOWS_AFTER], plans[-_FOLLOWS_AFTER], strict=True)
+        return joints([now + after - before for now, after, before in rows])
+
+    def _led(self, position: Joints, reported: Joints) -> list[float]:
+        """How fast a robot that reports to be there sets out towards a position reference [rad/s]."""
+        return [self._gain * (ahead - now) for ahead, now in zip(position, reported, strict=True)]
 
 
 FEEDBACK_DELAY = 0.050
@@ -803,9 +815,8 @@ class Limiter:
         rows = zip(last, planned, *self._stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
         position = self._go_to(goal, state, dt)
-        leads = joints([ahead - end for ahead, end in zip(position, goal, strict=True)])
-        is_led = max(map(abs, leads)) >= _NO_LEAD
-        against = joints([-self._gain * lead for lead in leads]) if is_led else ZERO
+        is_led = largest_difference(position, goal) >= _NO_LEAD
+        against = self._speeds.against(state, position, dt) if is_led else ZERO
         velocity = self._speeds.next(state, position, against, dt)
         self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)

@@ -262,6 +262,7 @@ def ramp_speed(
         abs(goal) + rises <= top * _ROUNDING
         and abs(change) <= acceleration * _ROUNDING
         and abs(change - rate) <= jerk * dt * _ROUNDING
+        and (goal != 0.0 or abs(change) <= jerk * dt)  # at rest the change of speed has to end, too
     ):
         return goal, change
     if isnan(goal):
