@@ -12,7 +12,7 @@ import numpy as np
 
 from yumi.control.collisions import MARGIN, CollisionLimiter
 from yumi.control.limiter import Limiter
-from yumi.control.motion import EGM_GAIN
+from yumi.control.motion import EGM_GAIN, largest_difference
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Pose, Side, change_rate, joints
@@ -26,6 +26,7 @@ POST = Obstacle("post", Pose((0.45, 0.0, 0.25), (np.cos(0.2), 0.0, 0.0, np.sin(0
 Drive = Callable[["ApartArms", Side], ArmCommand | None]
 """What a controller would command in this cycle."""
 
+HELD = 0.1  # [rad] a position that moves along is not further ahead of the one that is sent, unless the arm is held
 LOST_AFTER = 5  # cycles without a datagram, as in the control loop
 
 
@@ -35,6 +36,7 @@ class ApartArms:
 
     Attributes:
         arms: the robot's.
+        desired: what each was to be sent last.
         sent: what each was sent last.
         silent: cycles for which an arm hears nothing more and is not heard.
         costs: how long the limiter took, both arms together, cycle by cycle [s].
@@ -54,6 +56,7 @@ class ApartArms:
         without_load = ArmModel(supervises_load=False)
         self.arms = {side: VirtualArm(side, self.positions[side], without_load) for side in Side}
         self.sent = {side: ArmCommand(self.positions[side]) for side in Side}
+        self.desired = dict(self.sent)
         self.silent = dict.fromkeys(Side, 0)
         self._unheard = dict.fromkeys(Side, 0)
         self._measured = dict(self.positions)
@@ -88,6 +91,7 @@ class ApartArms:
                 desired = drive(self, side) if drive else None
                 begun = process_time()
                 self.sent[side] = self.limiters[side].limit(state, desired)
+                self.desired[side] = desired or self.sent[side]
                 cost += process_time() - begun
                 arm.set_reference(*self.sent[side])
                 self.limiters[side].observe(state)
@@ -119,7 +123,9 @@ def at_speed(velocity: Joints) -> Drive:
     """Speeds, with positions that move along."""
 
     def drive(arms: ApartArms, side: Side) -> ArmCommand:
-        last = arms.sent[side].position
+        last, sent = arms.desired[side].position, arms.sent[side].position
+        if largest_difference(last, sent) > HELD:
+            last = sent
         return ArmCommand(joints([p + v * CYCLE for p, v in zip(last, velocity, strict=True)]), velocity)
 
     return drive

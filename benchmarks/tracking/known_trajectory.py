@@ -12,14 +12,14 @@ from math import radians
 
 from tracking_runs import follow_sine
 
-from yumi.control.controllers.joint_trajectory import LOOKAHEAD
+from yumi.control.motion import DELAY
 from yumi.settings import Values
 from yumi_evaluation.virtual_time import PlannedSine
 
 CASES: tuple[tuple[str, Values], ...] = (
     ("feed-forward and look-ahead", {}),
-    ("sent 4 ms too late", {"lookahead": LOOKAHEAD - 0.004}),
-    ("sent 4 ms too early", {"lookahead": LOOKAHEAD + 0.004}),
+    ("sent 4 ms too late", {"lookahead": DELAY - 0.004}),
+    ("sent 4 ms too early", {"lookahead": DELAY + 0.004}),
     ("feed-forward alone", {"lookahead": 0.0}),
     ("look-ahead alone", {"feedforward": 0.0}),
     ("neither", {"feedforward": 0.0, "lookahead": 0.0}),

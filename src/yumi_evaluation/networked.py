@@ -28,7 +28,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi_interfaces.srv import LoadModule
 
 from yumi.clock import Clock, SystemClock
-from yumi.control.controllers.joint_position import DELAY
+from yumi.control.motion import DELAY
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver.settings import PASSWORD_VARIABLE
 from yumi.egm.udp import free_port

@@ -42,7 +42,7 @@ class Led(NamedTuple):
 
     Attributes:
         is_excused: whether what we knew of the robot was false a moment ago.
-        speed: ``gain · (position reference - planned position) + speed reference`` [rad/s], (7,).
+        speed: ``gain · (position reference - reported position) + speed reference`` [rad/s], (7,).
         before: the same a cycle before [rad/s], (7,).
         is_unheard: whether the robot may not have heard the commands of the last five cycles.
     """
@@ -88,7 +88,7 @@ class Attacked(EgmLoop):
         self.begun: list[float] = []
         self.home = self.robot.arm.position
         self.led: list[Led] = []
-        self._lead = ZERO
+        self._lead, self._used = ZERO, (ZERO, ZERO)
         self.deceived_at = -inf
         self.waits: list[int] = []
         self.unheard_until = -inf
@@ -118,22 +118,25 @@ class Attacked(EgmLoop):
             self.cycle()
 
     def cycle(self) -> None:
-        motion, planned = self.robot.arm.egm, self.robot.arm.planned
-        before = (motion.reference, motion.reference_velocity) if motion else None
-        was_waiting = self.limiter.is_waiting
+        motion, reported = self.robot.arm.egm, self.robot.arm.position
+        used = (motion.reference, motion.reference_velocity) if motion else (ZERO, ZERO)
+        was_waiting, sent = self.limiter.is_waiting, len(self.sent)
         super().cycle()
+        if len(self.sent) > sent + 1:  # the robot takes the newest
+            self.unheard_until = max(self.unheard_until, self.clock.now() + 1.5 * CYCLE)
         if self.limiter.is_waiting and not was_waiting:
             assert self.may_be_unheard
             self.waits.append(len(self.cycles) - 1)
         if motion is None or motion is not self.robot.arm.egm:
             self._lead = ZERO
             return
-        rows = zip(motion.reference, planned, motion.reference_velocity, strict=True)
-        lead = joints([EGM_GAIN * (ahead - now) + speed for ahead, now, speed in rows])
-        if (motion.reference, motion.reference_velocity) != before:
-            is_excused = self.clock.now() - self.deceived_at < 6.5 * CYCLE
+        lead = joints(
+            [EGM_GAIN * (ahead - now) + speed for ahead, now, speed in zip(used[0], reported, used[1], strict=True)]
+        )
+        if used != self._used:
+            is_excused = self.clock.now() - self.deceived_at < 7.5 * CYCLE
             self.led.append(Led(is_excused, lead, self._lead, self.may_be_unheard))
-        self._lead = lead
+        self._lead, self._used = lead, used
 
     @property
     def may_be_unheard(self) -> bool:
@@ -602,7 +605,7 @@ def test_arm_that_is_fed_speeds_brakes_no_harder_than_its_limits_while_its_feedb
     loop = Attacked(feeds_speed=True)
     loop.begin()
     loop.move(320)
-    assert abs(loop.led[-1].speed[0]) > 1.6
+    assert abs(loop.led[-1].speed[0]) > 1.5
     before = len(loop.led)
     loop.is_swapped = True
     for _ in range(60):

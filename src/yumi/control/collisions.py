@@ -23,7 +23,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.control.motion import Setpoint
+from yumi.control.motion import Setpoint, plan_gain
 from yumi.control.shared_state import Limited
 from yumi.robot import collision_library
 from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel
@@ -241,7 +241,8 @@ class CollisionLimiter:
         distances: that may be calculated for an arm in a cycle.
 
     Attributes:
-        model, limits, gain, margin, distances: as above.
+        model, limits, margin, distances: as above.
+        gain: at which the robots' plans close their leads [1/s], see :func:`plan_gain`.
         is_of: which parts are an arm's, (parts,).
         margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
         library, handle: ``collision.cpp``, and what it calls this.
@@ -260,7 +261,7 @@ class CollisionLimiter:
         self.model = model
         self.margin = margin
         self.limits = limits
-        self.gain = gain
+        self.gain = plan_gain(gain)
         self.distances = distances
         self._arms = {side: ArmCollisionLimiter(self, side) for side in Side}
         for side, arm in self._arms.items():
@@ -275,7 +276,7 @@ class CollisionLimiter:
         self.library = collision_library.load()
         numbers = {name: number for number, name in enumerate(model.names)}
         names = np.array([numbers[name] for name in model.names])
-        braking = np.array([*limits.acceleration, *limits.jerk, gain])
+        braking = np.array([*limits.acceleration, *limits.jerk, self.gain])
         self.handle: int = self.library.limiter_new(model.handle, braking.ctypes.data, names.ctypes.data)
         if not self.handle:
             raise MemoryError("no memory to keep the arms apart")

@@ -16,7 +16,7 @@ the factor ``speed_scale`` on the speed of whatever moves an arm.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import copysign, dist, hypot, inf, isfinite
 from operator import sub
@@ -25,7 +25,9 @@ from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
+    COMMAND_CYCLES,
     EGM_GAIN,
+    SERVO_CYCLES,
     Setpoint,
     braking_path,
     fixed,
@@ -266,10 +268,15 @@ def inside(position: Joints, limits: JointLimits, last: Joints) -> Joints:
 
 
 _CORRECTED = 1.5  # times a joint's acceleration
-_USED_AFTER = 2  # cycles after a state its reply is used: one in which the reply arrives, one in the robot
-_FOLLOWS_AFTER = 4  # cycles after its plan a robot reports to be where it planned
+_EXACT = 0.995  # of an acceleration: where the robot will report to be is not predicted better
 _UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
+
+
+def _reported(state: ArmState, cycles: int) -> list[float]:
+    """Where a robot will report to be after so many cycles [rad]: it is on the way to its plan."""
+    share = cycles / SERVO_CYCLES
+    return [now + share * (plan - now) for now, plan in zip(state.position, state.planned, strict=True)]
 
 
 class FeedForwardLimiter:
@@ -300,7 +307,6 @@ class FeedForwardLimiter:
         self._rates = [0.0] * JOINT_COUNT
         self._places: list[float] = []
         self._state: ArmState | None = None
-        self._plans: deque[Joints] = deque(maxlen=_FOLLOWS_AFTER)  # of the last states
         self._position: Joints = ZERO
         self._position_before: Joints = ZERO
 
@@ -318,7 +324,6 @@ class FeedForwardLimiter:
     def end(self) -> None:
         """Forget; no speed is fed forward from now on."""
         self.velocity, self._is_feeding, self._state = ZERO, False, None
-        self._plans.clear()
 
     def resume(self, state: ArmState, position: Joints) -> None:
         """Go on from the motion of a robot that repeated the last command for a while.
@@ -328,7 +333,7 @@ class FeedForwardLimiter:
             position: the position reference it got last [rad], (7,).
         """
         if self._is_feeding:
-            speeds = zip(self._led(position, state.position), self.velocity, strict=True)
+            speeds = zip(self._led(position, _reported(state, COMMAND_CYCLES - 1)), self.velocity, strict=True)
             self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
         elif self._state is not None:
             # A speed that sets in now must not take the way since the last known state for the motion of one cycle.
@@ -352,7 +357,6 @@ class FeedForwardLimiter:
         """
         self._position_before = position if self._state is None else self._position
         self._state, self._position = state, position
-        self._plans.append(state.planned)
 
     def next(self, state: ArmState, position: Joints, desired: Joints, dt: float) -> Joints:
         """The speed that may be fed forward [rad/s], (7,), next to ``desired``.
@@ -368,8 +372,7 @@ class FeedForwardLimiter:
             return ZERO
         if not self._is_feeding:
             self._begin(state, dt)
-        later = _USED_AFTER * dt
-        predicted = later
+        predicted = COMMAND_CYCLES * dt
         if self._state is not None:
             rows = zip(self._state.planned, state.planned, self._speeds, strict=True)
             if max(abs(now - last - speed * dt) for last, now, speed in rows) > _UNEXPECTED:
@@ -378,7 +381,7 @@ class FeedForwardLimiter:
         limits, fed = self._limits, []
         # New lists: for a command that is not sent, the ones before are taken back.
         self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
-        reported = self._reported(state, later)  # when the robot uses the command
+        reported = _reported(state, COMMAND_CYCLES)
         values = zip(state.planned, reported, position, desired, self._speeds, strict=True)
         for index, (now, then, ahead, speed, last) in enumerate(values):
             place = now + last * predicted  # where the robot will plan to be by then
@@ -388,7 +391,7 @@ class FeedForwardLimiter:
             goal = lead + max(-most, min(most, speed))
             room = limits.upper[index] - place if goal > 0.0 else place - limits.lower[index]
             total, self._rates[index] = ramp_speed(
-                goal, last, self._rates[index], min(most, speed_to_stop(room, top, jerk)), top, jerk, dt
+                goal, last, self._rates[index], min(most, speed_to_stop(room, top, jerk)), _EXACT * top, jerk, dt
             )
             self._speeds[index] = total
             self.is_bounded = self.is_bounded or total != goal
@@ -407,19 +410,11 @@ class FeedForwardLimiter:
         rates = zip(self._speeds, before, self._limits.acceleration, strict=True)
         self._rates = [max(-top, min(top, (new - old) / dt)) for new, old, top in rates]
 
-    def against(self, state: ArmState, position: Joints, dt: float) -> Joints:
+    def against(self, state: ArmState, position: Joints) -> Joints:
         """The speed that keeps the robot from following a position reference [rad/s], (7,)."""
-        return joints([-speed for speed in self._led(position, self._reported(state, _USED_AFTER * dt))])
+        return joints([-speed for speed in self._led(position, _reported(state, COMMAND_CYCLES))])
 
-    def _reported(self, state: ArmState, later: float) -> Joints:
-        """Where the robot will report to be when it uses the command, ``later`` [s], as it follows its plan late."""
-        plans = self._plans
-        if len(plans) < _FOLLOWS_AFTER or state.dt > _LATE * CYCLE:
-            return moved(state.position, state.velocity, later)
-        rows = zip(state.position, plans[_USED_AFTER - _FOLLOWS_AFTER], plans[-_FOLLOWS_AFTER], strict=True)
-        return joints([now + after - before for now, after, before in rows])
-
-    def _led(self, position: Joints, reported: Joints) -> list[float]:
+    def _led(self, position: Joints, reported: Sequence[float]) -> list[float]:
         """How fast a robot that reports to be there sets out towards a position reference [rad/s]."""
         return [self._gain * (ahead - now) for ahead, now in zip(position, reported, strict=True)]
 
@@ -521,6 +516,8 @@ class Limiter:
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
+        self._places: deque[Joints] = deque(maxlen=SERVO_CYCLES + 2)  # that were desired with speeds, the newest last
+        self._without_speed = SERVO_CYCLES + 2  # cycles since a speed was desired
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
         self._stop_within: tuple[Joints, Joints] | None = None  # where it may come to rest otherwise
 
@@ -576,18 +573,18 @@ class Limiter:
         elif self._feedback.is_plausible(state, self._positions.position):
             self._state = self._accept(state)
             self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
-            expected = self._references.plan_at(state.time) if 0 < self._stopped_in_a_row < DOUBTED else None
-            if expected is not None and largest_difference(expected, state.planned) < _UNEXPECTED:
+            expected = self._references.expected(state) if 0 < self._stopped_in_a_row < DOUBTED else None
+            if expected is not None and largest_difference(expected.planned, state.planned) < _UNEXPECTED:
                 # Until several say that the robot stands, they may be forged, with a plan that is a cycle old.
-                self._state = state._replace(planned=expected)
+                self._state = state._replace(planned=expected.planned)
         else:
             self._state, is_believed = self._feedback.replace(state)
             if is_believed:
                 self.is_at_rest = False  # the command is not where the robot is
                 self._go_on_after_doubts(state)
-            elif (expected := self._references.plan_at(state.time)) is not None:
+            else:
                 # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
-                self._state = self._state._replace(planned=expected)
+                self._state = self._references.expected(self._state) or self._state
         self.counters.implausible = self._feedback.implausible
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
         if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
@@ -629,12 +626,31 @@ class Limiter:
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             self.is_waiting = False
             return self._come_to(state, dt)
+        desired = self._behind_speed(desired)
         if self._has_to_wait():
             desired = self._place_to_wait()
             self._speeds.follow(self._references.speeds(state, self._references.followed), dt)
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
+
+    def _behind_speed(self, desired: ArmCommand | None) -> ArmCommand | None:
+        """What is desired with the position that goes with its speed.
+
+        A robot's plan takes a speed at once, and its servo is that much later where the plan was: a position that was
+        fed forward with its speed would ask for the way of that time once more.
+        """
+        places = self._places
+        if desired is None or self._gain == 0.0:
+            places.clear()
+            return desired
+        self._without_speed = self._without_speed + 1 if desired.velocity is ZERO else 0
+        if self._without_speed >= SERVO_CYCLES + 2:  # by then the position has come to where the speeds ended
+            places.clear()
+            return desired
+        places.append(desired.position)
+        rows = zip(places[max(-len(places), -SERVO_CYCLES - 1)], places[0], strict=True)
+        return desired._replace(position=joints([0.5 * (later + sooner) for later, sooner in rows]))
 
     def _has_to_wait(self) -> bool:
         """Whether the command waits in this cycle, for a robot that follows an older one."""
@@ -762,7 +778,7 @@ class Limiter:
         else:
             led = max(hypot(*self._references.speeds(each, last)) for each in (before, state)) * state.dt
             moved = dist(before.planned, state.planned)
-            stands = moved <= 0.1 * led
+            stands = led >= _NO_LEAD and moved <= 0.1 * led
             is_false = moved > 2.0 * led + _CONTRADICTS  # no robot moves so fast that follows: not both can be true
             if not is_false and (self._has_stood or not stands):
                 self._is_new = stands
@@ -816,7 +832,7 @@ class Limiter:
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
         position = self._go_to(goal, state, dt)
         is_led = largest_difference(position, goal) >= _NO_LEAD
-        against = self._speeds.against(state, position, dt) if is_led else ZERO
+        against = self._speeds.against(state, position) if is_led else ZERO
         velocity = self._speeds.next(state, position, against, dt)
         self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)

@@ -35,6 +35,26 @@ from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, ZERO, ArmCommand, 
 EGM_GAIN = 5.0
 """Gain of the robot's own position loop, at which a command's lead becomes speed [1/s] (reference/egm.md §6.1)."""
 
+SERVO_CYCLES = 4
+"""So many cycles after its plan a robot reports to be where it planned, behind which its position loop is closed:
+transport delay and lag of the servo, as measured on an IRB 6640 (docs/explanation/virtual-robot.md)."""
+
+
+def plan_gain(gain: float) -> float:
+    """The gain at which a robot's plan closes its lead on a command [1/s], where that of its position loop is ``gain``.
+
+    The loop is closed over what the robot reports, which is behind the plan by its speed times the servo's delay.
+    """
+    return gain / (1.0 - gain * SERVO_CYCLES * CYCLE)
+
+
+COMMAND_CYCLES = 2
+"""So many cycles after a state the robot's plan uses its reply: one until the reply is taken, one in the robot."""
+
+DELAY = 0.0262
+"""From a command to the motion that the virtual robot reports, at full-speed settings [s]: the cycles above, and half
+of the one for which a command counts; ``yumi_evaluation.metrics`` finds it in recorded cycles."""
+
 STANDING = 0.05
 """An arm whose joints all move slower than this stands [rad/s]; measured positions jitter."""
 

@@ -6,10 +6,10 @@ docs/explanation/decisions/0049-lost-commands-wait.md).
 
 from __future__ import annotations
 
-from math import dist, expm1, hypot
-from operator import add
+from math import dist, hypot
 
 from yumi.control.feedback import LONGEST
+from yumi.control.motion import SERVO_CYCLES
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
 
 IGNORED_AFTER = 0.12
@@ -158,24 +158,25 @@ class ReferenceMonitor:
             if not self.are_ignored:
                 self._compare_from(state)
 
-    def plan_at(self, time: float) -> Joints | None:
-        """Where a robot that follows plans to be at ``time`` by our clock [s], (7,) [rad]; None before a reply.
+    def expected(self, state: ArmState) -> ArmState | None:
+        """``state`` with the positions of a robot that followed what it was sent until then; None before a reply.
 
-        It gets a reply after the state that the reply is to, so until its next state the reply before moves it.
+        The replies before the last one move the robot at first.
         """
-        state = self._last
-        if state is None:
+        last = self._last
+        if last is None:
             return None
-        left = min(time - state.time, LONGEST)
-        for command, most in (*((each, CYCLE) for each in self._acting), (self._sent, LONGEST)):
-            passed = min(left, most)
-            left -= passed
-            # The speed fades with the lead, as the robot's loop closes it.
-            factor = -expm1(-self._gain * passed) / self._gain if self._gain > 0.0 else passed
-            way = [speed * factor for speed in self.speeds(state, command)]
-            planned, position = (list(map(add, place, way)) for place in (state.planned, state.position))
-            state = state._replace(planned=joints(planned), position=joints(position))
-        return state.planned
+        planned, position = last.planned, last.position
+        left = min(state.time - last.time, LONGEST)
+        commands = iter(self._acting)
+        while left > 1e-9:
+            dt = min(left, CYCLE)
+            left -= dt
+            speeds = self.speeds(last._replace(position=position), next(commands, self._sent))
+            share = dt / (SERVO_CYCLES * CYCLE)
+            position = joints([now + share * (plan - now) for now, plan in zip(position, planned, strict=True)])
+            planned = joints([now + speed * dt for now, speed in zip(planned, speeds, strict=True)])
+        return state._replace(planned=planned, position=position)
 
     def speeds(self, state: ArmState, sent: ArmCommand) -> list[float]:
         """How fast a robot moves that follows ``sent`` [rad/s]."""

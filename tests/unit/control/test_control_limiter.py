@@ -15,7 +15,7 @@ from yumi.control import motion
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
 
 DT = 0.004
 WANTED = st.tuples(*[st.floats(-100.0, 100.0)] * 7)
@@ -505,10 +505,10 @@ def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_fol
     limiter: Limiter, middle: Joints
 ) -> None:
     limiter.limit(state(middle), None)
-    planned = middle
+    planned = before = middle
     for count in range(60):
-        now = ArmState(count * DT, DT, 1, planned, ZERO, planned, is_running=True)
-        planned = hears(planned, limiter.limit(now, ArmCommand(moved(middle, 0, 1.0))))
+        now = ArmState(count * DT, DT, 1, planned, change_rate(planned, before, DT), planned, is_running=True)
+        before, planned = planned, hears(planned, limiter.limit(now, ArmCommand(moved(middle, 0, 1.0))))
     first = ArmState(62 * DT, 0.0, 2, planned, ZERO, planned, is_running=True)
     assert limiter.check(first) is None
     second = first._replace(time=63 * DT, dt=DT)

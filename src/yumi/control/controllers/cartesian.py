@@ -14,10 +14,17 @@ from math import dist, hypot, inf, isnan, nan, pi, sqrt, tau
 from typing import NamedTuple
 
 from yumi.control.controller import UNKNOWN, Buffer, GoalKind
-from yumi.control.controllers.joint_position import DELAY
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTrajectoryController, Outcome
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import Setpoint, SpeedMotion, TargetPredictor, TrackingFilter, ramp_speed, speed_to_stop
+from yumi.control.motion import (
+    DELAY,
+    Setpoint,
+    SpeedMotion,
+    TargetPredictor,
+    TrackingFilter,
+    ramp_speed,
+    speed_to_stop,
+)
 from yumi.control.shared_state import TrajectoryFeedback
 from yumi.control.tool_path import ToolLimited, ToolLimits
 from yumi.control.trajectory import ResultCode

@@ -21,16 +21,17 @@ from math import inf
 
 from yumi.control.controller import Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import SpeedMotion, TargetPredictor, TrackingFilter, fixed, speeds_without_noise
+from yumi.control.motion import (
+    DELAY,
+    SpeedMotion,
+    TargetPredictor,
+    TrackingFilter,
+    fixed,
+    speeds_without_noise,
+)
 from yumi.control.shared_state import JointStates
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number, text
-
-DELAY = 0.032
-"""From a command to the motion it makes, of the virtual robot at full-speed settings [s].
-
-The servo's transport delay and lag, 16 and 10 ms, a cycle until the command is taken, and half of the cycle for which
-it counts; ``yumi_evaluation.metrics`` finds it in recorded cycles."""
 
 _NO_SPEED = 1e-6  # [rad/s] not worth feeding forward
 

@@ -16,7 +16,15 @@ from typing import Protocol, cast
 
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
-from yumi.control.motion import STANDING, PointMotion, Setpoint, StandstillDetector, is_held_back, stop
+from yumi.control.motion import (
+    DELAY,
+    STANDING,
+    PointMotion,
+    Setpoint,
+    StandstillDetector,
+    is_held_back,
+    stop,
+)
 from yumi.control.shared_state import Skew, TrajectoryFeedback
 from yumi.control.trajectory import (
     ArmPlan,
@@ -143,9 +151,6 @@ class TrajectoryEnded:
         return f"{self.outcome.value}: {self.sentence}"
 
 
-LOOKAHEAD = 0.032
-"""What lies between a command and the measured position that shows it: transport and servo of the virtual arm [s]."""
-
 _RAD, _RATE = "rad", "rad/s"
 
 
@@ -193,7 +198,7 @@ def trajectory_parameters(joint_names: tuple[str, ...]) -> tuple[Parameter, ...]
         Parameter("feedforward", 1.0, 0.0, 1.0, "", "Share of the planned speed that is sent beside the position."),
         Parameter(
             "lookahead",
-            LOOKAHEAD,
+            DELAY,
             0.0,
             0.2,
             "s",
