@@ -126,7 +126,7 @@ def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() ->
     for _ in range(50):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, name="box")))})
     assert nearest(arms, arms.commanded()).distance >= first - 1e-4
-    for _ in range(50):
+    for _ in range(20):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, 1.0, "box")))})
     assert nearest(arms, arms.commanded()).distance > MARGIN
 
