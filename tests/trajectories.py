@@ -7,8 +7,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from yumi.control.motion import SERVO_CYCLES
 from yumi.control.trajectory import ArmPlan, JointTrajectory, TrajectoryPoint, plan_trajectory
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Joints, Side, joint_names, joints
 
 DUAL_ARM_FILE = Path(__file__).parent / "fixtures" / "dual_arm_trajectory.json"
 REST = (0.0,) * JOINT_COUNT
@@ -53,3 +54,10 @@ def _point(point: Mapping[str, Any]) -> TrajectoryPoint:
     time = point["time_from_start"]
     fields = (tuple(point[name]) for name in ("positions", "velocities", "accelerations"))
     return TrajectoryPoint(time["sec"] + time["nanosec"] * 1e-9, *fields)
+
+
+def sent_beside_speeds(desired: Sequence[Joints], start: Joints | None = None) -> list[Joints]:
+    """The positions that are sent where these are desired with their speeds, from rest at ``start`` on."""
+    places = [start or desired[0]] * (SERVO_CYCLES + 1) + list(desired)
+    late, later = places[1 : len(desired) + 1], places[: len(desired)]
+    return [joints([0.5 * (a + b) for a, b in zip(*rows, strict=True)]) for rows in zip(late, later, strict=True)]

@@ -49,7 +49,8 @@ class PerfectLoop:
         self.manager.load(NAME, controller)
         self.manager.configure(NAME)
         self.arm = PerfectArm(home(SIDE))
-        self.line = ArmLoop(SIDE, self.arm, self.manager, Limiter(YUMI_LIMITS), MemoryBuffer())
+        limiter = Limiter(YUMI_LIMITS, gain=0.0)  # it has no position loop
+        self.line = ArmLoop(SIDE, self.arm, self.manager, limiter, MemoryBuffer())
         self.cycles: list[Cycle] = []
         self.events: list[Event] = []
 

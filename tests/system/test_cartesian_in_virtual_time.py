@@ -10,6 +10,7 @@ import pytest
 
 from cartesian_bench import NAME, CartesianBench, deviation, shares
 from soak import long, short, tell
+from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
@@ -242,10 +243,9 @@ def test_a_velocity_that_comes_while_its_jog_brakes_leads_on_without_a_jerk(paus
     bench.stream(0.1, lambda time: upwards)
     brake()
     bench.stream(0.2, lambda time: None)
-    followed = [cycle for cycle in bench.rig.cycles if cycle.desired is not None]
-    assert [cycle.sent.position for cycle in followed] == [
-        cycle.desired.position for cycle in followed if cycle.desired
-    ]
+    followed = [(cycle.desired.position, cycle.sent.position) for cycle in bench.rig.cycles if cycle.desired]
+    sent = sent_beside_speeds([desired for desired, _ in followed])
+    assert np.array([each for _, each in followed]) == pytest.approx(np.array(sent))
     assert np.max(np.abs(np.diff(bench.measured, axis=0)[-1])) / CYCLE < 0.01
 
 

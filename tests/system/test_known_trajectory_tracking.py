@@ -7,6 +7,7 @@ from math import radians
 import pytest
 from tracking_runs import follow_sine
 
+from yumi.control.motion import DELAY
 from yumi_evaluation.virtual_time import PlannedSine
 
 
@@ -20,7 +21,7 @@ def test_arm_follows_a_known_sine_without_lag(amplitude_deg: float, allowed_deg:
 
 def test_arm_is_a_whole_delay_late_without_lookahead() -> None:
     assert follow_sine(PlannedSine(radians(10.0), periods=1), {"lookahead": 0.0}).mean_lag == pytest.approx(
-        0.032, abs=0.002
+        DELAY, abs=0.001
     )
 
 

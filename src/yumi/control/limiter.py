@@ -59,7 +59,7 @@ _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _HOP = 1e-3  # [rad] beside something an arm goes by so much at once
 _HOPS = 0.1  # [rad/s] while it is slower than this
-_FOLLOWABLE = 0.9  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
+_FOLLOWABLE = 0.96  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
 
 class PositionLimiter:
@@ -518,6 +518,8 @@ class Limiter:
         self._settling_for = 0.0  # [s]
         self._places: deque[Joints] = deque(maxlen=SERVO_CYCLES + 2)  # that were desired with speeds, the newest last
         self._without_speed = SERVO_CYCLES + 2  # cycles since a speed was desired
+        self._scale = self._scaled = FULL  # of speeds, and of positions
+        self._scales = deque([FULL] * (SERVO_CYCLES + 2), SERVO_CYCLES + 2)  # of the last cycles
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
         self._stop_within: tuple[Joints, Joints] | None = None  # where it may come to rest otherwise
 
@@ -555,9 +557,15 @@ class Limiter:
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit, from the next command on."""
-        limits = slower(self._limits, scale)
-        self._positions.limit(limits)
-        self._speeds.limit(limits)
+        self._scale = scale
+        self._speeds.limit(slower(self._limits, scale))
+
+    def _scale_positions(self) -> None:
+        """Positions are sent later than the speeds that go with them, and so are their limits."""
+        if self._scaled != self._scale:
+            self._scales.append(self._scale)
+            self._scaled = max(self._scales)
+            self._positions.limit(slower(self._limits, self._scaled))
 
     def check(self, state: ArmState) -> ArmState | None:
         """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
@@ -644,11 +652,12 @@ class Limiter:
         if desired is None or self._gain == 0.0:
             places.clear()
             return desired
+        if not places:
+            places.append(self._positions.position)
+        places.append(desired.position)
         self._without_speed = self._without_speed + 1 if desired.velocity is ZERO else 0
         if self._without_speed >= SERVO_CYCLES + 2:  # by then the position has come to where the speeds ended
-            places.clear()
             return desired
-        places.append(desired.position)
         rows = zip(places[max(-len(places), -SERVO_CYCLES - 1)], places[0], strict=True)
         return desired._replace(position=joints([0.5 * (later + sooner) for later, sooner in rows]))
 
@@ -748,6 +757,7 @@ class Limiter:
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
         self._speeds.observe(state, self._positions.position)
+        self._scale_positions()
         is_valid = state.is_running and not self._feedback.in_a_row
         self._references.observe(
             state, self._last, is_valid=is_valid, is_at_rest=self.is_at_rest, is_waiting=self.is_waiting

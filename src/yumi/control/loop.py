@@ -221,8 +221,8 @@ class ArmLoop:
         if cycle is not None:
             before, self._last, self._position = self._last, cycle, cycle.state.position
             way = largest_difference(cycle.sent.position, before.sent.position) if before else 0.0
-            self._sent_moves = way > AT_REST * cycle.state.dt
-            if cycle.beyond > AT_GOAL and not self._sent_moves:
+            moved, self._sent_moves = self._sent_moves, way > AT_REST * cycle.state.dt
+            if cycle.beyond > AT_GOAL and not (moved or self._sent_moves):  # a command that turns round stands once
                 self.manager.note_withheld(cycle.sent.position)
             if self._limiter.is_waiting:
                 self.manager.note_waiting(cycle.sent.position)

@@ -8,9 +8,11 @@ are upstream's (reference/ros2_control.md §3.2).
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
+from itertools import pairwise
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
@@ -152,6 +154,7 @@ class TrajectoryEnded:
 
 
 _RAD, _RATE = "rad", "rad/s"
+_TIMES = 64  # cycles: more than the longest lookahead
 
 
 def trajectory_parameters(joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -527,6 +530,7 @@ class JointTrajectoryController(Controller):
         self._judged_pace, self._paced_at = 1.0, -inf
         self._source: _Source = _resting(ZERO)
         self._time = 0.0
+        self._times: deque[tuple[float, float]] = deque(maxlen=_TIMES)  # of the last cycles, and on the trajectory [s]
         self._position = self._velocity = ZERO
 
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
@@ -588,6 +592,7 @@ class JointTrajectoryController(Controller):
                 self._rate += max(-change, min(change, self._scale - self._rate))
             self._time += dt * self._pace if goal.begin <= self._time < goal.end else dt
             share *= self._pace
+        self._times.append((state.time, self._time))
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
         self._velocity = velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share)
@@ -668,6 +673,7 @@ class JointTrajectoryController(Controller):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
         self._source, self._time, self._checked, self._standstill = SplineSampler(spline), now, None, None
+        self._times.clear()
 
     def _cancel(self, command: CancelTrajectory) -> None:
         goal = self._goal
@@ -683,7 +689,7 @@ class JointTrajectoryController(Controller):
             return
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
-        time = self._time - self._settings.lookahead * self._pace
+        time = self._shown_time(state)
         if self._pace != self._judged_pace:
             self._judged_pace, self._paced_at = self._pace, state.time
         is_steady = state.time - self._paced_at > _SETTLING
@@ -692,6 +698,14 @@ class JointTrajectoryController(Controller):
             self._abort(*violation)
         elif goal.phase is Phase.REACHED and self._may_succeed(goal):
             self._succeed()
+
+    def _shown_time(self, state: ArmState) -> float:
+        """The time on the trajectory that the measured position belongs to [s]: that of a ``lookahead`` ago."""
+        ago, times = state.time - self._settings.lookahead, self._times
+        for (before, was), (after, then) in pairwise(reversed(times)):
+            if after <= ago:
+                return then + (was - then) * (ago - after) / (before - after) if before > after else then
+        return self._time - self._settings.lookahead * self._pace
 
     def _time_at_once(self, state: ArmState) -> float:
         """The time on a trajectory that starts at once that the newest command belongs to [s]."""
@@ -750,7 +764,7 @@ class JointTrajectoryController(Controller):
         if state.time - self._feedback_due > self._settings.feedback_period:
             self._feedback_due = state.time
         self._feedback_due += self._settings.feedback_period
-        time = self._time - self._settings.lookahead * self._pace if goal is not None else self._time
+        time = self._shown_time(state) if goal is not None else self._time
         desired, velocity = source.motion(time)
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
             velocity = _scaled(velocity, self._pace)
@@ -814,6 +828,14 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def deactivate(self) -> None:
         super().deactivate()
         self._halves.pop(self._side, None)
+
+    def _shown_time(self, state: ArmState) -> float:
+        """The time on the trajectory that the measured position belongs to [s]: that of a ``lookahead`` ago."""
+        ago, times = state.time - self._settings.lookahead, self._times
+        for (before, was), (after, then) in pairwise(reversed(times)):
+            if after <= ago:
+                return then + (was - then) * (ago - after) / (before - after) if before > after else then
+        return self._time - self._settings.lookahead * self._pace
 
     def _time_at_once(self, state: ArmState) -> float:
         """Arms at rest take the newer of their datagrams as the start, so that they are in step from the first cycle.
