@@ -1,0 +1,562 @@
+"""Identification: with which parameters the virtual robot moves as a log says, and how well the log determines them.
+
+The virtual robot itself is run with the commands of a log, again and again with other parameters, until what it reports
+is as close to the log as it gets (Gauss-Newton). A parameter that the log does not determine has no value.
+
+============ =======================================================================================================
+word         meaning
+============ =======================================================================================================
+k            gain of EGM's loop: speed for each distance from the reference [1/s]
+dead time    all delay between a command and the position that answers it: of the network, of the reference, of the
+             servo with the servo's lag [s]; beside it the loop itself takes 1/k
+lag          how much later than its commands an arm is that follows a ramp [s]
+noise        standard deviation of what differs from row to row without any order [rad]
+limit        speed that a joint does not exceed though it is asked for more [rad/s]
+============ =======================================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from math import degrees, inf, nan, radians, sqrt
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from yumi.robot.joints import Joints
+from yumi.virtual.mechanics.arm import follow_references
+from yumi.virtual.mechanics.motion import ArmModel, EgmSettings
+from yumi_evaluation.logs import Array, RobotLog
+
+Mask = NDArray[np.bool_]
+Tick = Callable[[], None]
+"""Called with each run of the virtual robot."""
+
+RUNS = 80
+"""So many runs an identification takes about, for a progress bar."""
+
+_MOST_CYCLES = 4000  # that are fitted to; of longer logs the part with the most motion
+_WARM_UP = 2.0  # [s] of a motion that began before the log, until its begin no longer matters
+_ITERATIONS = 12
+_ENOUGH = 0.3  # of the sum of squares, in standard deviations: a step that wins less is the last
+_NAMES = ("gain", "reference_delay", "delay", "lag")
+_STEPS = np.array([0.02, 5e-4, 5e-4, 5e-4])  # of the derivatives: [1/s], [s]
+# What is believed before the log is seen: a standard deviation each. It decides where the log does not.
+_DOUBT = np.array([10.0, 0.010, 0.020, 0.005])
+_LOWEST, _HIGHEST = np.array([0.2, 0.0, 0.0, 0.0]), np.array([40.0, 0.1, 0.2, 0.1])
+_MOST_GAIN_ERROR = 0.03  # of k and lag, as a fraction; with a larger one they are not determined
+_MOST_TIME_ERROR = 0.0015  # [s] of the dead time
+_ROUNDING = radians(2e-5)  # what a log of rounded numbers has at least [rad]
+_SLOPE = 5  # rows over which a speed is measured
+_LASTING = 10  # cycles: a joint that is behind for so long is limited
+_BEHIND = 0.12  # of the speed that it is asked for
+_LEAST_BEHIND = radians(2.0)  # [rad/s]
+_FLAT = 0.04  # a joint at a limit of its speed varies by less
+_LEAST_NOISE_ROWS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Dynamics:
+    """What a virtual arm is run with.
+
+    Attributes:
+        gain: k [1/s].
+        model: of the arm.
+        bandwidth: of EGM's low-pass filter [Hz]; 0 is none.
+    """
+
+    gain: float = 5.0
+    model: ArmModel = field(default_factory=ArmModel)
+    bandwidth: float = 0.0
+
+    def dead_time(self, cycle: float) -> float:
+        """All delay between a command and the position that answers it [s]; a command arrives a cycle later."""
+        return cycle + self.model.reference_delay + self.model.delay + self.model.lag
+
+    def lag(self, cycle: float) -> float:
+        """How much later than its commands an arm is that follows a ramp [s]; what is in the loop does not count."""
+        return cycle + self.model.reference_delay + 1.0 / self.gain
+
+    def limited_to(self, velocity: Sequence[float]) -> Dynamics:
+        """The same with other highest speeds [rad/s], (k,)."""
+        limits = replace(self.model.limits, velocity=cast("Joints", tuple(velocity)))
+        return replace(self, model=replace(self.model, limits=limits))
+
+    @property
+    def velocity(self) -> Joints:
+        """Highest speeds of the joints [rad/s], (k,)."""
+        return self.model.limits.velocity
+
+    def of_joints(self, which: NDArray[np.int_]) -> Dynamics:
+        """That of some joints."""
+
+        def some(values: Joints) -> Joints:
+            return cast("Joints", tuple(values[joint] for joint in which))
+
+        limits = self.model.limits
+        few = replace(
+            limits,
+            **{name: some(getattr(limits, name)) for name in ("lower", "upper", "velocity", "acceleration", "jerk")},
+        )
+        most = self.model.egm_acceleration
+        return replace(
+            self, model=replace(self.model, limits=few, egm_acceleration=None if most is None else some(most))
+        )
+
+    def without_limits(self) -> Dynamics:
+        """The same with joints whose speeds and accelerations nothing limits."""
+        free = self.limited_to((inf,) * len(self.model.limits.velocity))
+        return replace(free, model=replace(free.model, egm_acceleration=None))
+
+    @property
+    def values(self) -> Array:
+        """The fitted parameters, as :data:`_NAMES` says."""
+        model = self.model
+        return np.array([self.gain, model.reference_delay, model.delay, model.lag])
+
+    def with_values(self, values: Array) -> Dynamics:
+        gain, reference_delay, delay, lag = (float(value) for value in values)
+        return replace(
+            self, gain=gain, model=replace(self.model, reference_delay=reference_delay, delay=delay, lag=lag)
+        )
+
+
+def answer(log: RobotLog, dynamics: Dynamics) -> Array:
+    """What the virtual robot reports in the rows of a log, sent the commands of the log [rad], (n, k)."""
+    cycles = int(np.ceil(log.rows[-1])) + 1
+    sent = np.vstack((log.start, log.commands))  # the reply to a datagram is there in the next cycle
+    references, speeds = _held(sent, cycles), None
+    if log.speeds is not None:
+        speeds = _held(np.vstack((np.zeros(len(log.start)), log.speeds)), cycles)
+    settings = EgmSettings(gain=dynamics.gain, bandwidth=dynamics.bandwidth, max_speed=inf)
+    start = cast("Joints", tuple(log.start.tolist()))
+    answers = follow_references(references, start, dynamics.model, settings, cycle=log.cycle, speeds=speeds)
+    reported = np.array([each.measured for each in answers])
+    whole = log.rows.astype(int)
+    if (whole == log.rows).all():
+        return np.asarray(reported[whole])
+    return np.stack([np.interp(log.rows, np.arange(cycles), joint) for joint in reported.T], axis=1)
+
+
+def _held(sent: Array, cycles: int) -> list[Joints]:
+    """One value a cycle: where nothing was sent, the last one holds."""
+    known = np.isfinite(sent).all(axis=1)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(sent)), 0))
+    held = sent[last][:cycles]
+    held = np.vstack((held, np.repeat(held[-1:], cycles - len(held), axis=0)))
+    return [cast("Joints", tuple(row)) for row in held.tolist()]
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter that was identified.
+
+    Attributes:
+        value: in SI units; None where the log does not determine it.
+        error: standard error of the value.
+        spread: standard deviation over the joints and records that determine it alone; None where fewer than two do.
+        count: so many do.
+        reason: why there is no value; empty where there is one.
+    """
+
+    value: float | None
+    error: float = nan
+    spread: float | None = None
+    count: int = 0
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Identified:
+    """What the logs of a robot say of it.
+
+    Attributes:
+        dynamics: of the virtual robot that moves like it; what is not determined is as before.
+        gain: k [1/s].
+        dead_time: [s].
+        lag: on a ramp [s].
+        noise: [rad].
+        limits: of each joint [rad/s], (k,).
+    """
+
+    dynamics: Dynamics
+    gain: Estimate
+    dead_time: Estimate
+    lag: Estimate
+    noise: Estimate
+    limits: tuple[Estimate, ...]
+
+
+def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: None) -> Identified:
+    """Identify a robot by motions of it; sections of other motions are left to be predicted.
+
+    Args:
+        logs: of one robot, all with the same number of joints.
+        prior: what the robot is expected to be.
+        tick: see :data:`Tick`.
+    """
+    cycle, count = float(np.mean([log.cycle for log in logs])), len(logs[0].joints)
+    parts = [_excerpt(log) for log in logs if not log.section_of and has_motion(log)]
+    if not parts:
+        nothing = Estimate(None, reason="no joint moves")
+        noise = _noise(logs, [log.measured - log.measured.mean(axis=0) for log in logs])
+        return Identified(prior, nothing, nothing, nothing, noise, (nothing,) * count)
+    # Joints that stand say nothing of the loop, and the virtual robot is quicker without them.
+    moving = np.flatnonzero(np.any([np.array(_travel(log)) > _least_travel(log) for log in parts], axis=0))
+    parts = [_of_joints(log, moving) for log in parts]
+    expected = prior.of_joints(moving)
+    # Until it is known which joints are limited, none is faster than the robot was.
+    fastest = np.max([np.abs(_speeds(log)).max(axis=0) for log in parts], axis=0)
+    seen = np.where(fastest > _LEAST_BEHIND, 1.05 * fastest, inf)
+    used = [log.rows >= _begin(log) for log in parts]
+    fit = _fitted(parts, used, expected.limited_to(np.minimum(seen, expected.model.limits.velocity)), expected, tick)
+    behind = [limited(log, fit.dynamics) for log in parts]
+    limits = _limits(parts, behind)
+    found = fit.dynamics.limited_to(
+        [most if each.value is None else each.value for each, most in zip(limits, expected.velocity, strict=True)]
+    )
+    if any(late.any() for late in behind):
+        # What no limit of speeds explains, and what comes after it, says nothing of a loop without limits.
+        unknown = [each.value is None for each in limits]
+        explained = [~np.logical_or.accumulate(late[:, unknown].any(axis=1)) for late in behind]
+        clear = [mask & own for mask, own in zip(used, explained, strict=True)]
+        if sum(int(mask.sum()) for mask in clear) >= _LEAST_NOISE_ROWS:
+            used = clear
+        fit = _fitted(parts, used, found, expected, tick)
+        found = fit.dynamics
+    gain = fit.estimate(np.array([1.0, 0.0, 0.0, 0.0]), found.gain, found.gain * _MOST_GAIN_ERROR)
+    if gain.value is None:
+        # The log allows many gains, each with dead times of its own: what remains is how late, with the gain expected.
+        fit = _fitted(parts, used, replace(found, gain=prior.gain), expected, tick, np.array([1e-4, *_DOUBT[1:]]))
+        found = fit.dynamics
+    late = found.lag(cycle)
+    velocity = list(prior.velocity)
+    every = [Estimate(None, reason="it does not move")] * count
+    for place, joint in enumerate(moving.tolist()):
+        velocity[joint], every[joint] = found.velocity[place], limits[place]
+    return Identified(
+        prior.with_values(found.values).limited_to(velocity),
+        gain,
+        fit.estimate(np.array([0.0, 1.0, 1.0, 1.0]), found.dead_time(cycle), _MOST_TIME_ERROR),
+        fit.estimate(np.array([-(found.gain**-2.0), 1.0, 0.0, 0.0]), late, late * _MOST_GAIN_ERROR),
+        _noise(parts, fit.residuals),
+        tuple(every),
+    )
+
+
+def _of_joints(log: RobotLog, which: NDArray[np.int_]) -> RobotLog:
+    """The log of some joints."""
+    return replace(
+        log,
+        joints=tuple(log.joints[joint] for joint in which),
+        measured=log.measured[:, which],
+        commands=log.commands[:, which],
+        speeds=None if log.speeds is None else log.speeds[:, which],
+        start=log.start[which],
+    )
+
+
+def _travel(log: RobotLog) -> Array:
+    """How far each joint was commanded to move, and moved [rad], (k,)."""
+    commands = log.commands[np.isfinite(log.commands).all(axis=1)]
+    commanded = np.ptp(np.vstack((log.start, commands)), axis=0)
+    return np.asarray(np.minimum(commanded, np.ptp(log.measured, axis=0)))
+
+
+def _least_travel(log: RobotLog) -> float:
+    """What counts as a motion [rad]."""
+    return max(radians(0.01), 20.0 * float(np.nan_to_num(_high_pass(log, log.measured)[1]).max()))
+
+
+def has_motion(log: RobotLog) -> bool:
+    """Whether a joint was commanded to move, and moved."""
+    return bool(_travel(log).max() > _least_travel(log))
+
+
+def _begin(log: RobotLog) -> float:
+    """The first row that counts: of an arm that moves when the log begins, how it moved before is not known."""
+    speed = np.abs(_speeds(log)[:_LASTING]).max()
+    return 0.0 if speed < _LEAST_BEHIND / 4.0 else _WARM_UP / log.cycle
+
+
+def _excerpt(log: RobotLog) -> RobotLog:
+    """The part of a long log in which most happens."""
+    first, last = int(log.rows[0]), int(log.rows[-1])
+    if last < _MOST_CYCLES:
+        return log
+    held = np.array(_held(np.vstack((log.start, log.commands)), last + 2))
+    changes = np.abs(np.diff(held, 2, axis=0)).sum(axis=1)
+    total = np.concatenate(([0.0], np.cumsum(np.minimum(changes, np.quantile(changes, 0.99) or 1.0))))
+    begin = int(np.argmax(total[_MOST_CYCLES:] - total[:-_MOST_CYCLES])) if first == 0 else first
+    inside = (log.rows >= begin) & (log.rows <= begin + _MOST_CYCLES)
+    measured = log.measured[inside]
+    return replace(
+        log,
+        rows=log.rows[inside] - begin,
+        measured=measured,
+        commands=np.vstack((held[begin + 1 : begin + 2], log.commands[begin + 1 : begin + _MOST_CYCLES + 1])),
+        speeds=None if log.speeds is None else log.speeds[begin : begin + _MOST_CYCLES + 1],
+        start=measured[:3].mean(axis=0),
+    )
+
+
+# ---- the fit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """The best parameters, and how the rows of each joint and record depend on them.
+
+    Attributes:
+        dynamics: with the best parameters.
+        residuals: of each record [rad], (n, k).
+        covariance: of the parameters, (4, 4).
+        groups: of each joint of each record: what it alone would change in the parameters, and its covariance.
+    """
+
+    dynamics: Dynamics
+    residuals: list[Array]
+    covariance: Array
+    groups: list[tuple[Array, Array]]
+
+    def estimate(self, gradient: Array, value: float, most: float) -> Estimate:
+        """A quantity that depends on the parameters by ``gradient``; determined up to an error of ``most``."""
+        own = sqrt(gradient @ self.covariance @ gradient)
+        alone = [
+            float(gradient @ change)
+            for change, covariance in self.groups
+            if sqrt(gradient @ covariance @ gradient) < 2.0 * most
+        ]
+        spread = float(np.std(alone, ddof=1)) if len(alone) > 1 else None
+        error = max(own, (spread or 0.0) / sqrt(max(1, len(alone))))
+        if error > most:
+            return Estimate(None, error, spread, len(alone), "the motion does not show it")
+        return Estimate(value, error, spread, len(alone))
+
+
+def _fitted(
+    logs: Sequence[RobotLog],
+    used: Sequence[Mask],
+    start: Dynamics,
+    prior: Dynamics,
+    tick: Tick,
+    doubt: Array = _DOUBT,
+) -> _Fit:
+    """Gauss-Newton over all rows that are used, with what is believed in the prior and how much that is doubted."""
+    belief, believed = np.diag(doubt**-2.0), prior.values
+
+    def residuals(values: Array) -> list[Array]:
+        tick()
+        dynamics = start.with_values(values)
+        return [answer(log, dynamics) - log.measured for log in logs]
+
+    def squares(each: Sequence[Array]) -> float:
+        return float(sum(np.square(part[mask]).sum() for part, mask in zip(each, used, strict=True)))
+
+    values, better = start.values, inf
+    count = sum(int(mask.sum()) for mask in used) * len(logs[0].joints)
+    now = residuals(values)
+    slopes = _slopes(residuals, values, now)
+    for _ in range(_ITERATIONS):
+        scale = max(squares(now) / count, _ROUNDING**2)
+        information = sum(_products(slope[mask], slope[mask]) for slope, mask in zip(slopes, used, strict=True)) / scale
+        pull = sum(
+            np.einsum("njp,nj->p", slope[mask], each[mask]) for slope, each, mask in zip(slopes, now, used, strict=True)
+        )
+        step = _step(information + belief, pull / scale + belief @ (values - believed), values)
+        cost = squares(now) / scale + (values - believed) @ belief @ (values - believed)
+        for share in (1.0, 0.5, 0.25):
+            tried = np.clip(values + share * step, _LOWEST, _HIGHEST)
+            then = residuals(tried)
+            better = cost - (squares(then) / scale + (tried - believed) @ belief @ (tried - believed))
+            if better > 0.0:
+                break
+        else:
+            break
+        values, now = tried, then
+        correlated = max(_correlation(each[mask]) for each, mask in zip(now, used, strict=True))
+        if better < _ENOUGH * correlated:
+            break  # the derivatives of the step before serve as well
+        slopes = _slopes(residuals, values, now)
+    scale = max(squares(now) / count, _ROUNDING**2)
+    groups, scatter, information = [], np.zeros_like(belief), belief.copy()
+    for slope, each, mask in zip(slopes, now, used, strict=True):
+        for joint in range(slope.shape[1]):
+            own, left = slope[mask, joint], each[mask, joint]
+            spread = max(float(np.square(left).mean()), _ROUNDING**2) * _correlation(left)
+            products = own.T @ own
+            information += products / scale
+            scatter += products * spread / scale**2
+            alone = np.linalg.inv(products / spread + belief)
+            groups.append((-alone @ (own.T @ left) / spread, alone))
+    inverse = np.linalg.inv(information)
+    covariance = inverse @ (scatter + belief) @ inverse
+    return _Fit(start.with_values(values), now, covariance, groups)
+
+
+def _step(curvature: Array, pull: Array, values: Array) -> Array:
+    """The step to the least sum of squares within the bounds; a parameter that would leave them stops there."""
+    step, held = np.zeros(len(values)), np.zeros(len(values), bool)
+    for _ in values:
+        free = ~held
+        step[free] = -np.linalg.solve(
+            curvature[np.ix_(free, free)], pull[free] + curvature[np.ix_(free, held)] @ step[held]
+        )
+        beyond = free & ((values + step < _LOWEST) | (values + step > _HIGHEST))
+        if not beyond.any():
+            break
+        step[beyond] = np.clip(values + step, _LOWEST, _HIGHEST)[beyond] - values[beyond]
+        held |= beyond
+    return step
+
+
+def _slopes(residuals: Callable[[Array], list[Array]], values: Array, now: Sequence[Array]) -> list[Array]:
+    """Derivatives of each residual by the parameters, (n, k, 4)."""
+    columns = []
+    for place, step in enumerate(_STEPS):
+        changed = values.copy()
+        changed[place] += step
+        columns.append([(one - other) / step for one, other in zip(residuals(changed), now, strict=True)])
+    return [np.stack([column[number] for column in columns], axis=-1) for number in range(len(now))]
+
+
+def _products(one: Array, other: Array) -> Array:
+    return np.asarray(np.einsum("njp,njq->pq", one, other))
+
+
+def _correlation(left: Array) -> float:
+    """By how much fewer rows count than there are, since neighbours err alike."""
+    total = float(np.square(left).sum())
+    alike = float((left[1:] * left[:-1]).sum()) / total if total > 0.0 else 0.0
+    return (1.0 + min(0.99, max(0.0, alike))) / (1.0 - min(0.99, max(0.0, alike)))
+
+
+# ---- noise
+
+
+def _high_pass(log: RobotLog, values: Array) -> tuple[Array, Array]:
+    """Fourth differences of rows without a gap, and their robust standard deviation as noise of a row, (k,)."""
+    rows = log.rows
+    together = rows[4:] - rows[:-4] == rows[4] - rows[0] if len(rows) > 4 else np.zeros(0, bool)
+    # Over the gaps of a log with the robot's cycles; any other log has none.
+    steps = np.diff(rows)
+    usual = float(np.median(steps)) if len(steps) else 1.0
+    together = (rows[4:] - rows[:-4]) < 4.5 * usual
+    differences = np.diff(values, 4, axis=0)[together] / sqrt(70.0)  # of noise the squares 1, 4, 6, 4, 1 add up
+    if len(differences) == 0:
+        return differences, np.full(values.shape[1], nan)
+    return differences, 1.4826 * np.median(np.abs(differences), axis=0)
+
+
+def _noise(logs: Sequence[RobotLog], residuals: Sequence[Array]) -> Estimate:
+    """The noise of all joints; single jerks, as of a command that was lost on its way, do not count."""
+    kept, alone = [], []
+    for log, each in zip(logs, residuals, strict=True):
+        differences, usual = _high_pass(log, each)
+        for joint in range(differences.shape[1] if len(differences) else 0):
+            own = differences[:, joint]
+            own = own[np.abs(own) <= 4.0 * usual[joint]] if usual[joint] > 0.0 else own
+            kept.append(own)
+            if len(own) >= _LEAST_NOISE_ROWS:
+                alone.append(float(np.sqrt(np.square(own).mean())))
+    values = np.concatenate(kept) if kept else np.zeros(0)
+    if len(values) < _LEAST_NOISE_ROWS:
+        return Estimate(None, reason="there are too few rows without a gap")
+    value = float(np.sqrt(np.square(values).mean()))
+    spread = float(np.std(alone, ddof=1)) if len(alone) > 1 else None
+    return Estimate(value, value * sqrt(1.94 / (2.0 * len(values))) * sqrt(2.0), spread, len(alone))
+
+
+# ---- limits
+
+
+def _grid(log: RobotLog) -> tuple[Array, Array]:
+    """All cycles from the first row to the last, and the positions in them; over lost rows they are straight."""
+    cycles = np.arange(np.ceil(log.rows[0]), np.floor(log.rows[-1]) + 1.0)
+    return cycles, np.stack([np.interp(cycles, log.rows, joint) for joint in log.measured.T], axis=1)
+
+
+def _speeds(log: RobotLog) -> Array:
+    """Speeds of the joints in each cycle from the first row on [rad/s], (m, k): slopes over a few rows."""
+    _, positions = _grid(log)
+    half = _SLOPE // 2
+    padded = np.pad(positions, ((half, half), (0, 0)), mode="edge")
+    ways = np.arange(-half, half + 1)
+    weights = ways / float(np.square(ways).sum()) / log.cycle
+    return sum(weight * padded[place : place + len(positions)] for place, weight in enumerate(weights))  # type: ignore
+
+
+def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
+    """In which rows which joints are slower than the loop asks of them, for longer than a transient, (n, k)."""
+    cycles, positions = _grid(log)
+    cycle, model = log.cycle, dynamics.model
+    held = np.array(_held(np.vstack((log.start, log.commands)), int(cycles[-1]) + 1))
+    used = cycles - model.reference_delay / cycle
+    numbers = np.arange(len(held))
+    references = np.stack([np.interp(used, numbers, joint) for joint in held.T], axis=1)
+    asked = dynamics.gain * (references - positions)
+    if log.speeds is not None:
+        fed = np.array(_held(np.vstack((0.0 * log.start, log.speeds)), len(held)))
+        asked += np.stack([np.interp(used, numbers, joint) for joint in fed.T], axis=1)
+    seen = cycles + (model.delay + model.lag) / cycle
+    speeds = np.stack([np.interp(seen, cycles, joint) for joint in _speeds(log).T], axis=1)
+    _, noise = _high_pass(log, log.measured)
+    missing = np.sign(asked) * (asked - speeds)
+    most = np.maximum(
+        _BEHIND * np.abs(asked), np.maximum(_LEAST_BEHIND, 6.0 * np.nan_to_num(noise) / cycle / sqrt(10.0))
+    )
+    late = missing > most
+    found = np.zeros_like(late)
+    for joint in range(late.shape[1]):
+        edges = np.flatnonzero(np.diff(np.concatenate(([0], late[:, joint].astype(int), [0]))))
+        for begin, end in zip(edges[::2], edges[1::2], strict=True):
+            if end - begin < _LASTING:
+                continue
+            before = missing[:begin, joint] > 0.25 * most[:begin, joint]  # from where the joint began to be slower
+            found[begin - _run(before[::-1]) : end, joint] = True
+    return found[np.clip(np.rint(log.rows - cycles[0]).astype(int), 0, len(cycles) - 1)]
+
+
+def _run(mask: Mask) -> int:
+    """How many are true before the first that is not."""
+    return len(mask) if mask.all() else int(np.argmin(mask))
+
+
+def _limits(logs: Sequence[RobotLog], behind: Sequence[Mask]) -> tuple[Estimate, ...]:
+    """The highest speed of each joint that was asked for more and went on at one speed."""
+    found = []
+    for joint in range(behind[0].shape[1]):
+        flat, varies = [], False
+        for log, late in zip(logs, behind, strict=True):
+            cycles, _ = _grid(log)
+            speeds = np.abs(_speeds(log)[:, joint])
+            at = np.interp(cycles, log.rows, late[:, joint].astype(float)) > 0.5
+            edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(int), [0]))))
+            for begin, end in zip(edges[::2], edges[1::2], strict=True):
+                inside = speeds[begin + _LASTING : end - _LASTING]
+                if len(inside) >= _LASTING:
+                    is_flat = float(np.std(inside)) < _FLAT * float(np.median(inside))
+                    flat += [float(np.median(inside))] if is_flat else []
+                    varies |= not is_flat
+        if flat and not varies:
+            spread = float(np.std(flat, ddof=1)) if len(flat) > 1 else None
+            found.append(Estimate(float(np.mean(flat)), (spread or 0.0) / sqrt(len(flat)), spread, len(flat)))
+        elif varies:
+            found.append(Estimate(None, reason="it is slower than asked, but not at one speed"))
+        else:
+            found.append(Estimate(None, reason="it was never asked for more than it did"))
+    return tuple(found)
+
+
+def shown(estimate: Estimate, unit: str, scale: float = 1.0) -> str:
+    """An estimate for people: ``4.98 ± 0.03 1/s``, or that it is not determined and why."""
+    if estimate.value is None:
+        return f"not determined ({estimate.reason})"
+    spread = estimate.spread if estimate.spread is not None else estimate.error
+    return f"{scale * estimate.value:.4g} ± {scale * spread:.2g} {unit}"
+
+
+def in_degrees(estimate: Estimate) -> str:
+    return shown(estimate, "°/s", degrees(1.0))
