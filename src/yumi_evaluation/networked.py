@@ -447,8 +447,7 @@ def run_undisturbed(
 def run_networked(node: EvaluationNode, experiment: Experiment) -> Trace:
     """Run ``experiment`` with a running driver, in an EGM session of its own, and bring the arm back.
 
-    The robot takes one reply a cycle from its queue: a reply that once came too late to its cycle leaves all commands
-    after it a cycle late, until the session ends (reference/egm.md §4.3).
+    No experiment begins with what the one before left to EGM, such as a filter that has not settled.
 
     Raises:
         RobotNotReady: the driver refused something, no state came for too long, or the arm did not come back.

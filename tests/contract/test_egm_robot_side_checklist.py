@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import struct
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -91,30 +92,34 @@ def test_02_datagrams_count_from_the_configured_address_only_from_any_port():
     client.close()
 
 
-# 3: one datagram per cycle from a queue
+# 3: the newest datagram of a cycle, without a queue
 
 
-def test_03_one_datagram_is_taken_per_cycle_in_the_order_of_arrival_and_the_last_is_kept(bench):
+def test_03_newest_datagram_of_a_cycle_is_taken_and_kept(bench):
     bench.run().cycle(*(order(turned(0, by)) for by in (0.1, 0.2, 0.3)))
     taken = [bench.arm.egm.reference[0]]
-    for _ in range(4):
-        bench.cycle()
+    for inbox in ((), (order(turned(0, 0.4)),), ()):
+        bench.cycle(*inbox)
         taken.append(bench.arm.egm.reference[0])
-    assert taken == pytest.approx([0.1, 0.2, 0.3, 0.3, 0.3])
+    assert taken == pytest.approx([0.3, 0.3, 0.4, 0.4])
+
+
+def test_03_newest_datagram_waits_for_the_cycle_that_exchanges_datagrams():
+    bench = RobotBench().prepare(replace(FULL_SPEED, sample_rate_ms=12)).run()
+    bench.cycle()
+    bench.cycle(order(turned(0, 0.1)))
+    bench.cycle(order(turned(0, 0.2)))
+    assert bench.arm.egm.reference[0] == 0.0
+    bench.cycle()
+    assert bench.arm.egm.reference[0] == pytest.approx(0.2)
 
 
 def test_03_feedback_is_from_before_the_datagram_it_is_answered_with(bench):
     bench.run()
     first = bench.cycle(order(turned(0, 0.3)))
     assert first.planned == pytest.approx(HOME, abs=1e-6)
+    bench.cycle()
     assert bench.cycle().planned[0] > 0.001
-
-
-def test_03_queue_of_the_operating_system_has_a_length():
-    bench = RobotBench(EgmOptions(queue_length=2)).prepare().run()
-    bench.cycle(*(order(turned(0, by)) for by in (0.1, 0.2, 0.3)))
-    bench.pass_time(0.1)
-    assert bench.arm.egm.reference[0] == pytest.approx(0.2)
 
 
 # 4: size and numbers

@@ -334,9 +334,8 @@ class Pace:
     """When the cycles of a robot that keeps real time begin.
 
     A machine that has fallen behind catches up, but not at once: the answer to one datagram has to be there for the
-    next cycle. Answers that come two at a time wait in the robot's queue, which it takes them from one a cycle, and
-    every command after them is a cycle late until the session ends (reference/egm.md §4.3). On a machine whose cycles
-    take longer than what is left beside that, the robot is slower than real time.
+    next cycle. Of answers that come two at a time only the newer one counts (reference/egm.md §4.3). On a machine whose
+    cycles take longer than what is left beside that, the robot is slower than real time.
 
     Args:
         clock: the machine's.

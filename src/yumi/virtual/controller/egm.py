@@ -1,15 +1,15 @@
 """The robot's side of EGM: the client of one arm with its datagram per cycle, and the network to the driver.
 
 What RAPID's EGM instructions do is done by the client. The order within a cycle is the controller's (reference/egm.md
-§4.3): read feedback, send, take at most one datagram of the sensor, hand its reference to the arm. The network carries
-the datagrams of both arms with the faults that are injected into it.
+§4.3): read feedback, send, take the sensor's newest datagram, hand its reference to the arm. The network carries the
+datagrams of both arms with the faults that are injected into it.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from enum import Enum, IntEnum, auto
 from math import degrees, hypot, inf, isfinite, radians
 from random import Random
@@ -62,8 +62,6 @@ class EgmOptions:
     Attributes:
         robotware: whose profile the datagrams have.
         cycle_time: period of motion control [s].
-        queue_length: datagrams the operating system keeps for a reader that takes one per cycle; the newest beyond
-            are lost.
         invalid_reference: what NaN and infinity do.
         sends_rapid_state: False for the defect some controllers have after a restart: RAPID's state in their datagrams
             is always undefined (reference/egm.md §3.3).
@@ -71,7 +69,6 @@ class EgmOptions:
 
     robotware: RobotWare = RobotWare.RW_6_09
     cycle_time: float = CYCLE
-    queue_length: int = 256
     invalid_reference: InvalidReference = InvalidReference.SYSTEM_FAILURE
     sends_rapid_state: bool = True
 
@@ -96,7 +93,6 @@ class EgmSession:
     Attributes:
         use: what its datagrams are for.
         cycles_per_datagram: SampleRate in cycles.
-        queue_length: how many datagrams can wait for their cycle; the newest beyond are lost.
         cycle: cycles since the session began.
         seqno: number of the next datagram.
         mci: state in the next datagram.
@@ -105,12 +101,11 @@ class EgmSession:
         silence: time since the last datagram of the sensor, or since the start [s].
         is_in_band: whether all selected joints are in their convergence bands.
         time_in_band: how long they have been there without a break [s].
-        queue: datagrams that wait for their cycle, oldest first.
+        newest: the sensor's last datagram that no cycle has taken; None when there is none.
     """
 
     use: EgmUse
     cycles_per_datagram: int = 1
-    queue_length: int = 256
     cycle: int = -1
     seqno: int = 0
     mci: MciState = MciState.STOPPED
@@ -119,7 +114,7 @@ class EgmSession:
     silence: float = 0.0
     is_in_band: bool = False
     time_in_band: float = 0.0
-    queue: deque[bytes] = field(default_factory=deque)
+    newest: bytes | None = None
 
     @property
     def is_due(self) -> bool:
@@ -127,12 +122,11 @@ class EgmSession:
         return self.is_over or self.cycle % self.cycles_per_datagram == 0
 
     def advance(self, dt: float, inbox: Iterable[bytes]) -> None:
-        """Begin the next cycle with the datagrams that arrived since the last."""
+        """Begin the next cycle with the datagrams that arrived since the last; the newest one counts."""
         self.cycle += 1
         self.silence += dt if self.cycle else 0.0
         for datagram in inbox:
-            if len(self.queue) < self.queue_length:
-                self.queue.append(datagram)
+            self.newest = datagram
 
     def note_sensor(self) -> None:
         """A datagram of the sensor was accepted."""
@@ -415,11 +409,6 @@ class EgmClient:
         survives = (EgmOutcome.RUNNING, EgmOutcome.ABORTED)
         return self.outcome in survives or self._data.restarts_after_motors_off
 
-    @property
-    def waiting(self) -> int:
-        """How many datagrams of the sensor wait for their cycle: by so many cycles its references come late."""
-        return len(self._session.queue) if self._session is not None else 0
-
     def take_failure(self) -> EgmFailure | None:
         """The failure the controller reacts to, once."""
         failure, self._failure = self._failure, None
@@ -455,7 +444,7 @@ class EgmClient:
         if session.is_over:
             self._session = None
         else:
-            self._accept_next(session)
+            self._accept_newest(session)
         return datagram
 
     def _uses(self, use: EgmUse) -> bool:
@@ -477,7 +466,6 @@ class EgmClient:
         self._session = EgmSession(
             use,
             cycles_per_datagram=max(1, sample_rate_ms // 4),
-            queue_length=self._options.queue_length,
             mci=MciState.STOPPED if use is EgmUse.STREAM else MciState.RUNNING,
         )
         self.state = EgmState.RUNNING
@@ -540,10 +528,10 @@ class EgmClient:
         if counts and session.time_in_band >= run.cond_time:
             self._finish(EgmOutcome.CONVERGED, run.stop_mode, run.ramp_out_time)
 
-    def _accept_next(self, session: EgmSession) -> None:
-        if not session.queue:
+    def _accept_newest(self, session: EgmSession) -> None:
+        datagram, session.newest = session.newest, None
+        if datagram is None:
             return
-        datagram = session.queue.popleft()
         try:
             if session.use is EgmUse.PATH_CORRECTION:
                 self._correct(session, self._codec.decode_correction(datagram).offset)

@@ -8,18 +8,18 @@ limiter's doing. Links of one arm do not touch each other here.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import acos, dist, exp, pi, sin
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from yumi.errors import CommandRefused, RobotNotReady
 from yumi.robot.arms import Arm, yumi_arm
 from yumi.robot.description import robot_description
 from yumi.robot.dynamics import HAND, ArmDynamics
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import Joints, Pose, Side, finger_names, joint_names, prefixed
+from yumi.robot.joints import CYCLE, Joints, Pose, Side, finger_names, joint_names, prefixed
 from yumi.robot.kinematics import compose, tool0_to_body
 from yumi.virtual.mechanics.motion import (
     ArmModel,
@@ -97,7 +97,7 @@ class VirtualArm:
 
     @property
     def planned(self) -> Joints:
-        """Joint positions the controller plans, chain order [rad], (7,); EGM's reference while EGM runs."""
+        """Joint positions the controller plans, chain order [rad], (7,); what EGM has integrated while EGM runs."""
         return self._motion.state.position
 
     def tool_pose(self, position: Joints, tool: Pose | None) -> Pose:
@@ -144,6 +144,9 @@ class VirtualArm:
         self._push_left = max(0.0, self._push_left - dt)
         steps = max(1, -int(-dt // self.model.step)) if dt > 0.0 else 0
         for _ in range(steps):
+            egm = self.egm
+            if egm is not None:
+                egm.reported = self.position
             self._motion.advance(dt / steps)
             if self._is_regaining and self._motion.is_finished:
                 self._motion, self._is_regaining = self.path, False
@@ -151,12 +154,13 @@ class VirtualArm:
             if not self.path.has_acted:
                 self.path.act(dt / steps)
             # Only references from outside are supervised: the controller plans its own motions within the limits.
-            egm = self.egm
             if egm is not None and self._load is not None and self.overload is None:
                 self.overload = self._load.advance(egm.state, dt / steps)
 
     def push(self, by: float) -> None:
         """Someone pushes its elbow aside by an angle [rad] and lets go: what is measured deviates, the plan does not.
+
+        EGM, whose loop is closed over what is measured, plans against the push.
 
         Raises:
             CommandRefused: the motors are off: the brakes hold it.
@@ -267,9 +271,8 @@ class VirtualArm:
             RobotNotReady: the motors are off, or EGM moves the arm already.
         """
         self.check_ready()
-        extra = self.model.filtering_delay if settings.level > 0 else 0.0
-        self._servo.target_delay = self.model.delay + extra
-        self._motion, self._is_regaining = EgmMotion(self.planned, settings, self.model.limits), False
+        self._servo.target_delay = self.model.egm_delay(settings.level)
+        self._motion, self._is_regaining = EgmMotion(self.planned, settings, self.model), False
         self.overload = None
         if self.model.supervises_load:
             self._load = LoadSupervision(self.side, self.model, self.planned)
@@ -369,6 +372,50 @@ class Servo:
         if shown > start and len(past) > 1:
             end, after = past[1]
             self.position = _between(self.position, after, (shown - start) / (end - start))
+
+
+class Answer(NamedTuple):
+    """What an arm under EGM reports in a cycle: its measured and its planned position [rad]."""
+
+    measured: Joints
+    planned: Joints
+
+
+def follow_references(
+    references: Sequence[Joints],
+    start: Joints,
+    model: ArmModel,
+    settings: EgmSettings,
+    *,
+    cycle: float = CYCLE,
+    speeds: Sequence[Joints] | None = None,
+) -> list[Answer]:
+    """How an arm follows references without anything else of a robot: what it reports and plans, cycle by cycle.
+
+    EGM takes reference ``n`` in cycle ``n``, after the datagram of that cycle: the answer to a datagram, which arrives
+    a cycle after that datagram, comes one place later.
+
+    Args:
+        references: positions [rad], one a cycle, as many joints as ``start`` has.
+        start: where the arm stands [rad].
+        model: its dynamics; its limits are of as many joints.
+        settings: of EGM.
+        cycle: [s].
+        speeds: fed forward with the references [rad/s]; none without them.
+
+    Returns:
+        For each reference what the datagram of the cycle reports: the measured position, the planned position.
+    """
+    servo, motion = Servo(start, model), EgmMotion(start, settings, model)
+    servo.target_delay = model.egm_delay(settings.level)
+    answer = []
+    fed = [motion.state.velocity] * len(references) if speeds is None else speeds
+    for reference, velocity in zip(references, fed, strict=True):
+        answer.append(Answer(servo.position, motion.state.position))
+        motion.reference, motion.reference_velocity, motion.reported = reference, velocity, servo.position
+        motion.advance(cycle)
+        servo.advance(motion.state.position, cycle)
+    return answer
 
 
 @dataclass(frozen=True, slots=True)

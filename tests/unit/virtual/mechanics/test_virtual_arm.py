@@ -155,19 +155,19 @@ def test_measured_position_follows_a_constant_speed_late_by_delay_and_lag(arm):
     arm.start_egm(VELOCITY_MODE)
     arm.set_reference(None, beside(ZERO, 0.5))
     arm.advance(0.5)
-    assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.016 + 0.010, abs=1e-6)
+    assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.010 + 0.006, abs=1e-6)
 
 
 def test_filtering_level_adds_its_delay_without_a_jump(arm):
     arm.start_egm(EgmSettings(gain=0.0, bandwidth=0.0, max_speed=10.0, level=1))
     arm.set_reference(None, beside(ZERO, 0.5))
     arm.advance(0.5)
-    assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.042, abs=1e-6)
-    assert arm.reaction_time == pytest.approx(0.042)
+    assert (arm.planned[0] - arm.position[0]) / 0.5 == pytest.approx(0.032, abs=1e-6)
+    assert arm.reaction_time == pytest.approx(0.032)
 
 
 def test_servo_answers_a_step_of_speed_as_its_formula_says():
-    arm = VirtualArm(Side.LEFT, ZERO, ArmModel(delay=0.0, lag=0.010, step=1.0))
+    arm = VirtualArm(Side.LEFT, ZERO, ArmModel(reference_delay=0.0, delay=0.0, lag=0.010, step=1.0))
     arm.switch_motors_on()
     arm.start_egm(VELOCITY_MODE)
     arm.set_reference(None, beside(ZERO, 1.0))

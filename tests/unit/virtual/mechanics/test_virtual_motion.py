@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import cos, pi, radians, sin
+from math import exp, pi, radians
 
 import pytest
 
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side
-from yumi.virtual.mechanics.arm import VirtualArm
-from yumi.virtual.mechanics.motion import EgmActivation, EgmMotion, EgmRun, EgmSettings, ExternalMotionData
+from yumi.robot.joints import ZERO, Joints, Side
+from yumi.virtual.mechanics.arm import VirtualArm, follow_references
+from yumi.virtual.mechanics.motion import (
+    ArmModel,
+    EgmActivation,
+    EgmMotion,
+    EgmRun,
+    EgmSettings,
+    ExternalMotionData,
+    unlimited,
+)
 
 CYCLE = 0.004032
 FAST = 400.0
+AT_ONCE = ArmModel(reference_delay=0.0)
+THESIS = ArmModel(egm_acceleration=(6.0,) * 7)
 FULL_SPEED = EgmSettings(gain=5.0, bandwidth=0.0, ramp_in_time=0.1, max_speed=radians(400.0))
 
 
@@ -25,11 +35,13 @@ def only(index: int, value: float) -> Joints:
 
 def law(**settings: float) -> EgmMotion:
     defaults = {"gain": 5.0, "bandwidth": 0.0, "max_speed": FAST}
-    return EgmMotion(ZERO, EgmSettings(**{**defaults, **settings}), YUMI_LIMITS)
+    return EgmMotion(ZERO, EgmSettings(**{**defaults, **settings}), AT_ONCE)
 
 
 def advanced(motion: EgmMotion, duration: float, dt: float = CYCLE) -> EgmMotion:
+    """The motion of a robot that is where it plans to be."""
     for _ in range(round(duration / dt)):
+        motion.reported = motion.state.position
         motion.advance(dt)
     return motion
 
@@ -43,7 +55,7 @@ class Sample:
 
 def p_controlled(gain: float, goal_at: Callable[[float], float], duration: float) -> list[Sample]:
     """Axis 6 with command = measured + P·(goal - measured), each command one cycle late."""
-    arm = VirtualArm(Side.LEFT, ZERO)
+    arm = VirtualArm(Side.LEFT, ZERO, THESIS)
     arm.switch_motors_on()
     arm.start_egm(FULL_SPEED)
     trace, time = [], 0.0
@@ -63,48 +75,81 @@ def test_step_of_ten_degrees_settles_in_the_published_time(gain, published):
     assert settled == pytest.approx(published, rel=0.10)
 
 
-def sine_lags(gain: float) -> tuple[float, float]:
-    """Phase lags [s] of planned and measured behind a sine of 10° at 0.2 Hz, over the last two periods."""
-    omega = 2.0 * pi * 0.2
-    trace = [s for s in p_controlled(gain, lambda t: radians(10.0) * sin(omega * t), 15.0) if s.time >= 5.0]
-    lags = []
-    for values in ([s.planned for s in trace], [s.measured for s in trace]):
-        in_phase = sum(value * sin(omega * s.time) for value, s in zip(values, trace, strict=True))
-        quadrature = sum(value * cos(omega * s.time) for value, s in zip(values, trace, strict=True))
-        lags.append(-quadrature / in_phase / omega)
-    return lags[0], lags[1]
+@pytest.mark.parametrize("gain", [1.2, 2.0])
+def test_ramp_is_followed_with_the_lag_of_both_loops(gain):
+    trace = p_controlled(gain, lambda time: 0.2 * time, 3.0)
+    # A command counts two cycles after its measurement: one until EGM takes it, one until EGM uses it.
+    last = trace[-1]
+    assert last.time - last.measured / 0.2 == pytest.approx((1.0 / 5.0 + 2.0 * CYCLE) / gain, abs=1e-5)
+    assert (last.planned - last.measured) / 0.2 == pytest.approx(0.010 + 0.006, abs=1e-5)
 
 
-@pytest.mark.parametrize(("gain", "published"), [(1.2, 0.162), (2.0, 0.086)])
-def test_sine_is_followed_with_the_published_lag(gain, published):
-    planned, measured = sine_lags(gain)
-    assert planned == pytest.approx(published, rel=0.05)
-    assert measured - planned == pytest.approx(0.026 + CYCLE, abs=0.005)  # the servo's delay and lag
-
-
-def test_position_is_approached_with_the_gain_as_rate():
+def test_position_is_approached_by_the_gain_times_the_distance_in_each_cycle():
     motion = law(gain=5.0)
     motion.reference = only(0, 0.1)
-    advanced(motion, 0.2016)
-    assert motion.state.position[0] == pytest.approx(0.1 * (1.0 - 2.718281828 ** (-5.0 * 0.2016)), rel=1e-6)
+    advanced(motion, 50 * CYCLE)
+    assert motion.state.position[0] == pytest.approx(0.1 * (1.0 - (1.0 - 5.0 * CYCLE) ** 50), rel=1e-9)
 
 
-@pytest.mark.parametrize("dt", [0.0005, 0.001, 0.05])
-def test_law_is_the_same_however_time_is_divided(dt):
-    motion, once = law(gain=20.0), law(gain=20.0)
-    motion.reference = once.reference = only(0, 0.1)
-    motion.reference_velocity = once.reference_velocity = only(0, 0.2)
-    advanced(motion, 0.2, dt)
-    once.advance(0.2)
-    assert motion.state.position == pytest.approx(once.state.position, abs=1e-12)
-
-
-def test_ramp_is_followed_one_time_constant_late_without_feed_forward():
+def test_loop_is_closed_over_what_the_robot_reports():
     motion = law(gain=5.0)
-    for cycle in range(1000):
-        motion.reference = only(0, 0.2 * cycle * CYCLE)
+    motion.reference, motion.reported = only(0, 0.1), only(0, 0.04)
+    motion.advance(CYCLE)
+    motion.advance(CYCLE)
+    assert motion.state.position[0] == pytest.approx(5.0 * (0.1 - 0.04) * 2.0 * CYCLE)
+
+
+def test_references_are_used_when_their_delay_is_over():
+    model = ArmModel(reference_delay=2.5 * CYCLE)
+    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion.reference_velocity = only(0, 0.1)
+    speeds = []
+    for _ in range(5):
         motion.advance(CYCLE)
-    assert (motion.reference[0] - motion.state.position[0]) / 0.2 == pytest.approx(1.0 / 5.0, rel=0.03)
+        speeds.append(motion.state.velocity[0])
+    assert speeds == pytest.approx([0.0, 0.0, 0.05, 0.1, 0.1])
+
+
+def test_reference_that_lasts_less_than_a_step_counts_for_its_part_of_it():
+    model = ArmModel(reference_delay=0.001)
+    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    for speed in (0.1, 0.2, 0.4):
+        motion.reference_velocity = only(0, speed)
+        motion.advance(0.001)
+    motion.advance(0.004)
+    assert motion.state.velocity[0] == pytest.approx((0.4 + 3.0 * 0.4) / 4.0)
+    assert motion.state.position[0] == pytest.approx(0.001 * (0.0 + 0.1 + 0.2) + 0.004 * 0.4)
+
+
+def discrete_ramp(settings: EgmSettings, taken: Sequence[float], delay: int, cycle: float) -> list[float]:
+    """What is reported of ``v = keep·v + (1 - keep)·k·(r - y); p += v·T``, y being p some cycles before."""
+    keep = exp(-2.0 * pi * settings.bandwidth * cycle)
+    planned, speed = [0.0], 0.0
+    for number, reference in enumerate(taken):
+        reported = planned[max(0, number - delay)]
+        speed = keep * speed + (1.0 - keep) * settings.gain * (reference - reported)
+        planned.append(planned[-1] + speed * cycle)
+    return [planned[max(0, number - delay)] for number in range(len(taken))]
+
+
+@pytest.mark.parametrize(("count", "cycle"), [(6, 0.004), (7, 0.004032), (1, 0.004032)])
+def test_arm_follows_references_as_the_controllers_own_cycles_do(count: int, cycle: float) -> None:
+    model = ArmModel(unlimited(count), delay=4.0 * cycle, lag=0.0, reference_delay=2.0 * cycle)
+    settings = EgmSettings(gain=5.0, bandwidth=100.0, max_speed=FAST)
+    ramp = [0.001 * number for number in range(300)]
+    answer = follow_references([(value,) * count for value in ramp], (0.0,) * count, model, settings, cycle=cycle)
+    expected = discrete_ramp(settings, [0.0, 0.0, *ramp[:-2]], 4, cycle)
+    for joint in range(count):
+        assert [each.measured[joint] for each in answer] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.010, 0.050])
+def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain(delay: float) -> None:
+    model = ArmModel(unlimited(1), delay=delay, lag=0.0, reference_delay=0.0)
+    ramp = [(0.2 * number * CYCLE,) for number in range(1000)]
+    settings = EgmSettings(gain=5.0, bandwidth=20.0, max_speed=FAST)
+    last = follow_references(ramp, (0.0,), model, settings)[-1].measured[0]
+    assert (ramp[-1][0] - last) / 0.2 == pytest.approx(1.0 / 5.0, abs=1e-4)
 
 
 def test_feed_forward_removes_the_lag_of_a_ramp():
@@ -112,7 +157,7 @@ def test_feed_forward_removes_the_lag_of_a_ramp():
     motion.reference_velocity = only(0, 0.2)
     for cycle in range(1000):
         motion.reference = only(0, 0.2 * cycle * CYCLE)
-        motion.advance(CYCLE)
+        advanced(motion, CYCLE)
     assert motion.state.position[0] == pytest.approx(motion.reference[0] + 0.2 * CYCLE / 2.0, abs=0.2 * CYCLE)
 
 
@@ -128,6 +173,19 @@ def test_speed_is_capped_with_one_scale_for_all_joints():
     motion.advance(CYCLE)
     assert motion.state.velocity[:2] == pytest.approx((0.1, -0.05))
     assert motion.utilization == pytest.approx(25.0, rel=0.02)
+
+
+def test_change_of_speed_is_capped_with_one_scale_for_all_joints():
+    model = ArmModel(reference_delay=0.0, egm_acceleration=(5.0,) * 7)
+    motion = EgmMotion(ZERO, EgmSettings(gain=0.0, bandwidth=0.0, max_speed=FAST), model)
+    motion.reference_velocity = (0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    for _ in range(100):
+        motion.advance(CYCLE)
+    motion.reference_velocity = (0.0, 1.0, -0.4, 0.2, 0.0, 0.0, 0.0)
+    motion.advance(CYCLE)
+    # The joint that goes on as before is not slowed; the others change towards what is asked, in that direction.
+    assert motion.state.velocity[1:4] == pytest.approx((1.0, -5.0 * CYCLE, 2.5 * CYCLE))
+    assert motion.utilization == pytest.approx(0.4 / (5.0 * CYCLE))
 
 
 def test_speed_is_capped_at_what_the_joint_can_do():
