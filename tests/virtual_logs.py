@@ -23,17 +23,19 @@ class VirtualRobot:
     Attributes:
         dynamics: with which it moves.
         noise: standard deviation of what it reports [rad].
-        lost: fraction of its datagrams that do not arrive; a fifth as many commands are lost on their way.
+        lost: fraction of its datagrams that do not arrive, and are not answered.
+        unseen: fraction of the commands that are lost on their way, which no log shows.
         limits: highest speeds of its joints, inf where none [rad/s].
     """
 
     dynamics: Dynamics
     noise: float
     lost: float
+    unseen: float = 0.0
 
     def log(self, commands: Array, random: np.random.Generator, name: str = "virtual") -> RobotLog:
         """What is recorded when it is sent ``commands`` [rad], (m, 7), one a cycle."""
-        arrives = random.random(len(commands)) >= self.lost / 5.0
+        arrives = random.random(len(commands)) >= self.unseen
         arrives[0] = True
         settings = EgmSettings(gain=self.dynamics.gain, bandwidth=0.0, max_speed=inf)
         seen = random.random(len(commands)) >= self.lost

@@ -1,4 +1,4 @@
-"""``yumi evaluate``, ``yumi tune`` and ``yumi bench``; what they need beyond the product is imported when they run."""
+"""``yumi evaluate``, ``yumi tune``, ``yumi compare``, ``yumi bench``; they import what they need when they run."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import platform
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -23,6 +24,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from yumi import __version__
 from yumi.cli.options import limit_discovery, password_options
+from yumi.control.motion import EGM_GAIN
 from yumi.driver.settings import MAX_PORT, read_controllers
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
 from yumi.robot.joints import Side
@@ -225,6 +227,95 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
         console.print(why)
     draw_recommendation(found, shipped, steps.runs, picture)
     console.print(f"Picture: {picture}")
+
+
+@click.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--commands", type=click.Path(path_type=Path), help="Of a CSV file: the CSV file with what was sent.")
+@click.option(
+    "--pos-corr-gain",
+    type=click.FloatRange(0.01, 4.0),
+    default=1.0,
+    show_default=True,
+    help="With which the log was made; k is so many times 5/s.",
+)
+@click.option(
+    "--lp-filter",
+    type=click.FloatRange(0.0, 100.0),
+    help="EGM's low-pass filter with which the log was made [Hz], 0: off.  [off; of a folder as it says]",
+)
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("build/compare"),
+    show_default=True,
+    help="Folder of the picture and the settings.",
+)
+@click.option("--json", "report", help="Also write every figure to this file; - prints that and nothing else.")
+def compare(
+    log: Path, commands: Path | None, pos_corr_gain: float, lp_filter: float | None, output: Path, report: str | None
+) -> None:
+    """Compare LOG, of a robot under EGM, with the virtual robot that is sent the same commands.
+
+    LOG is a recording of `yumi up --record`, another MCAP file with joint states and commands, a CSV file with its
+    --commands, or a folder of records. It also identifies k, dead time, lag, noise and limits, as far as the log
+    determines them, and writes a picture and a settings file for `yumi controller --dynamics`.
+
+    \b
+    Examples:
+      yumi compare session.mcap
+      yumi compare joints.csv --commands commands.csv
+      yumi compare session.mcap --json -
+    """
+    _demand_extra()
+    from yumi_evaluation import comparison  # noqa: PLC0415 - a quick --help
+    from yumi_evaluation.identification import RUNS  # noqa: PLC0415
+    from yumi_evaluation.logs import read_logs  # noqa: PLC0415
+    from yumi_evaluation.pictures import draw_comparison  # noqa: PLC0415
+
+    console = Console(highlight=False, stderr=report == "-")
+    console.width = max(console.width, _TABLE_WIDTH)
+    logs = read_logs(log, commands)
+    with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
+        try:
+            found = comparison.compare(logs, EGM_GAIN * pos_corr_gain, lp_filter, tick)
+        except _Ended:
+            sys.exit(_INTERRUPTED)
+    picture = output / "comparison.svg"
+    draw_comparison(found, picture)
+    settings = comparison.write_settings(found, output, pos_corr_gain, log.name)
+    if report is not None:
+        text = json.dumps(comparison.document(found), indent=2, allow_nan=False)
+        if report == "-":
+            click.echo(text)
+            return
+        Path(report).write_text(f"{text}\n", encoding="utf-8")
+    for robot in found.robots:
+        console.print(*comparison.tables(robot))
+        console.print(robot.verdict)
+    for sentence in found.left_out:
+        console.print(sentence)
+    console.print(f"Picture: {picture}")
+    for file in settings:
+        console.print(f"Settings: {file}")
+
+
+@contextmanager
+def _compare_progress(console: Console, total: int, check: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """A bar that shows itself after a second; what it gives is called with each run."""
+    columns = (TextColumn("Runs of the virtual robot"), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
+    begin = time.monotonic()
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as progress:
+        task, count = progress.add_task("", total=total, visible=False), 0
+
+        def tick() -> None:
+            nonlocal count
+            check()
+            count += 1
+            is_slow = time.monotonic() - begin > 1.0
+            progress.update(task, advance=1, total=max(total, count), visible=is_slow, refresh=is_slow)
+
+        yield tick
 
 
 @click.command()

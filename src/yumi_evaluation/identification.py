@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from math import degrees, inf, nan, radians, sqrt
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,15 +34,22 @@ Mask = NDArray[np.bool_]
 Tick = Callable[[], None]
 """Called with each run of the virtual robot."""
 
-RUNS = 80
+RUNS = 150
 """So many runs an identification takes about, for a progress bar."""
 
-_MOST_CYCLES = 4000  # that are fitted to; of longer logs the part with the most motion
+_MOST_CYCLES = 2500  # that are fitted to; of longer logs the part with the most motion
 _WARM_UP = 2.0  # [s] of a motion that began before the log, until its begin no longer matters
-_ITERATIONS = 12
+_ITERATIONS = 8
+_BATCH = 0.4  # [s] of rows that err together: longer than a loop remembers
+_MUCH = 0.1  # of the sum of squares: after a step that wins less, the derivatives of before serve on
+_MOST_REFERENCE_CYCLES = 4
+_MOST_CELLS = 16
+_NEIGHBOURS = (((1, -1), (-1, 1), (1, 0), (-1, 0), (0, 1), (0, -1)), ((0, 1), (0, -1), (1, 0), (-1, 0)))
 _ENOUGH = 0.3  # of the sum of squares, in standard deviations: a step that wins less is the last
 _NAMES = ("gain", "reference_delay", "delay", "lag")
-_STEPS = np.array([0.02, 5e-4, 5e-4, 5e-4])  # of the derivatives: [1/s], [s]
+_FINE = np.array([1e-4, 1e-6, 1e-6, 1e-6])  # steps of the derivatives: [1/s], [s]
+_COARSE = np.array([0.02, 0.002, 0.002, 0.001])
+_SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step that are tried
 # What is believed before the log is seen: a standard deviation each. It decides where the log does not.
 _DOUBT = np.array([10.0, 0.010, 0.020, 0.005])
 _LOWEST, _HIGHEST = np.array([0.2, 0.0, 0.0, 0.0]), np.array([40.0, 0.1, 0.2, 0.1])
@@ -207,29 +214,33 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
     moving = np.flatnonzero(np.any([np.array(_travel(log)) > _least_travel(log) for log in parts], axis=0))
     parts = [_of_joints(log, moving) for log in parts]
     expected = prior.of_joints(moving)
-    # Until it is known which joints are limited, none is faster than the robot was.
-    fastest = np.max([np.abs(_speeds(log)).max(axis=0) for log in parts], axis=0)
-    seen = np.where(fastest > _LEAST_BEHIND, 1.05 * fastest, inf)
-    used = [log.rows >= _begin(log) for log in parts]
-    fit = _fitted(parts, used, expected.limited_to(np.minimum(seen, expected.model.limits.velocity)), expected, tick)
+    # Until it is known which joints are limited, none is faster than where it went on at its highest speed.
+    steady = np.max([_steady(log) for log in parts], axis=0)
+    seen = np.where(steady > _LEAST_BEHIND, 1.05 * steady, inf)
+    used = [log.rows >= first_comparable(log) for log in parts]
+    bounded = expected.limited_to(np.minimum(seen, expected.velocity))
+    fit = _Search(parts, used, bounded, expected, _DOUBT, tick).fit()
     behind = [limited(log, fit.dynamics) for log in parts]
     limits = _limits(parts, behind)
     found = fit.dynamics.limited_to(
         [most if each.value is None else each.value for each, most in zip(limits, expected.velocity, strict=True)]
     )
-    if any(late.any() for late in behind):
+    is_limited = any(late.any() for late in behind)
+    if is_limited:
         # What no limit of speeds explains, and what comes after it, says nothing of a loop without limits.
         unknown = [each.value is None for each in limits]
         explained = [~np.logical_or.accumulate(late[:, unknown].any(axis=1)) for late in behind]
         clear = [mask & own for mask, own in zip(used, explained, strict=True)]
         if sum(int(mask.sum()) for mask in clear) >= _LEAST_NOISE_ROWS:
             used = clear
-        fit = _fitted(parts, used, found, expected, tick)
+    if is_limited or any(np.ptp(answer(log, found) - answer(log, fit.dynamics)) > 0.0 for log in parts):
+        fit = _Search(parts, used, found, expected, _DOUBT, tick).fit()
         found = fit.dynamics
     gain = fit.estimate(np.array([1.0, 0.0, 0.0, 0.0]), found.gain, found.gain * _MOST_GAIN_ERROR)
     if gain.value is None:
         # The log allows many gains, each with dead times of its own: what remains is how late, with the gain expected.
-        fit = _fitted(parts, used, replace(found, gain=prior.gain), expected, tick, np.array([1e-4, *_DOUBT[1:]]))
+        known = np.array([1e-4, *_DOUBT[1:]])
+        fit = _Search(parts, used, replace(found, gain=prior.gain), expected, known, tick).fit()
         found = fit.dynamics
     late = found.lag(cycle)
     velocity = list(prior.velocity)
@@ -275,10 +286,10 @@ def has_motion(log: RobotLog) -> bool:
     return bool(_travel(log).max() > _least_travel(log))
 
 
-def _begin(log: RobotLog) -> float:
+def first_comparable(log: RobotLog) -> float:
     """The first row that counts: of an arm that moves when the log begins, how it moved before is not known."""
     speed = np.abs(_speeds(log)[:_LASTING]).max()
-    return 0.0 if speed < _LEAST_BEHIND / 4.0 else _WARM_UP / log.cycle
+    return 0.0 if log.section_of or speed < _LEAST_BEHIND / 4.0 else _WARM_UP / log.cycle
 
 
 def _excerpt(log: RobotLog) -> RobotLog:
@@ -336,94 +347,181 @@ class _Fit:
         return Estimate(value, error, spread, len(alone))
 
 
-def _fitted(
-    logs: Sequence[RobotLog],
-    used: Sequence[Mask],
-    start: Dynamics,
-    prior: Dynamics,
-    tick: Tick,
-    doubt: Array = _DOUBT,
-) -> _Fit:
-    """Gauss-Newton over all rows that are used, with what is believed in the prior and how much that is doubted."""
-    belief, believed = np.diag(doubt**-2.0), prior.values
+class _Minimum(NamedTuple):
+    """Where a search ended: parameters, residuals of each record [rad] and their derivatives by the parameters."""
 
-    def residuals(values: Array) -> list[Array]:
-        tick()
-        dynamics = start.with_values(values)
-        return [answer(log, dynamics) - log.measured for log in logs]
+    values: Array
+    residuals: list[Array]
+    slopes: list[Array]
 
-    def squares(each: Sequence[Array]) -> float:
-        return float(sum(np.square(part[mask]).sum() for part, mask in zip(each, used, strict=True)))
 
-    values, better = start.values, inf
-    count = sum(int(mask.sum()) for mask in used) * len(logs[0].joints)
-    now = residuals(values)
-    slopes = _slopes(residuals, values, now)
-    for _ in range(_ITERATIONS):
-        scale = max(squares(now) / count, _ROUNDING**2)
-        information = sum(_products(slope[mask], slope[mask]) for slope, mask in zip(slopes, used, strict=True)) / scale
-        pull = sum(
-            np.einsum("njp,nj->p", slope[mask], each[mask]) for slope, each, mask in zip(slopes, now, used, strict=True)
-        )
-        step = _step(information + belief, pull / scale + belief @ (values - believed), values)
-        cost = squares(now) / scale + (values - believed) @ belief @ (values - believed)
-        for share in (1.0, 0.5, 0.25):
-            tried = np.clip(values + share * step, _LOWEST, _HIGHEST)
-            then = residuals(tried)
-            better = cost - (squares(then) / scale + (tried - believed) @ belief @ (tried - believed))
-            if better > 0.0:
+class _Search:
+    """The search for the least sum of squares (Gauss-Newton), with what is believed before.
+
+    Args:
+        logs: the records.
+        used: their rows that count.
+        start: what is run, with other parameters.
+        prior: which parameters are believed.
+        doubt: how much, a standard deviation each.
+        tick: see :data:`Tick`.
+    """
+
+    def __init__(
+        self,
+        logs: Sequence[RobotLog],
+        used: Sequence[Mask],
+        start: Dynamics,
+        prior: Dynamics,
+        doubt: Array,
+        tick: Tick,
+    ) -> None:
+        self._logs, self._used, self._start, self._tick = logs, used, start, tick
+        self._belief, self._believed = np.diag(doubt**-2.0), prior.values
+        self._is_gain_known = bool(doubt[0] < 1e-3)
+        self._count = sum(int(mask.sum()) for mask in used) * len(logs[0].joints)
+
+    def fit(self) -> _Fit:
+        minima = self._minima()
+        likely = min(minima, key=lambda each: self._squares(each.residuals))
+        scale = self._scale(likely)
+        _, inverse, scatter = self._curvature(likely, scale)
+        # By so much less the rows say than if each erred by itself; what they leave open is as was believed.
+        fewer = max(1.0, float(np.trace(inverse @ scatter)) / len(_NAMES))
+        cost = np.array([self._cost(each.values, each.residuals, fewer * scale) for each in minima])
+        best = minima[int(np.argmin(cost))]
+        groups, inverse, scatter = self._curvature(best, scale)
+        # Where another minimum is hardly worse, either may be meant.
+        weights = np.exp(0.5 * (cost.min() - cost))
+        apart = np.array([each.values - best.values for each in minima])
+        other = np.einsum("m,mp,mq->pq", weights / weights.sum(), apart, apart)
+        covariance = inverse @ (scatter + self._belief) @ inverse + other
+        return _Fit(self._start.with_values(best.values), best.residuals, covariance, groups)
+
+    def _curvature(self, minimum: _Minimum, scale: float) -> tuple[list[tuple[Array, Array]], Array, Array]:
+        """What each joint of each record says alone, the inverse of the curvature, and the scatter of the slope.
+
+        Rows err together, by what the model lacks or a command that was lost: the scatter is that of whole batches.
+        """
+        groups, scatter, information = [], np.zeros_like(self._belief), self._belief.copy()
+        for log, slope, each, mask in zip(self._logs, minimum.slopes, minimum.residuals, self._used, strict=True):
+            batches = np.floor(log.times[mask] / _BATCH).astype(int)
+            for joint in range(slope.shape[1]):
+                own, left = slope[mask, joint], each[mask, joint]
+                spread = max(float(np.square(left).mean()), _ROUNDING**2) * _correlation(left)
+                products = own.T @ own
+                information += products / scale
+                pulls = np.zeros((batches[-1] + 1 if len(batches) else 0, len(_NAMES)))
+                np.add.at(pulls, batches, own * left[:, None])
+                scatter += pulls.T @ pulls / scale**2
+                alone = np.linalg.inv(products / spread + self._belief)
+                groups.append((-alone @ (own.T @ left) / spread, alone))
+        return groups, np.linalg.inv(information), scatter
+
+    def _minima(self) -> list[_Minimum]:
+        """The least minimum and those beside it.
+
+        A delay of so many cycles and a part is interpolated, which is another filter in each cycle: from one cycle to
+        the next the derivatives jump. So the way there is found by coarse ones, and then each pair of cycles, of the
+        reference's delay and the servo's, is searched by itself, as long as a neighbour is better.
+        """
+        near = self._descended(self._start.values, _LOWEST, _HIGHEST, _COARSE)
+        cycle = self._logs[0].cycle
+        at = (min(int(near.values[1] / cycle), _MOST_REFERENCE_CYCLES - 1), int(near.values[2] / cycle))
+        found = {at: self._within(near.values, at)}
+        is_better = True
+        while is_better and len(found) < _MOST_CELLS:
+            is_better = False
+            for used, delay in _NEIGHBOURS[self._is_gain_known]:
+                cell = (at[0] + used, at[1] + delay)
+                if cell in found or min(cell) < 0 or cell[0] >= _MOST_REFERENCE_CYCLES:
+                    continue
+                found[cell] = self._within(found[at].values, cell)
+                if self._squares(found[cell].residuals) < self._squares(found[at].residuals):
+                    at, is_better = cell, True
+                    break
+        return list(found.values())
+
+    def _within(self, values: Array, cell: tuple[int, int]) -> _Minimum:
+        """The minimum with delays of the reference and the servo within a cycle each, from values near."""
+        cycle = self._logs[0].cycle
+        lowest, highest = _LOWEST.copy(), _HIGHEST.copy()
+        lowest[1:3], highest[1:3] = cycle * np.array(cell), cycle * (np.array(cell) + 1.0)
+        begin = values.copy()
+        begin[1:3] = np.clip(values[1:3], lowest[1:3] + 0.1 * cycle, highest[1:3] - 0.1 * cycle)
+        if not self._is_gain_known:
+            begin[0] = 1.0 / max(1.0 / _HIGHEST[0], 1.0 / values[0] + values[1] - begin[1])  # the lag stays
+        return self._descended(begin, lowest, highest, _FINE)
+
+    def _descended(self, values: Array, lowest: Array, highest: Array, steps: Array) -> _Minimum:
+        """The minimum near ``values`` within bounds, by derivatives over ``steps``."""
+        values = np.clip(values, lowest, highest)
+        now = self._residuals(values)
+        slopes = self._slopes(values, now, steps, highest)
+        for _ in range(_ITERATIONS):
+            scale = self._scale(_Minimum(values, now, slopes))
+            parts = [(slope[mask], each[mask]) for slope, each, mask in zip(slopes, now, self._used, strict=True)]
+            information = sum(np.einsum("njp,njq->pq", slope, slope) for slope, _ in parts) / scale
+            pull = sum(np.einsum("njp,nj->p", slope, each) for slope, each in parts) / scale
+            pull = pull + self._belief @ (values - self._believed)
+            step = _step(information + self._belief, pull, lowest - values, highest - values)
+            before = self._cost(values, now, scale)
+            for share in _SHARES:
+                tried = values + share * step
+                then = self._residuals(tried)
+                better = before - self._cost(tried, then, scale)
+                if better > 0.0:
+                    break
+            else:
                 break
-        else:
-            break
-        values, now = tried, then
-        correlated = max(_correlation(each[mask]) for each, mask in zip(now, used, strict=True))
-        if better < _ENOUGH * correlated:
-            break  # the derivatives of the step before serve as well
-        slopes = _slopes(residuals, values, now)
-    scale = max(squares(now) / count, _ROUNDING**2)
-    groups, scatter, information = [], np.zeros_like(belief), belief.copy()
-    for slope, each, mask in zip(slopes, now, used, strict=True):
-        for joint in range(slope.shape[1]):
-            own, left = slope[mask, joint], each[mask, joint]
-            spread = max(float(np.square(left).mean()), _ROUNDING**2) * _correlation(left)
-            products = own.T @ own
-            information += products / scale
-            scatter += products * spread / scale**2
-            alone = np.linalg.inv(products / spread + belief)
-            groups.append((-alone @ (own.T @ left) / spread, alone))
-    inverse = np.linalg.inv(information)
-    covariance = inverse @ (scatter + belief) @ inverse
-    return _Fit(start.with_values(values), now, covariance, groups)
+            values, now = tried, then
+            if better < _ENOUGH * self._correlated(_Minimum(values, now, slopes)):
+                break
+            if better > _MUCH * before or share < 1.0:
+                slopes = self._slopes(values, now, steps, highest)
+        return _Minimum(values, now, slopes)
+
+    def _residuals(self, values: Array) -> list[Array]:
+        self._tick()
+        dynamics = self._start.with_values(values)
+        return [answer(log, dynamics) - log.measured for log in self._logs]
+
+    def _slopes(self, values: Array, now: Sequence[Array], steps: Array, highest: Array) -> list[Array]:
+        """Derivatives of each residual by the parameters, (n, k, 4), on this side of the bounds."""
+        columns = []
+        for place, step in enumerate(np.where(values + steps > highest, -steps, steps)):
+            changed = values.copy()
+            changed[place] += step
+            columns.append([(one - other) / step for one, other in zip(self._residuals(changed), now, strict=True)])
+        return [np.stack([column[number] for column in columns], axis=-1) for number in range(len(now))]
+
+    def _squares(self, residuals: Sequence[Array]) -> float:
+        return float(sum(np.square(each[mask]).sum() for each, mask in zip(residuals, self._used, strict=True)))
+
+    def _scale(self, minimum: _Minimum) -> float:
+        return max(self._squares(minimum.residuals) / self._count, _ROUNDING**2)
+
+    def _cost(self, values: Array, residuals: Sequence[Array], scale: float) -> float:
+        away = values - self._believed
+        return self._squares(residuals) / scale + float(away @ self._belief @ away)
+
+    def _correlated(self, minimum: _Minimum) -> float:
+        return max(_correlation(each[mask]) for each, mask in zip(minimum.residuals, self._used, strict=True))
 
 
-def _step(curvature: Array, pull: Array, values: Array) -> Array:
-    """The step to the least sum of squares within the bounds; a parameter that would leave them stops there."""
-    step, held = np.zeros(len(values)), np.zeros(len(values), bool)
-    for _ in values:
+def _step(curvature: Array, pull: Array, lowest: Array, highest: Array) -> Array:
+    """The step to the least sum of squares within bounds of the step; a parameter that would leave them stops there."""
+    step, held = np.zeros(len(pull)), np.zeros(len(pull), bool)
+    for _ in pull:
         free = ~held
-        step[free] = -np.linalg.solve(
-            curvature[np.ix_(free, free)], pull[free] + curvature[np.ix_(free, held)] @ step[held]
-        )
-        beyond = free & ((values + step < _LOWEST) | (values + step > _HIGHEST))
+        others = curvature[np.ix_(free, held)] @ step[held]
+        step[free] = -np.linalg.solve(curvature[np.ix_(free, free)], pull[free] + others)
+        beyond = free & ((step < lowest) | (step > highest))
         if not beyond.any():
             break
-        step[beyond] = np.clip(values + step, _LOWEST, _HIGHEST)[beyond] - values[beyond]
+        step[beyond] = np.clip(step, lowest, highest)[beyond]
         held |= beyond
     return step
-
-
-def _slopes(residuals: Callable[[Array], list[Array]], values: Array, now: Sequence[Array]) -> list[Array]:
-    """Derivatives of each residual by the parameters, (n, k, 4)."""
-    columns = []
-    for place, step in enumerate(_STEPS):
-        changed = values.copy()
-        changed[place] += step
-        columns.append([(one - other) / step for one, other in zip(residuals(changed), now, strict=True)])
-    return [np.stack([column[number] for column in columns], axis=-1) for number in range(len(now))]
-
-
-def _products(one: Array, other: Array) -> Array:
-    return np.asarray(np.einsum("njp,njq->pq", one, other))
 
 
 def _correlation(left: Array) -> float:
@@ -488,8 +586,8 @@ def _speeds(log: RobotLog) -> Array:
     return sum(weight * padded[place : place + len(positions)] for place, weight in enumerate(weights))  # type: ignore
 
 
-def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
-    """In which rows which joints are slower than the loop asks of them, for longer than a transient, (n, k)."""
+def _asked(log: RobotLog, dynamics: Dynamics) -> tuple[Array, Array]:
+    """Speeds that the loop asks for in each cycle, and what the robot then reports to have done [rad/s], (m, k)."""
     cycles, positions = _grid(log)
     cycle, model = log.cycle, dynamics.model
     held = np.array(_held(np.vstack((log.start, log.commands)), int(cycles[-1]) + 1))
@@ -501,7 +599,36 @@ def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
         fed = np.array(_held(np.vstack((0.0 * log.start, log.speeds)), len(held)))
         asked += np.stack([np.interp(used, numbers, joint) for joint in fed.T], axis=1)
     seen = cycles + (model.delay + model.lag) / cycle
-    speeds = np.stack([np.interp(seen, cycles, joint) for joint in _speeds(log).T], axis=1)
+    return asked, np.stack([np.interp(seen, cycles, joint) for joint in _speeds(log).T], axis=1)
+
+
+def limited_speeds(log: RobotLog, dynamics: Dynamics) -> tuple[Array, Array]:
+    """In each row what the loop asks for beyond the speed of the arm, and how the speed changes, (n, k) each."""
+    asked, speeds = _asked(log, dynamics)
+    missing, changes = asked - speeds, np.gradient(speeds, axis=0) / log.cycle
+    # What comes of the last cycles, and how fast the arm is at both ends, is not in the log.
+    changes[: _SLOPE // 2] = 0.0
+    changes[len(changes) - int(np.ceil((dynamics.model.delay + dynamics.model.lag) / log.cycle)) - _SLOPE :] = 0.0
+    rows = _places(log, len(asked))
+    return missing[rows], changes[rows]
+
+
+def _steady(log: RobotLog) -> Array:
+    """The highest speed of each joint where the joint kept to it; 0 where it did not [rad/s], (k,)."""
+    speeds = np.abs(_speeds(log))
+    most = speeds.max(axis=0)
+    return np.where((speeds > (1.0 - _FLAT) * most).sum(axis=0) >= 2 * _LASTING, most, 0.0)
+
+
+def _places(log: RobotLog, count: int) -> NDArray[np.int_]:
+    """The cycle of each row, counted from the first row."""
+    return np.clip(np.rint(log.rows - np.ceil(log.rows[0])).astype(int), 0, count - 1)
+
+
+def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
+    """In which rows which joints are slower than the loop asks of them, for longer than a transient, (n, k)."""
+    asked, speeds = _asked(log, dynamics)
+    cycle = log.cycle
     _, noise = _high_pass(log, log.measured)
     missing = np.sign(asked) * (asked - speeds)
     most = np.maximum(
@@ -516,7 +643,7 @@ def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
                 continue
             before = missing[:begin, joint] > 0.25 * most[:begin, joint]  # from where the joint began to be slower
             found[begin - _run(before[::-1]) : end, joint] = True
-    return found[np.clip(np.rint(log.rows - cycles[0]).astype(int), 0, len(cycles) - 1)]
+    return found[_places(log, len(found))]
 
 
 def _run(mask: Mask) -> int:

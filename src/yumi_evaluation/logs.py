@@ -65,6 +65,7 @@ class RobotLog:
         speeds: speeds that were sent with them [rad/s], (m, k); None where none were.
         start: where the arm was at the first command [rad], (k,).
         section_of: the record whose motion it continues; empty for a motion of its own.
+        bandwidth: of EGM's low-pass filter [Hz]; 0 is none.
     """
 
     name: str
@@ -77,6 +78,7 @@ class RobotLog:
     speeds: Array | None
     start: Array
     section_of: str = ""
+    bandwidth: float = 0.0
 
     @property
     def times(self) -> Array:
@@ -352,6 +354,7 @@ class _Record(msgspec.Struct):
     run_up: bool = False
     first_row: int | None = None
     section_of: str | None = None
+    lp_filter_hz: float = 100.0  # where it is not said: the highest, which is as good as none
 
 
 _RECORDS, _KNOTS = "records.json", "command_knots.csv"
@@ -427,6 +430,7 @@ def _of_record(path: Path, record: _Record, tables: dict[str, _Table], whole: _R
         None,
         start,
         record.section_of or "",
+        record.lp_filter_hz,
     )
 
 
