@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from math import degrees, inf, nan, radians, sqrt
 from typing import NamedTuple, cast
 
@@ -27,23 +28,25 @@ from numpy.typing import NDArray
 
 from yumi.robot.joints import Joints
 from yumi.virtual.mechanics.arm import follow_references
-from yumi.virtual.mechanics.motion import ArmModel, EgmSettings
+from yumi.virtual.mechanics.motion import ArmModel, EgmSettings, unlimited
 from yumi_evaluation.logs import Array, RobotLog
 
 Mask = NDArray[np.bool_]
 Tick = Callable[[], None]
 """Called with each run of the virtual robot."""
 
-RUNS = 150
+RUNS = 250
 """So many runs an identification takes about, for a progress bar."""
 
-_MOST_CYCLES = 2500  # that are fitted to; of longer logs the part with the most motion
+_MOST_CYCLES = 4000  # that are fitted to; of longer logs the part with the most motion
 _WARM_UP = 2.0  # [s] of a motion that began before the log, until its begin no longer matters
 _ITERATIONS = 8
+_SETTLED = 18.0  # times 1/k: what is left of a step is a part in ten millions
+_AS_GOOD = 1.2  # times the least sum of squares
 _BATCH = 0.4  # [s] of rows that err together: longer than a loop remembers
-_MUCH = 0.1  # of the sum of squares: after a step that wins less, the derivatives of before serve on
+_MUCH = 10.0  # of the sum of squares, in standard deviations: after a step that wins less, the derivatives serve on
 _MOST_REFERENCE_CYCLES = 4
-_MOST_CELLS = 16
+_MOST_CELLS = 24
 _NEIGHBOURS = (((1, -1), (-1, 1), (1, 0), (-1, 0), (0, 1), (0, -1)), ((0, 1), (0, -1), (1, 0), (-1, 0)))
 _ENOUGH = 0.3  # of the sum of squares, in standard deviations: a step that wins less is the last
 _NAMES = ("gain", "reference_delay", "delay", "lag")
@@ -53,7 +56,7 @@ _SHARES = (1.0, 0.5, 0.2, 0.05)  # of a step that are tried
 # What is believed before the log is seen: a standard deviation each. It decides where the log does not.
 _DOUBT = np.array([10.0, 0.010, 0.020, 0.005])
 _LOWEST, _HIGHEST = np.array([0.2, 0.0, 0.0, 0.0]), np.array([40.0, 0.1, 0.2, 0.1])
-_MOST_GAIN_ERROR = 0.03  # of k and lag, as a fraction; with a larger one they are not determined
+_MOST_GAIN_ERROR = 0.04  # of k and lag, as a fraction; with a larger one they are not determined
 _MOST_TIME_ERROR = 0.0015  # [s] of the dead time
 _ROUNDING = radians(2e-5)  # what a log of rounded numbers has at least [rad]
 _SLOPE = 5  # rows over which a speed is measured
@@ -77,6 +80,11 @@ class Dynamics:
     gain: float = 5.0
     model: ArmModel = field(default_factory=ArmModel)
     bandwidth: float = 0.0
+
+    @property
+    def settings(self) -> EgmSettings:
+        """Of EGM."""
+        return EgmSettings(gain=self.gain, bandwidth=self.bandwidth, max_speed=inf, max_deviation=inf)
 
     def dead_time(self, cycle: float) -> float:
         """All delay between a command and the position that answers it [s]; a command arrives a cycle later."""
@@ -131,29 +139,89 @@ class Dynamics:
 
 
 def answer(log: RobotLog, dynamics: Dynamics) -> Array:
-    """What the virtual robot reports in the rows of a log, sent the commands of the log [rad], (n, k)."""
+    """What the virtual robot reports in the rows of a log, sent the commands of the log [rad], (n, k).
+
+    As long as nothing limits a joint, all of it follows from one run in which one joint is sent one step: the loop is
+    linear, and the same for all joints. Where a joint would be limited, the whole motion is run.
+    """
     cycles = int(np.ceil(log.rows[-1])) + 1
-    sent = np.vstack((log.start, log.commands))  # the reply to a datagram is there in the next cycle
-    references, speeds = _held(sent, cycles), None
+    # The reply to a datagram is there in the next cycle.
+    references, speeds = _held(np.vstack((log.start, log.commands)), cycles), None
     if log.speeds is not None:
         speeds = _held(np.vstack((np.zeros(len(log.start)), log.speeds)), cycles)
-    settings = EgmSettings(gain=dynamics.gain, bandwidth=dynamics.bandwidth, max_speed=inf)
-    start = cast("Joints", tuple(log.start.tolist()))
-    answers = follow_references(references, start, dynamics.model, settings, cycle=log.cycle, speeds=speeds)
-    reported = np.array([each.measured for each in answers])
+    reported = _superposed(references, speeds, log.cycle, dynamics)
+    if reported is None:
+        start = _joints(log.start)
+        fed = None if speeds is None else [_joints(row) for row in speeds]
+        sent = [_joints(row) for row in references]
+        answers = follow_references(sent, start, dynamics.model, dynamics.settings, cycle=log.cycle, speeds=fed)
+        reported = np.array([each.measured for each in answers])
     whole = log.rows.astype(int)
     if (whole == log.rows).all():
         return np.asarray(reported[whole])
     return np.stack([np.interp(log.rows, np.arange(cycles), joint) for joint in reported.T], axis=1)
 
 
-def _held(sent: Array, cycles: int) -> list[Joints]:
+def _superposed(references: Array, speeds: Array | None, cycle: float, dynamics: Dynamics) -> Array | None:
+    """The answer as a sum of answers to steps [rad], (m, k); None where a limit would make it another one."""
+    model = dynamics.model
+    if model.egm_acceleration is not None:
+        return None
+    free = replace(model, limits=unlimited(1), supervises_load=False)
+    lasts = min(len(references), int((_SETTLED / dynamics.gain + _SETTLED * dynamics.dead_time(cycle)) / cycle) + 1)
+    to_step = _responses(free, dynamics.settings, cycle, lasts, False)
+    changes = np.diff(references, axis=0, prepend=references[:1])
+    measured, planned = (references[0] + np.cumsum(_convolved(changes, each), axis=0) for each in to_step)
+    if speeds is not None:
+        to_speed = _responses(free, dynamics.settings, cycle, lasts, True)
+        measured, planned = (
+            own + np.cumsum(_convolved(speeds, each), axis=0)
+            for own, each in zip((measured, planned), to_speed, strict=True)
+        )
+    fastest = np.abs(np.diff(planned, axis=0)).max(axis=0, initial=0.0) / cycle
+    return measured if (fastest < np.array(model.limits.velocity)).all() else None
+
+
+@lru_cache(maxsize=32)
+def _responses(model: ArmModel, settings: EgmSettings, cycle: float, count: int, is_speed: bool) -> tuple[Array, Array]:
+    """How the reported and the planned position of a joint change, cycle by cycle, after a unit of one cycle.
+
+    Args:
+        model: of one joint without limits.
+        settings: of EGM.
+        cycle: [s].
+        count: of cycles.
+        is_speed: whether the unit is a speed that is sent, for one cycle, and not a step of the reference.
+    """
+    one, zero = cast("Joints", (1.0,)), cast("Joints", (0.0,))
+    references, speeds = [zero] * count, [zero] * count
+    if is_speed:
+        speeds[0] = one
+    else:
+        references = [one] * count
+    answers = follow_references(references, zero, model, settings, cycle=cycle, speeds=speeds)
+    positions = np.array([(*each.measured, *each.planned) for each in answers])
+    measured, planned = np.diff(positions, axis=0, prepend=np.zeros((1, 2))).T
+    return measured, planned
+
+
+def _convolved(inputs: Array, response: Array) -> Array:
+    """What follows from inputs in each cycle, (m, k), each answered by ``response`` from that cycle on."""
+    size = 1 << (len(inputs) + len(response) - 1).bit_length()
+    spectrum = np.fft.rfft(inputs, size, axis=0) * np.fft.rfft(response, size)[:, None]
+    return np.fft.irfft(spectrum, size, axis=0)[: len(inputs)]
+
+
+def _joints(values: Array) -> Joints:
+    return cast("Joints", tuple(values.tolist()))
+
+
+def _held(sent: Array, cycles: int) -> Array:
     """One value a cycle: where nothing was sent, the last one holds."""
     known = np.isfinite(sent).all(axis=1)
     last = np.maximum.accumulate(np.where(known, np.arange(len(sent)), 0))
     held = sent[last][:cycles]
-    held = np.vstack((held, np.repeat(held[-1:], cycles - len(held), axis=0)))
-    return [cast("Joints", tuple(row)) for row in held.tolist()]
+    return np.vstack((held, np.repeat(held[-1:], cycles - len(held), axis=0)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,10 +306,11 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
         found = fit.dynamics
     gain = fit.estimate(np.array([1.0, 0.0, 0.0, 0.0]), found.gain, found.gain * _MOST_GAIN_ERROR)
     if gain.value is None:
-        # The log allows many gains, each with dead times of its own: what remains is how late, with the gain expected.
+        # Where the log allows many gains, each with dead times of its own, that is one of them which was expected.
         known = np.array([1e-4, *_DOUBT[1:]])
-        fit = _Search(parts, used, replace(found, gain=prior.gain), expected, known, tick).fit()
-        found = fit.dynamics
+        held = _Search(parts, used, replace(found, gain=prior.gain), expected, known, tick).fit()
+        if _squares(held.residuals, used) < _AS_GOOD * _squares(fit.residuals, used):
+            fit, found = held, held.dynamics
     late = found.lag(cycle)
     velocity = list(prior.velocity)
     every = [Estimate(None, reason="it does not move")] * count
@@ -297,7 +366,7 @@ def _excerpt(log: RobotLog) -> RobotLog:
     first, last = int(log.rows[0]), int(log.rows[-1])
     if last < _MOST_CYCLES:
         return log
-    held = np.array(_held(np.vstack((log.start, log.commands)), last + 2))
+    held = _held(np.vstack((log.start, log.commands)), last + 2)
     changes = np.abs(np.diff(held, 2, axis=0)).sum(axis=1)
     total = np.concatenate(([0.0], np.cumsum(np.minimum(changes, np.quantile(changes, 0.99) or 1.0))))
     begin = int(np.argmax(total[_MOST_CYCLES:] - total[:-_MOST_CYCLES])) if first == 0 else first
@@ -429,17 +498,14 @@ class _Search:
         cycle = self._logs[0].cycle
         at = (min(int(near.values[1] / cycle), _MOST_REFERENCE_CYCLES - 1), int(near.values[2] / cycle))
         found = {at: self._within(near.values, at)}
-        is_better = True
-        while is_better and len(found) < _MOST_CELLS:
-            is_better = False
+        searched = set[tuple[int, int]]()
+        while at not in searched and len(found) < _MOST_CELLS:
+            searched.add(at)
             for used, delay in _NEIGHBOURS[self._is_gain_known]:
                 cell = (at[0] + used, at[1] + delay)
-                if cell in found or min(cell) < 0 or cell[0] >= _MOST_REFERENCE_CYCLES:
-                    continue
-                found[cell] = self._within(found[at].values, cell)
-                if self._squares(found[cell].residuals) < self._squares(found[at].residuals):
-                    at, is_better = cell, True
-                    break
+                if cell not in found and min(cell) >= 0 and cell[0] < _MOST_REFERENCE_CYCLES:
+                    found[cell] = self._within(found[at].values, cell)
+            at = min(found, key=lambda cell: self._squares(found[cell].residuals))
         return list(found.values())
 
     def _within(self, values: Array, cell: tuple[int, int]) -> _Minimum:
@@ -477,7 +543,7 @@ class _Search:
             values, now = tried, then
             if better < _ENOUGH * self._correlated(_Minimum(values, now, slopes)):
                 break
-            if better > _MUCH * before or share < 1.0:
+            if better > _MUCH or share < 1.0:
                 slopes = self._slopes(values, now, steps, highest)
         return _Minimum(values, now, slopes)
 
@@ -496,7 +562,7 @@ class _Search:
         return [np.stack([column[number] for column in columns], axis=-1) for number in range(len(now))]
 
     def _squares(self, residuals: Sequence[Array]) -> float:
-        return float(sum(np.square(each[mask]).sum() for each, mask in zip(residuals, self._used, strict=True)))
+        return _squares(residuals, self._used)
 
     def _scale(self, minimum: _Minimum) -> float:
         return max(self._squares(minimum.residuals) / self._count, _ROUNDING**2)
@@ -507,6 +573,10 @@ class _Search:
 
     def _correlated(self, minimum: _Minimum) -> float:
         return max(_correlation(each[mask]) for each, mask in zip(minimum.residuals, self._used, strict=True))
+
+
+def _squares(residuals: Sequence[Array], used: Sequence[Mask]) -> float:
+    return float(sum(np.square(each[mask]).sum() for each, mask in zip(residuals, used, strict=True)))
 
 
 def _step(curvature: Array, pull: Array, lowest: Array, highest: Array) -> Array:
@@ -590,13 +660,13 @@ def _asked(log: RobotLog, dynamics: Dynamics) -> tuple[Array, Array]:
     """Speeds that the loop asks for in each cycle, and what the robot then reports to have done [rad/s], (m, k)."""
     cycles, positions = _grid(log)
     cycle, model = log.cycle, dynamics.model
-    held = np.array(_held(np.vstack((log.start, log.commands)), int(cycles[-1]) + 1))
+    held = _held(np.vstack((log.start, log.commands)), int(cycles[-1]) + 1)
     used = cycles - model.reference_delay / cycle
     numbers = np.arange(len(held))
     references = np.stack([np.interp(used, numbers, joint) for joint in held.T], axis=1)
     asked = dynamics.gain * (references - positions)
     if log.speeds is not None:
-        fed = np.array(_held(np.vstack((0.0 * log.start, log.speeds)), len(held)))
+        fed = _held(np.vstack((0.0 * log.start, log.speeds)), len(held))
         asked += np.stack([np.interp(used, numbers, joint) for joint in fed.T], axis=1)
     seen = cycles + (model.delay + model.lag) / cycle
     return asked, np.stack([np.interp(seen, cycles, joint) for joint in _speeds(log).T], axis=1)

@@ -11,7 +11,7 @@ import pytest
 from virtual_logs import HOME, VirtualRobot, motions, random_robot, times
 from yumi.robot.joints import CYCLE
 from yumi.virtual.mechanics.motion import ArmModel
-from yumi_evaluation.identification import Dynamics, Identified, identify, limited
+from yumi_evaluation.identification import Dynamics, Identified, answer, identify, limited
 
 EXPECTED = Dynamics()
 
@@ -40,6 +40,18 @@ def test_identification_finds_fifty_random_robots() -> None:
         random = np.random.default_rng(seed)
         robot = random_robot(random)
         judged(robot, identify([robot.log(motions(random), random)], EXPECTED))
+
+
+def test_answer_of_steps_is_that_of_the_virtual_robot_run_as_a_whole() -> None:
+    random = np.random.default_rng(1)
+    robot = replace(random_robot(random), noise=0.0, lost=0.0)
+    log = robot.log(motions(random), random)
+    assert np.abs(answer(log, robot.dynamics) - log.measured).max() < 1e-7
+    speeds = np.gradient(log.commands, axis=0) / log.cycle
+    fed, dynamics = replace(log, speeds=speeds), robot.dynamics
+    whole = replace(dynamics, model=replace(dynamics.model, egm_acceleration=(1e9,) * 7))
+    assert np.abs(answer(fed, dynamics) - answer(fed, whole)).max() < 1e-7
+    assert np.abs(answer(fed, dynamics) - answer(log, dynamics)).max() > 1e-3
 
 
 def robot_of(noise_deg: float = 0.0005, **model: float) -> VirtualRobot:
