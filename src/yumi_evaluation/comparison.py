@@ -1,7 +1,7 @@
 """Comparison: logs of robots beside the virtual robot that is sent the same commands, with what is identified of them.
 
 Rows in which joints are limited, slower than the loop asks of them, are compared apart: a loop that is not limited says
-nothing of them. Of those rows it is told how far one factor on the change of speed of all joints explains them.
+nothing of them. For those rows the report has how far one factor on the change of speed of all joints explains them.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ def compare(
 def _record(log: RobotLog, dynamics: Dynamics, fitted: Dynamics) -> Record:
     reported, best = answer(log, dynamics), answer(log, fitted)
     late = limited(log, fitted)
-    is_late = late.any(axis=1)
+    is_late: Mask = np.asarray(late.any(axis=1))
     if is_late.any():
         # An arm that was too slow has more to catch up than any other: until its loop has forgotten that.
         times = log.times
@@ -205,7 +205,7 @@ def _record(log: RobotLog, dynamics: Dynamics, fitted: Dynamics) -> Record:
         part = LimitedPart(
             int(log.rows[is_late][0]),
             int(is_late.sum()),
-            tuple(name for name, own in zip(log.joints, late.any(axis=0), strict=True) if own),
+            tuple(name for name, own in zip(log.joints, late.T, strict=True) if own.any()),
             _rms(difference[is_late]) or 0.0,
             _explained(log, fitted, is_late),
         )

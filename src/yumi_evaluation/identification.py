@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from math import degrees, inf, nan, radians, sqrt
+from math import inf, nan, radians, sqrt
 from typing import NamedTuple, cast
 
 import numpy as np
@@ -286,7 +286,7 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
     steady = np.max([_steady(log) for log in parts], axis=0)
     seen = np.where(steady > _LEAST_BEHIND, 1.05 * steady, inf)
     used = [log.rows >= first_comparable(log) for log in parts]
-    bounded = expected.limited_to(np.minimum(seen, expected.velocity))
+    bounded = expected.limited_to(np.minimum(seen, expected.velocity).tolist())
     fit = _Search(parts, used, bounded, expected, _DOUBT, tick).fit()
     behind = [limited(log, fit.dynamics) for log in parts]
     limits = _limits(parts, behind)
@@ -607,8 +607,6 @@ def _correlation(left: Array) -> float:
 def _high_pass(log: RobotLog, values: Array) -> tuple[Array, Array]:
     """Fourth differences of rows without a gap, and their robust standard deviation as noise of a row, (k,)."""
     rows = log.rows
-    together = rows[4:] - rows[:-4] == rows[4] - rows[0] if len(rows) > 4 else np.zeros(0, bool)
-    # Over the gaps of a log with the robot's cycles; any other log has none.
     steps = np.diff(rows)
     usual = float(np.median(steps)) if len(steps) else 1.0
     together = (rows[4:] - rows[:-4]) < 4.5 * usual
@@ -692,7 +690,7 @@ def _steady(log: RobotLog) -> Array:
 
 def _places(log: RobotLog, count: int) -> NDArray[np.int_]:
     """The cycle of each row, counted from the first row."""
-    return np.clip(np.rint(log.rows - np.ceil(log.rows[0])).astype(int), 0, count - 1)
+    return np.asarray(np.clip(np.rint(log.rows - np.ceil(log.rows[0])).astype(int), 0, count - 1))
 
 
 def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
@@ -753,7 +751,3 @@ def shown(estimate: Estimate, unit: str, scale: float = 1.0) -> str:
         return f"not determined ({estimate.reason})"
     spread = estimate.spread if estimate.spread is not None else estimate.error
     return f"{scale * estimate.value:.4g} ± {scale * spread:.2g} {unit}"
-
-
-def in_degrees(estimate: Estimate) -> str:
-    return shown(estimate, "°/s", degrees(1.0))

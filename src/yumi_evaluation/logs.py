@@ -184,8 +184,8 @@ def _read_table(path: Path, first: Sequence[str] = tuple(_TIMES)) -> _Table:
     if not np.isfinite(values).all():
         raise CommandRefused(f"{path} has values that are not finite numbers; leave out the rows where nothing was.")
     if len(values) > 1 and not (np.diff(values[:, 0]) > 0.0).all():
-        line = int(np.argmin(np.diff(values[:, 0]))) + 3
-        raise CommandRefused(f"{path} line {line}: its time is not after the one before; sort the rows by time.")
+        place = int(np.argmin(np.diff(values[:, 0]))) + 3
+        raise CommandRefused(f"{path} line {place}: its time is not after the one before; sort the rows by time.")
     scale = np.array([_UNITS[unit] for unit in suffixes])
     return _Table(names, values[:, 0] * _TIMES.get(header[0], 1.0), values[:, 1:] * scale)
 

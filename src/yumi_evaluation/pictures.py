@@ -188,7 +188,12 @@ def _draw_motion(record: Record, motion: Any, difference: Any) -> None:
     motion.plot([], [], ":", color=_INK, linewidth=0.9, label="command")
     motion.plot([], [], "--", color=_INK, linewidth=0.9, label="virtual robot")
     difference.set(title="virtual robot minus robot", ylabel="difference [°]")
-    _show_legend(motion)
+    free = np.abs(apart[record.is_free])
+    if free.size and record.limited is not None:  # where joints are limited, the difference leaves the picture
+        difference.set_ylim(-1.5 * free.max(), 1.5 * free.max())
+    low, high = motion.get_ylim()
+    motion.set_ylim(low, high + 0.35 * (high - low))
+    _show_legend(motion, loc="upper center", ncols=4, columnspacing=0.8, handletextpad=0.3)
 
 
 def _draw_records(robot: ComparedRobot, panel: Any) -> None:
