@@ -4,17 +4,17 @@ Record while the arm moves, on the real robot or the virtual one (``yumi up --re
 
     python benchmarks/tracking/transport_delay.py FILE
 
-Each command is a position and a speed that the robot's position loop (reference/egm.md §6.1) makes a motion of. That
-motion is calculated from the recorded commands, and the measured one is laid over it at the delay where the two agree
-best. The arm has to have moved in a way that does not repeat itself within the longest delay looked for: a few goals,
-or a slow sine, on any joint.
+Each command is a position and a speed that the robot's position loop (reference/egm.md §6.1), which is closed over the
+position that the robot reports, makes a motion of. That motion is calculated from the recorded commands and reports,
+and the measured one is laid over it at the delay where the two agree best. The arm has to have moved in a way that does
+not repeat itself within the longest delay looked for: a few goals, or a slow sine, on any joint.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
-from math import degrees, exp, sqrt
+from math import degrees, sqrt
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,6 +29,10 @@ from yumi_evaluation.metrics import minimum
 
 LONGEST = 0.150
 """No longer delay is looked for [s]."""
+
+USE = 2.0 * CYCLE
+"""From a command until EGM uses it, with what the robot reports by then: it takes the command after one cycle, and uses
+it after another one [s]."""
 
 _FEWEST = 250
 _LEAST_MOTION = 0.02  # [rad]
@@ -71,15 +75,12 @@ def transport_delay(cycles: Iterable[Frame], gain: float = EGM_GAIN) -> Transpor
     times = np.array([row.time for row in rows])
 
     # Where the commands would have the joint if they worked at once, each for its own cycle around its time.
-    place, path, steps = rows[0].planned[joint], [rows[0].planned[joint]], np.minimum(np.diff(times), LONGEST)
-    for row, dt in zip(rows[:-1], steps, strict=True):
-        position, velocity = row.sent[joint], row.sent_velocity[joint]
-        if gain > 0.0:  # the robot's position loop, exact for references held for dt
-            end = position + velocity / gain
-            place = end + (place - end) * exp(-gain * dt)
-        else:
-            place += velocity * dt
-        path.append(place)
+    steps = np.minimum(np.diff(times), LONGEST)
+    sent = np.array([row.sent[joint] for row in rows[:-1]])
+    fed = np.array([row.sent_velocity[joint] for row in rows[:-1]])
+    reported = np.interp(times[:-1] + USE, times, positions[:, joint])
+    speeds = gain * (sent - reported) + fed
+    path = rows[0].planned[joint] + np.concatenate(([0.0], np.cumsum(speeds * steps)))
     due = times[0] - 0.5 * CYCLE + np.concatenate(([0.0], np.cumsum(steps)))
     later = times > times[0] + LONGEST
 

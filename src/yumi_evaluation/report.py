@@ -46,7 +46,7 @@ from yumi_evaluation.metrics import Distribution, distribution
 from yumi_evaluation.pictures import Picture, draw_pictures, draw_ratios
 from yumi_evaluation.results import Result, Results, Variant, write_csv
 from yumi_evaluation.round_trips import LEGS
-from yumi_evaluation.virtual_time import CONTROL_LAG, FITTED
+from yumi_evaluation.virtual_time import FITTED, FITTED_ACCELERATION
 
 NEAR = 0.1
 """By what fraction a figure may differ from the published one and count as reproduced."""
@@ -193,7 +193,7 @@ def render(results: Results) -> str:
         repeats=repeats_table(results),
         trips=trips,
         settings=settings_table(results.settings),
-        control_lag_ms=1e3 * CONTROL_LAG,
+        fitted_acceleration=FITTED_ACCELERATION,
         published_onset=PUBLISHED_OSCILLATION,
     )
 
@@ -427,7 +427,6 @@ def settings_table(settings: Mapping[str, Mapping[str, object]]) -> Table:
 
 def model_settings() -> dict[str, dict[str, object]]:
     """The experiments' settings and those of both virtual robots."""
-    shipped = ArmModel()
     return {
         "EGM, fullspeed": asdict(Mode.FULLSPEED.value),
         "EGM, reduced speed": asdict(Mode.REDUCED.value),
@@ -436,8 +435,17 @@ def model_settings() -> dict[str, dict[str, object]]:
             "frequency of sines [Hz]": FREQUENCY,
             "tolerance [°]": TOLERANCE_DEG,
         },
-        "virtual robot": {"delay [ms]": 1e3 * shipped.delay, "servo lag [ms]": 1e3 * shipped.lag},
-        "fitted robot": {"delay [ms]": 1e3 * FITTED.delay, "servo lag [ms]": 1e3 * FITTED.lag},
+        "virtual robot": _model_settings(ArmModel()),
+        "fitted robot": _model_settings(FITTED),
+    }
+
+
+def _model_settings(model: ArmModel) -> dict[str, object]:
+    return {
+        "delay of references [ms]": 1e3 * model.reference_delay,
+        "delay [ms]": 1e3 * model.delay,
+        "servo lag [ms]": 1e3 * model.lag,
+        "acceleration of EGM [rad/s²]": "any" if model.egm_acceleration is None else model.egm_acceleration[0],
     }
 
 

@@ -73,7 +73,7 @@ class Result:
 
 
 class Variant(Enum):
-    """Steps of 10° with P = 1.2 that separate two causes: the limiter, and the robot's delay and lag."""
+    """Steps of 10° with P = 1.2 that separate two causes: the limiter, and the acceleration of the robot's EGM."""
 
     SHIPPED_ROBOT = (System.BARE, ArmModel())
     LIMITED_FIT = (System.SHIPPED, FITTED)

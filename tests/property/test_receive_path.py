@@ -131,15 +131,14 @@ class Attacked(EgmLoop):
         rows = zip(motion.reference, planned, motion.reference_velocity, strict=True)
         lead = joints([EGM_GAIN * (ahead - now) + speed for ahead, now, speed in rows])
         if (motion.reference, motion.reference_velocity) != before:
-            late = 6.5 + self.robot.egm.waiting  # the robot takes one reply a cycle, those to forged datagrams too
-            is_excused = self.clock.now() - self.deceived_at < late * CYCLE
+            is_excused = self.clock.now() - self.deceived_at < 6.5 * CYCLE
             self.led.append(Led(is_excused, lead, self._lead, self.may_be_unheard))
         self._lead = lead
 
     @property
     def may_be_unheard(self) -> bool:
-        """Whether the robot may not have heard the last commands: those to forged datagrams make the others wait."""
-        return self.clock.now() < self.unheard_until or self.robot.egm.waiting > 2
+        """Whether the robot may not have heard the last commands."""
+        return self.clock.now() < self.unheard_until
 
     def activate(self) -> None:
         if self._speeds is None:

@@ -7,7 +7,7 @@ import pytest
 from transport_delay import transport_delay
 
 from yumi.control.controller import MemoryBuffer, StageClock, write_goal
-from yumi.control.controllers.joint_position import DELAY, JointPositionController
+from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.cycle import FlightRecorder, Frame, flight_memory
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, joints
@@ -32,22 +32,27 @@ def recorded(model: ArmModel | None = None, values: Values | None = None) -> tup
     return recorder.frames()
 
 
-def test_delay_of_the_virtual_robot_is_the_default_of_the_controller() -> None:
+def delay_of(model: ArmModel) -> float:
+    """Until a command is taken, is used, and has moved the arm for half of its cycle [s]."""
+    return CYCLE + model.reference_delay + 0.5 * CYCLE + model.delay + model.lag
+
+
+def test_delay_of_the_virtual_robot_is_found() -> None:
     found = transport_delay(recorded())
-    assert found.delay == pytest.approx(DELAY, abs=0.001)
+    assert found.delay == pytest.approx(delay_of(ArmModel()), abs=0.001)
     assert found.joint == 6
     assert found.error < radians(0.1)
 
 
 def test_delay_is_found_whatever_the_controller_did() -> None:
     found = transport_delay(recorded(values={"tracking.feed_forward": True}))
-    assert found.delay == pytest.approx(DELAY, abs=0.001)
+    assert found.delay == pytest.approx(delay_of(ArmModel()), abs=0.001)
 
 
 @pytest.mark.parametrize("delay", [0.010, 0.040])
 def test_delay_is_that_of_the_arm(delay: float) -> None:
     found = transport_delay(recorded(ArmModel(delay=delay)))
-    assert found.delay == pytest.approx(DELAY + delay - 0.016, abs=0.0015)
+    assert found.delay == pytest.approx(delay_of(ArmModel(delay=delay)), abs=0.0015)
 
 
 def test_few_cycles_have_no_delay() -> None:

@@ -128,7 +128,7 @@ def test_datagrams_are_numbered_and_stamped_every_cycle(bench):
 def test_clocks_of_a_datagram_agree(bench):
     message = bench.run().cycle()
     assert message.sent_ms / 1000.0 - message.measured_time == pytest.approx(0.0045, abs=0.0011)
-    assert message.planned_time - message.measured_time == pytest.approx(0.026, abs=1e-6)
+    assert message.planned_time - message.measured_time == pytest.approx(0.016, abs=1e-6)
 
 
 @pytest.mark.parametrize(("robotware", "size"), [(RobotWare.RW_6_09, 381), (RobotWare.RW_6_10, 392)])
@@ -197,14 +197,14 @@ def test_axes_left_out_keep_their_reference(bench):
     assert bench.arm.planned == pytest.approx(beside(radians(5.0)), abs=1e-4)
 
 
-def test_one_datagram_is_taken_per_cycle_oldest_first(bench):
+def test_newest_datagram_of_a_cycle_is_taken_and_the_others_are_lost(bench):
     bench.run()
     bench.cycle(bench.order(beside(0.1)), bench.order(beside(0.2)), bench.order(beside(0.3)))
     taken = [bench.arm.egm.reference[0]]
     for _ in range(3):
         bench.cycle()
         taken.append(bench.arm.egm.reference[0])
-    assert taken == pytest.approx([0.1, 0.2, 0.3, 0.3])
+    assert taken == pytest.approx([0.3, 0.3, 0.3, 0.3])
 
 
 def test_datagrams_from_before_the_session_are_lost(bench):
@@ -215,8 +215,8 @@ def test_datagrams_from_before_the_session_are_lost(bench):
 
 def test_nonsense_is_ignored_and_counted(bench):
     bench.run()
-    bench.cycle(b"\xff\xff\xff", bench.order(beside(0.1)))
-    bench.cycle()
+    bench.cycle(bench.order(beside(0.1)))
+    bench.cycle(b"\xff\xff\xff")
     assert bench.egm.ignored_datagrams == 1
     assert bench.arm.egm.reference[0] == pytest.approx(0.1)
 

@@ -234,3 +234,17 @@ def test_arm_that_is_pushed_gives_way_smoothly_and_comes_back(arm: VirtualArm) -
 def test_arm_whose_brakes_hold_it_is_not_pushed() -> None:
     with pytest.raises(CommandRefused, match="brakes hold the arm"):
         VirtualArm(Side.LEFT).push(0.1)
+
+
+def test_arm_that_is_pushed_under_egm_is_planned_against_the_push(arm: VirtualArm) -> None:
+    arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
+    start = arm.position[3]
+    arm.push(0.1)
+    planned, measured = [], []
+    for _ in range(500):
+        arm.advance(CYCLE)
+        planned.append(arm.planned[3] - start)
+        measured.append(arm.position[3] - start)
+    assert min(planned) < -0.04
+    assert 0.04 < max(measured) < 0.08
+    assert measured[-1] == pytest.approx(0.0, abs=0.001)

@@ -11,6 +11,7 @@ import pytest
 from yumi.robot.joints import ZERO, Joints, Side
 from yumi.virtual.mechanics.arm import VirtualArm, follow_references
 from yumi.virtual.mechanics.motion import (
+    MODELS,
     ArmModel,
     EgmActivation,
     EgmMotion,
@@ -150,6 +151,15 @@ def test_dead_time_inside_the_loop_leaves_the_lag_of_a_ramp_at_one_over_the_gain
     settings = EgmSettings(gain=5.0, bandwidth=20.0, max_speed=FAST)
     last = follow_references(ramp, (0.0,), model, settings)[-1].measured[0]
     assert (ramp[-1][0] - last) / 0.2 == pytest.approx(1.0 / 5.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(("robot", "cycle", "lag"), [("IRB 6640", CYCLE, 0.205), ("RobotStudio", 0.004, 0.206)])
+def test_measured_robots_lag_on_a_ramp_as_in_their_records(robot: str, cycle: float, lag: float) -> None:
+    ramp = [(0.2 * number * cycle,) * 6 for number in range(1000)]
+    settings = EgmSettings(gain=5.0, bandwidth=100.0, max_speed=FAST)
+    answer = follow_references([(0.0,) * 6, *ramp[:-1]], (0.0,) * 6, MODELS[robot], settings, cycle=cycle)
+    # Records begin with a cycle; the lag is that of a reference that changes in the middle of one.
+    assert (ramp[-1][0] - answer[-1].measured[0]) / 0.2 == pytest.approx(lag + cycle / 2.0, abs=0.0025)
 
 
 def test_feed_forward_removes_the_lag_of_a_ramp():

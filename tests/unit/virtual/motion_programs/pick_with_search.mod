@@ -1,5 +1,5 @@
 !@ robot irb120
-!@ touch 4.0
+!@ touch 3.0
 !@ value found_height TRUE
 MODULE PickWithSearch
     CONST robtarget above:=[[350,0,350],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
