@@ -310,7 +310,7 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
         known = np.array([1e-4, *_DOUBT[1:]])
         held = _Search(parts, used, replace(found, gain=prior.gain), expected, known, tick).fit()
         if _squares(held.residuals, used) < _AS_GOOD * _squares(fit.residuals, used):
-            fit, found = held, held.dynamics
+            fit, found = held, replace(held.dynamics, gain=prior.gain)
     late = found.lag(cycle)
     velocity = list(prior.velocity)
     every = [Estimate(None, reason="it does not move")] * count
@@ -710,7 +710,8 @@ def limited(log: RobotLog, dynamics: Dynamics) -> Mask:
             if end - begin < _LASTING:
                 continue
             before = missing[:begin, joint] > 0.25 * most[:begin, joint]  # from where the joint began to be slower
-            found[begin - _run(before[::-1]) : end, joint] = True
+            begins = begin - _run(before[::-1]) - _LASTING  # it falls behind little by little
+            found[max(0, begins) : end, joint] = True
     return found[_places(log, len(found))]
 
 
@@ -730,7 +731,7 @@ def _limits(logs: Sequence[RobotLog], behind: Sequence[Mask]) -> tuple[Estimate,
             at = np.interp(cycles, log.rows, late[:, joint].astype(float)) > 0.5
             edges = np.flatnonzero(np.diff(np.concatenate(([0], at.astype(int), [0]))))
             for begin, end in zip(edges[::2], edges[1::2], strict=True):
-                inside = speeds[begin + _LASTING : end - _LASTING]
+                inside = speeds[begin + 2 * _LASTING : end - _LASTING]
                 if len(inside) >= _LASTING:
                     is_flat = float(np.std(inside)) < _FLAT * float(np.median(inside))
                     flat += [float(np.median(inside))] if is_flat else []

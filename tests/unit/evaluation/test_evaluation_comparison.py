@@ -12,7 +12,11 @@ import pytest
 from click.testing import CliRunner, Result
 
 from virtual_logs import HOME, VirtualRobot, motions, times
-from yumi.robot.joints import CHAIN_AXES, CYCLE
+from yumi.control.controller import MemoryBuffer, SessionGoal, StageTimes, write_goal
+from yumi.control.controllers.joint_position import JointPositionController
+from yumi.control.cycle import Frame
+from yumi.recording.mcap import RecordingWriter
+from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi.virtual.mechanics.parameters import read_egm_parameters
 from yumi_evaluation.cli import compare
@@ -20,6 +24,7 @@ from yumi_evaluation.comparison import compare as compared
 from yumi_evaluation.comparison import document
 from yumi_evaluation.identification import Dynamics, answer
 from yumi_evaluation.logs import Logs, RobotLog
+from yumi_evaluation.virtual_time import VirtualArmRig
 
 ANOTHER = VirtualRobot(
     Dynamics(6.0, replace(ArmModel(), reference_delay=0.002, delay=0.018, lag=0.009)), radians(1e-4), 0.01
@@ -106,3 +111,40 @@ def test_pos_corr_gain_of_the_log_is_not_in_the_gain_of_the_settings(tmp_path: P
     robot = VirtualRobot(Dynamics(2.5), radians(1e-4), 0.0)
     run(*tables(tmp_path, log_of(robot)), "--pos-corr-gain", "0.5")
     assert read_egm_parameters(tmp_path / "out" / "yumi.yaml").position_gain == pytest.approx(5.0, rel=0.02)
+
+
+def recording_of_the_rig(file: Path) -> None:
+    """What the driver's control loop sent to a virtual arm and received of it, as a recording."""
+    goals = MemoryBuffer[SessionGoal]()
+    controller = JointPositionController(goals, YUMI_LIMITS)
+    rig = VirtualArmRig({"joint_position_controller": controller}, side=Side.LEFT)
+    rig.start()
+    rig.run(0.2)
+    rig.switch_to("joint_position_controller")
+    begin = rig.robot.arm.planned
+    for distance in (0.0, 5.0, 2.0, 6.0):
+        goal = joints([value + radians(distance) * (index in (0, 3)) for index, value in enumerate(begin)])
+        write_goal(goals, rig.snapshot.session, goal, time=rig.clock.now())
+        rig.run(0.8)
+    none = joints([0.0] * 7)
+    with RecordingWriter(file, 1.7e9) as writer:
+        for number, each in enumerate(rig.cycles):
+            state, sent = each.state, each.sent
+            writer.add_frame(
+                Side.LEFT,
+                Frame(
+                    number=number + 1, time=state.time, dt=state.dt, session=state.session,
+                    is_running=state.is_running, position=state.position, velocity=none, planned=state.planned,
+                    desired=None, sent=sent.position, sent_velocity=sent.velocity, reference=None,
+                    stages=StageTimes(*(0.0,) * 7),
+                ),
+            )  # fmt: skip
+
+
+def test_recording_of_a_virtual_robot_is_met_by_the_virtual_robot(tmp_path: Path) -> None:
+    recording_of_the_rig(tmp_path / "session.mcap")
+    result = run(str(tmp_path / "session.mcap"), "--output", str(tmp_path / "out"), "--json", "-")
+    (record,) = json.loads(result.stdout)["records"]
+    assert record["record"] == "left arm"
+    assert record["rms_deg"] < 0.002
+    assert record["rows"] > 600

@@ -121,3 +121,11 @@ def test_limited_rows_begin_where_the_joint_is_slower_than_asked() -> None:
     assert not late[:, 1:].any()
     first = log.times[np.argmax(late[:, 0])]
     assert 3.0 < first < 3.3  # 40 °/s with k 5: 25 °/s after 0.2 s
+
+
+@pytest.mark.timeout(120)
+def test_of_a_long_log_the_part_counts_in_which_most_happens() -> None:
+    random = np.random.default_rng(4)
+    robot = random_robot(random)
+    commands = np.vstack((np.tile(HOME, (9000, 1)), motions(random), np.tile(HOME, (500, 1))))
+    judged(robot, identify([robot.log(commands, random)], EXPECTED))
