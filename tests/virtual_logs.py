@@ -75,10 +75,10 @@ def motions(random: np.random.Generator, speed_deg: float = 15.0) -> Array:
     moved = np.zeros((len(time), 7))
     for joint in random.choice(7, size=int(random.integers(1, 4)), replace=False):
         speed = radians(speed_deg) * random.uniform(0.5, 1.0)
-        size = radians(random.uniform(1.0, 2.0))
+        size = radians(random.uniform(1.5, 2.0))
         frequency = random.uniform(0.7, 1.5)
         ramp = speed * (np.clip(time - 0.2, 0.0, 1.5) - np.clip(time - 2.5, 0.0, 1.5))
-        step = size * sum((time > begin) & (time < begin + 0.6) for begin in (4.3, 5.2))
+        step = size * sum((time > begin) & (time < begin + 0.6) for begin in (4.2, 5.0, 5.8))
         sine = size * np.sin(2.0 * pi * frequency * np.clip(time - 6.5, 0.0, None)) * (time > 6.5)
         moved[:, joint] = random.choice((-1.0, 1.0)) * (ramp + step + sine)
     return HOME + moved

@@ -36,10 +36,18 @@ def test_identification_finds_the_robot_that_made_a_log(seed: int) -> None:
 @pytest.mark.soak
 @pytest.mark.timeout(3600)
 def test_identification_finds_fifty_random_robots() -> None:
+    unknown = 0
     for seed in range(100, 150):
         random = np.random.default_rng(seed)
         robot = random_robot(random)
-        judged(robot, identify([robot.log(motions(random), random)], EXPECTED))
+        found = identify([robot.log(motions(random), random)], EXPECTED)
+        if found.gain.value is None:  # of much noise and small steps: then there is no number
+            unknown += 1
+            assert found.lag.value == pytest.approx(robot.dynamics.lag(CYCLE), rel=0.05)
+            assert found.noise.value == pytest.approx(robot.noise, rel=0.2)
+        else:
+            judged(robot, found)
+    assert unknown <= 3
 
 
 def test_answer_of_steps_is_that_of_the_virtual_robot_run_as_a_whole() -> None:
