@@ -9,6 +9,7 @@ MCAP of ROS 2 (``.mcap``)          sensor_msgs/JointState on a topic with ``join
 table (``.csv``), with commands    ``time_s`` and a column a joint, ``NAME_rad`` or ``NAME_deg``; a second file has the
                                    commands in columns of the same names
 folder of records                  ``records.json``, a table a record, ``command_knots.csv``
+folder of recordings               files of the first two forms, as ``yumi measure`` writes them
 ================================== ==================================================================================
 
 A command counts from the cycle that begins after it was sent, as a reply to the datagram before it.
@@ -18,7 +19,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import takewhile
 from math import inf, isfinite, radians
@@ -268,7 +269,12 @@ def _of_frames(side: Side, frames: Sequence[Frame]) -> Iterator[RobotLog]:
     parts: list[list[Frame]] = [[]]
     for frame in frames:
         last = parts[-1][-1] if parts[-1] else None
-        goes_on = last is not None and frame.session == last.session and 0.0 < frame.dt < _BREAK
+        # Of cycles that were not recorded, nothing says what was sent.
+        goes_on = (
+            last is not None
+            and (frame.session, frame.number) == (last.session, last.number + 1)
+            and 0.0 < frame.dt < _BREAK
+        )
         if not frame.is_running or not all(map(isfinite, frame.position)):
             parts.append([])
             continue
@@ -361,16 +367,21 @@ _RECORDS, _KNOTS = "records.json", "command_knots.csv"
 
 
 def _folder(path: Path) -> Logs:
-    """The records of a folder; sections go on with the motion of another record.
+    """The records or recordings of a folder; sections go on with the motion of another record.
 
     Each record begins with an optional straight run-up from where the arm stands to the first point of a curve, in 100
     cycles; the curve's points follow, one a cycle, as many as were sent, evenly chosen of all its points.
     """
+    recordings = sorted(path.glob("*.mcap"))
+    if recordings and not (path / _RECORDS).exists():
+        motions_of = {file.stem: _mcap(file).motions for file in recordings}
+        return Logs(tuple(replace(log, name=f"{stem}, {log.name}") for stem, own in motions_of.items() for log in own))
     try:
         described = msgspec.json.decode((path / _RECORDS).read_bytes(), type=list[_Record])
     except OSError as error:
         raise CommandRefused(
-            f"{path} is not a folder of records: it needs {_RECORDS}, which cannot be read ({error.strerror})."
+            f"{path} is not a folder of records: it needs recordings (.mcap), or {_RECORDS}, which cannot be read "
+            f"({error.strerror})."
         ) from error
     except msgspec.DecodeError as error:
         raise CommandRefused(f"{path / _RECORDS} does not describe records: {error}.") from error
