@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from yumi_evaluation.comparison import Comparison
     from yumi_evaluation.results import Results
 
-_STEPS_LOG = logging.getLogger("yumi.api")
+_API_LOG = logging.getLogger("yumi.api")
 _INTERRUPTED = 130
 _INCOMPLETE = 1
 _TABLE_WIDTH = 110
@@ -355,14 +355,14 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
     console = Console(highlight=False, stderr=is_json)
     console.width = max(console.width, _TABLE_WIDTH)
     before = {each: signal.signal(each, signal.default_int_handler) for each in (signal.SIGTERM, signal.SIGHUP)}
-    level = _STEPS_LOG.level
-    _STEPS_LOG.setLevel(logging.WARNING)  # they are printed
+    level = _API_LOG.level
+    _API_LOG.setLevel(logging.CRITICAL)  # the steps are printed, and a stop is the error
     try:
         document, files = _measured(arms, settings, folder, yes, console)
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
-        _STEPS_LOG.setLevel(level)
+        _API_LOG.setLevel(level)
     if is_json:
         click.echo(json.dumps({**document, "files": [str(file) for _, file in files]}, allow_nan=False))
 
@@ -388,7 +388,7 @@ def _measured(
     try:
         measurement.measure(sides, settings, evidence, confirm, console.print)
     except (YumiError, KeyboardInterrupt, click.Abort) as error:
-        sentence = str(in_shell_words(error)) if isinstance(error, YumiError) else "Ended by Ctrl-C."
+        sentence = str(in_shell_words(error)) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
         kept = f"What was recorded until then is in {evidence.close(sentence)}."
         if isinstance(error, YumiError):
             error.args = (f"{sentence.rstrip('.')}. {kept}", *error.args[1:])

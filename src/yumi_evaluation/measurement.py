@@ -223,7 +223,6 @@ def measure(
     evidence: Evidence,
     confirm: Callable[[str], None],
     report: Callable[[str], None],
-    connected: Callable[[Settings, Controllers, tuple[Side, ...], Callable[[str], None]], Robot] = Robot,
 ) -> None:
     """Do the motions one after the other, and record each to a file of its own.
 
@@ -233,7 +232,6 @@ def measure(
         evidence: gets the recordings.
         confirm: asked before EGM starts and before each motion; raises where it may not be done.
         report: given each step.
-        connected: makes the robot, to be connected by ``with``.
 
     Raises:
         CommandRefused: there is no room for the motions, or one was not confirmed; nothing more has moved.
@@ -241,7 +239,7 @@ def measure(
     """
     words = " and ".join(f"the {side.word} arm" for side in sides)
     confirm(f"Start: the motors go on, the RAPID program starts at main, EGM starts on {words}; nothing moves.")
-    with connected(settings, controllers_for_measuring(settings), tuple(sides), report) as robot:
+    with Robot(settings, controllers_for_measuring(settings), tuple(sides), report) as robot:
         arms = {Side.RIGHT: robot.right, Side.LEFT: robot.left}
         starts = {side: arms[side].executor.snapshot(side).sent for side in sides}
         still = {side: robot.controller.joint_target(side.unit) for side in Side if side not in starts}
