@@ -24,21 +24,23 @@ COMMANDS = HOME + 0.001 * np.arange(COUNT)[:, None] * np.arange(7)
 MEASURED = HOME + 0.0009 * np.arange(COUNT)[:, None] * np.arange(7)
 
 
+def frame(number: int, dt: float, session: int = 1, cycle: int | None = None) -> Frame:
+    """What was recorded of a cycle; ``cycle`` is the number of its datagram where others were lost."""
+    return Frame(
+        number=(number if cycle is None else cycle) + 1, time=10.0 + number * CYCLE, dt=dt, session=session,
+        is_running=True, position=joints(MEASURED[number]), velocity=joints([0.0] * 7),
+        planned=joints(MEASURED[number]), desired=None, sent=joints(COMMANDS[number]),
+        sent_velocity=joints([0.1] * 7), reference=None, stages=StageTimes(*(0.0,) * 7),
+    )  # fmt: skip
+
+
 def recorded(file: Path, lost: int | None = None, session: int = 1) -> None:
+    """A recording of all cycles; the datagram of one of them did not arrive, and so was no cycle of the driver."""
+    arrived = [number for number in range(COUNT) if number != lost]
     with RecordingWriter(file, 1.7e9) as writer:
-        for number in range(COUNT):
-            if number == lost:
-                continue
+        for cycle, number in enumerate(arrived):
             dt = 2.0 * CYCLE if lost is not None and number == lost + 1 else CYCLE
-            writer.add_frame(
-                Side.LEFT,
-                Frame(
-                    number=number + 1, time=10.0 + number * CYCLE, dt=dt, session=session, is_running=True,
-                    position=joints(MEASURED[number]), velocity=joints([0.0] * 7), planned=joints(MEASURED[number]),
-                    desired=None, sent=joints(COMMANDS[number]), sent_velocity=joints([0.1] * 7), reference=None,
-                    stages=StageTimes(*(0.0,) * 7),
-                ),
-            )  # fmt: skip
+            writer.add_frame(Side.LEFT, frame(number, dt, session, cycle))
 
 
 def test_recording_gives_positions_and_what_was_sent(tmp_path: Path) -> None:
@@ -58,6 +60,24 @@ def test_cycle_that_was_lost_is_a_row_less_and_no_command(tmp_path: Path) -> Non
     assert list(log.rows[49:52]) == [49.0, 51.0, 52.0]
     assert np.isnan(log.commands[50]).all()
     assert np.allclose(log.commands[51], COMMANDS[51])
+
+
+def test_cycles_that_were_not_recorded_divide_a_motion(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "session.mcap", 1.7e9) as writer:
+        for number in range(COUNT):
+            if number != 50:
+                writer.add_frame(Side.LEFT, frame(number, CYCLE))
+    first, second = read_logs(tmp_path / "session.mcap").motions
+    assert (len(first.rows), len(second.rows)) == (50, COUNT - 51)
+    assert np.allclose(second.commands, COMMANDS[51:])
+
+
+def test_folder_of_recordings_gives_the_motions_of_all(tmp_path: Path) -> None:
+    recorded(tmp_path / "step.mcap")
+    recorded(tmp_path / "ramp.mcap", session=2)
+    motions = read_logs(tmp_path).motions
+    assert [log.name for log in motions] == ["ramp, left arm", "step, left arm"]
+    assert np.allclose(motions[1].measured, MEASURED)
 
 
 def table(file: Path, values: np.ndarray, unit: str = "rad", times: np.ndarray | None = None) -> Path:
@@ -188,7 +208,7 @@ def without_records(where: Path) -> Path:
         (cut, "line 121: needed are 8 numbers; the file is cut"),
         (lambda where: table(where / "same.csv", MEASURED, times=np.zeros(COUNT)), "line 3: its time is not after"),
         (lambda where: table(where / "short.csv", MEASURED[:10]), "has 10 rows; needed are at least 40"),
-        (without_records, "is not a folder of records: it needs records.json"),
+        (without_records, r"is not a folder of records: it needs recordings \(.mcap\), or records.json"),
         (lambda where: folder(where / "records", points_sent=9000), "points_sent is 9000, allowed is 2 to 5000"),
         (lambda where: Path(__file__), "is not a log: allowed are"),
     ],
