@@ -212,6 +212,16 @@ def test_stop_ends_all_and_is_in_the_archive_without_addresses(robot: type[FakeR
     assert "new/recordings/step.mcap" in kept
 
 
+def test_stop_is_worded_for_the_shell(robot: type[FakeRobot], tmp_path: Path) -> None:
+    def stop(number: int) -> None:
+        raise GoalNotReached("Stopped. Call robot.recover() to go on. Confirm the stop 7 (robot.recover(confirm=...)).")
+
+    robot.ends = staticmethod(stop)
+    assert str(run(tmp_path, "--yes").exception).startswith(
+        "Stopped. Run `yumi recover` to go on. Confirm the stop 7 (yumi recover). What was recorded"
+    )
+
+
 def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Path) -> None:
     before = signal.getsignal(signal.SIGTERM)
 
