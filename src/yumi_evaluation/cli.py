@@ -340,7 +340,7 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
 
     \b
     Examples:
-      yumi measure right --robot 127.0.0.1 --yes --out measured      with `yumi controller` in another terminal
+      yumi measure right --robot 127.0.0.1 --rws-port 8080 --yes    with `yumi controller` in another terminal
       yumi measure both --robot 192.168.125.1
     """
     _demand_extra()
@@ -385,9 +385,13 @@ def _measured(
 
     sides = tuple(side for side in Side if arms in (side.word, "both"))
     evidence = measurement.Evidence(folder, examined, settings, arms)
+    motion = settings.egm_motion
     try:
         measurement.measure(sides, settings, evidence, confirm, console.print)
-    except (YumiError, KeyboardInterrupt, click.Abort) as error:
+        logs = read_logs(evidence.recordings)
+        with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
+            found = comparison.compare(logs, EGM_GAIN * motion.pos_corr_gain, motion.lp_filter, tick)
+    except (YumiError, KeyboardInterrupt, click.Abort, _Ended) as error:
         sentence = str(in_shell_words(error)) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
         kept = f"What was recorded until then is in {evidence.close(sentence)}."
         if isinstance(error, YumiError):
@@ -395,14 +399,6 @@ def _measured(
             raise
         click.echo(f"{sentence} {kept}", err=True)
         sys.exit(_INTERRUPTED)
-    motion = settings.egm_motion
-    logs = read_logs(evidence.recordings)
-    with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
-        try:
-            found = comparison.compare(logs, EGM_GAIN * motion.pos_corr_gain, motion.lp_filter, tick)
-        except _Ended:
-            click.echo(f"Not compared. All recordings are in {evidence.close('')}, for yumi compare.", err=True)
-            sys.exit(_INTERRUPTED)
     files = [("Recordings", evidence.recordings)]
     files += _write_comparison(found, folder, motion.pos_corr_gain, folder.name)
     document = comparison.document(found)

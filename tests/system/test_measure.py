@@ -68,7 +68,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Measured]:
     robot = VirtualRobot(folder, dynamics=folder / "another.yaml")
     robot.start()
     try:
-        process = begin(robot, folder, "right")
+        process = begin(robot, folder, "right", "--json")
         output, _ = process.communicate(timeout=240.0)
         yield Measured(folder, output, process.returncode)
     finally:
@@ -89,6 +89,10 @@ def test_parameters_of_another_robot_are_found(measured: Measured) -> None:
     assert robot["dead_time_s"]["value"] == pytest.approx(true.dead_time(CYCLE), abs=1e-3)
     assert [each["record"] for each in measured.comparison["records"]] == [f"{name}, right arm" for name in MOTIONS]
     assert "start it with the settings file" in " ".join(measured.output.split())
+    printed = json.loads(measured.output.splitlines()[-1])
+    assert printed["robots"] == measured.comparison["robots"]
+    names = [Path(name).name for name in printed["files"]]
+    assert names == ["recordings", "comparison.svg", "yumi.yaml", "measured.zip"]
 
 
 @pytest.mark.real_time

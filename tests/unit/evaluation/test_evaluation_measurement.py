@@ -237,6 +237,14 @@ def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Pat
     assert signal.getsignal(signal.SIGTERM) == before
 
 
+def test_recordings_that_cannot_be_compared_are_kept(robot: type[FakeRobot], tmp_path: Path) -> None:
+    result = run(tmp_path, "--yes")  # a file of this robot is no recording
+    assert robot.done == ["follow", "follow", "follow", "close"]
+    assert "ramp.mcap is not a recording of yumi, or it is damaged" in str(result.exception)
+    assert "What was recorded until then is in" in str(result.exception)
+    assert json.loads(archive(tmp_path)["new/measurement.json"])["motions"] == ["ramp", "step", "sine"]
+
+
 def test_robot_that_is_not_ready_is_not_moved(robot: type[FakeRobot], tmp_path: Path) -> None:
     def refuse() -> None:
         raise RobotNotReady("The controller is in MANR; turn it to AUTO on the FlexPendant.")
