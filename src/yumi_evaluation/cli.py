@@ -1,13 +1,16 @@
-"""``yumi evaluate``, ``yumi tune`` and ``yumi bench``; what they need beyond the product is imported when they run."""
+"""``yumi evaluate``, ``tune``, ``compare``, ``measure`` and ``bench``; they import what they need when they run."""
 
 from __future__ import annotations
 
 import json
+import logging
 import os
 import platform
 import signal
 import subprocess
 import sys
+import termios
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -22,16 +25,21 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from yumi import __version__
-from yumi.cli.options import limit_discovery, password_options
+from yumi.cli.options import config_option, limit_discovery, password_options, robot_options, settings_of
+from yumi.cli.robot import in_shell_words
+from yumi.control.motion import EGM_GAIN
 from yumi.driver.settings import MAX_PORT, read_controllers
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 
 if TYPE_CHECKING:
+    from yumi.driver.settings import Settings
     from yumi_evaluation.bench.contenders import Case, Contender
+    from yumi_evaluation.comparison import Comparison
     from yumi_evaluation.results import Results
 
+_API_LOG = logging.getLogger("yumi.api")
 _INTERRUPTED = 130
 _INCOMPLETE = 1
 _TABLE_WIDTH = 110
@@ -225,6 +233,223 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
         console.print(why)
     draw_recommendation(found, shipped, steps.runs, picture)
     console.print(f"Picture: {picture}")
+
+
+@click.command()
+@click.argument("log", type=click.Path(path_type=Path))
+@click.option("--commands", type=click.Path(path_type=Path), help="Of a CSV file: the CSV file with what was sent.")
+@click.option(
+    "--pos-corr-gain",
+    type=click.FloatRange(0.01, 4.0),
+    default=1.0,
+    show_default=True,
+    help="With which the log was made; k is so many times 5/s.",
+)
+@click.option(
+    "--lp-filter",
+    type=click.FloatRange(0.0, 100.0),
+    help="EGM's low-pass filter with which the log was made [Hz], 0: off.  [off; of a folder as it says]",
+)
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    default=Path("build/compare"),
+    show_default=True,
+    help="Folder of the picture and the settings.",
+)
+@click.option("--json", "report", help="Also write every figure to this file; - prints that and nothing else.")
+def compare(
+    log: Path, commands: Path | None, pos_corr_gain: float, lp_filter: float | None, output: Path, report: str | None
+) -> None:
+    """Compare LOG, of a robot under EGM, with the virtual robot that is sent the same commands.
+
+    LOG is a recording of `yumi up --record`, another MCAP file with joint states and commands, a CSV file with its
+    --commands, or a folder of records. It also identifies k, dead time, lag, noise and limits, as far as the log
+    determines them, and writes a picture and a settings file for `yumi controller --dynamics`.
+
+    \b
+    Examples:
+      yumi compare session.mcap
+      yumi compare joints.csv --commands commands.csv
+      yumi compare session.mcap --json -
+    """
+    _demand_extra()
+    from yumi_evaluation import comparison  # noqa: PLC0415 - a quick --help
+    from yumi_evaluation.identification import RUNS  # noqa: PLC0415
+    from yumi_evaluation.logs import read_logs  # noqa: PLC0415
+
+    console = Console(highlight=False, stderr=report == "-")
+    console.width = max(console.width, _TABLE_WIDTH)
+    logs = read_logs(log, commands)
+    with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
+        try:
+            found = comparison.compare(logs, EGM_GAIN * pos_corr_gain, lp_filter, tick)
+        except _Ended:
+            sys.exit(_INTERRUPTED)
+    files = _write_comparison(found, output, pos_corr_gain, log.name)
+    if report is not None:
+        text = json.dumps(comparison.document(found), indent=2, allow_nan=False)
+        if report == "-":
+            click.echo(text)
+            return
+        Path(report).write_text(f"{text}\n", encoding="utf-8")
+    _print_comparison(found, files, console)
+
+
+def _write_comparison(found: Comparison, folder: Path, pos_corr_gain: float, origin: str) -> list[tuple[str, Path]]:
+    """Write picture and settings; what each file is, and the file."""
+    from yumi_evaluation.comparison import write_settings  # noqa: PLC0415 - a quick --help
+    from yumi_evaluation.pictures import draw_comparison  # noqa: PLC0415
+
+    picture = folder / "comparison.svg"
+    draw_comparison(found, picture)
+    settings = write_settings(found, folder, pos_corr_gain, origin)
+    return [("Picture", picture), *(("Settings", file) for file in settings)]
+
+
+def _print_comparison(found: Comparison, files: list[tuple[str, Path]], console: Console) -> None:
+    from yumi_evaluation.comparison import tables  # noqa: PLC0415 - a quick --help
+
+    for robot in found.robots:
+        console.print(*tables(robot))
+        console.print(robot.verdict)
+    for sentence in found.left_out:
+        console.print(sentence)
+    for word, file in files:
+        console.print(f"{word}: {file}")
+
+
+@click.command()
+@click.argument("arms", metavar="ARM", type=click.Choice(["right", "left", "both"]))
+@robot_options("Address of the controller; else as in the settings.")
+@config_option
+@click.option("--yes", is_flag=True, help="Do not ask; only with a virtual controller.")
+@click.option(
+    "--out",
+    type=click.Path(file_okay=False, path_type=Path),
+    help="New folder for recordings and comparison.  [build/measure_ and the time]",
+)
+@click.option("--json", "is_json", is_flag=True, help="Print the comparison and the names of the files as JSON.")
+def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json: bool, **options: Any) -> None:
+    """Measure how ARM (right, left or both) follows EGM, by three small motions, and compare with the virtual robot.
+
+    All joints move at the same time, by 2° and with 10 °/s at most: a slow ramp, steps, a sine. The command drives the
+    robot itself, so no other driver may run. It asks before EGM starts and before each motion; whatever stops the
+    robot, a no and Ctrl-C end everything, and what was recorded until then is kept. At the end there are a settings
+    file for `yumi controller --dynamics` and one archive with all that was found.
+
+    \b
+    Examples:
+      yumi measure right --robot 127.0.0.1 --rws-port 8080 --yes    with `yumi controller` in another terminal
+      yumi measure both --robot 192.168.125.1
+    """
+    _demand_extra()
+    if find_spec("mcap") is None:
+        raise MissingPrerequisite("Recordings need mcap: pip install 'yumi-ros2[evaluation]'.")
+    from yumi_evaluation import measurement  # noqa: PLC0415 - a quick --help
+
+    settings = measurement.settings_for_measuring(settings_of(config, options))
+    folder = out or Path("build") / f"measure_{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise SettingsError(f"{folder} is there already; give the folder of a new measurement with --out.")
+    console = Console(highlight=False, stderr=is_json)
+    console.width = max(console.width, _TABLE_WIDTH)
+    before = {each: signal.signal(each, signal.default_int_handler) for each in (signal.SIGTERM, signal.SIGHUP)}
+    level = _API_LOG.level
+    _API_LOG.setLevel(logging.CRITICAL)  # the steps are printed, and a stop is the error
+    try:
+        document, files = _measured(arms, settings, folder, yes, console)
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
+        _API_LOG.setLevel(level)
+    if is_json:
+        click.echo(json.dumps({**document, "files": [str(file) for _, file in files]}, allow_nan=False))
+
+
+def _measured(
+    arms: str, settings: Settings, folder: Path, yes: bool, console: Console
+) -> tuple[dict[str, Any], list[tuple[str, Path]]]:
+    """Measure, compare and pack: the comparison as a document, and the files."""
+    from yumi_evaluation import comparison, measurement  # noqa: PLC0415 - a quick --help
+    from yumi_evaluation.identification import RUNS  # noqa: PLC0415
+    from yumi_evaluation.logs import read_logs  # noqa: PLC0415
+
+    examined = measurement.examine(settings)
+    _check_confirmable(settings.robot.address, examined.is_virtual, yes)
+
+    def confirm(question: str) -> None:
+        console.print(question)
+        if not yes and not _is_confirmed("Is no person near the robot, and may it do that?"):
+            raise CommandRefused("Not confirmed: nothing more moves.")
+
+    sides = tuple(side for side in Side if arms in (side.word, "both"))
+    evidence = measurement.Evidence(folder, examined, settings, arms)
+    motion = settings.egm_motion
+    try:
+        measurement.measure(sides, settings, evidence, confirm, console.print)
+        logs = read_logs(evidence.recordings)
+        with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
+            found = comparison.compare(logs, EGM_GAIN * motion.pos_corr_gain, motion.lp_filter, tick)
+    except (YumiError, KeyboardInterrupt, click.Abort, _Ended) as error:
+        sentence = str(in_shell_words(error)) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
+        kept = f"What was recorded until then is in {evidence.close(sentence)}."
+        if isinstance(error, YumiError):
+            error.args = (f"{sentence.rstrip('.')}. {kept}", *error.args[1:])
+            raise
+        click.echo(f"{sentence} {kept}", err=True)
+        sys.exit(_INTERRUPTED)
+    files = [("Recordings", evidence.recordings)]
+    files += _write_comparison(found, folder, motion.pos_corr_gain, folder.name)
+    document = comparison.document(found)
+    measurement.write_json(folder / "comparison.json", document)
+    files.append(("Archive", evidence.close("")))
+    _print_comparison(found, files, console)
+    return document, files
+
+
+def _check_confirmable(address: str, is_virtual: bool, yes: bool) -> None:
+    """Each motion of a real robot is confirmed by a person.
+
+    Raises:
+        SettingsError: it cannot be.
+    """
+    if yes and not is_virtual:
+        raise SettingsError(
+            f"--yes is for virtual robots, on this machine or in RobotStudio, and {address} is not one: each motion "
+            "is confirmed at a terminal. Leave --yes out."
+        )
+    if not yes and not _is_at_a_terminal():
+        remedy = "add --yes" if is_virtual else "run the command in a terminal, beside the robot"
+        raise SettingsError(f"Each motion has to be confirmed at a terminal, and standard input is none; {remedy}.")
+
+
+def _is_at_a_terminal() -> bool:
+    return sys.stdin.isatty()
+
+
+def _is_confirmed(question: str) -> bool:
+    if sys.stdin.isatty():
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)  # an answer given before the question does not count
+    return click.confirm(question, err=True)
+
+
+@contextmanager
+def _compare_progress(console: Console, total: int, check: Callable[[], None]) -> Iterator[Callable[[], None]]:
+    """A bar that shows itself after a second; what it gives is called with each run."""
+    columns = (TextColumn("Runs of the virtual robot"), BarColumn(24), MofNCompleteColumn(), TimeElapsedColumn())
+    begin = time.monotonic()
+    with Progress(*columns, console=console, transient=True, auto_refresh=False) as progress:
+        task, count = progress.add_task("", total=total, visible=False), 0
+
+        def tick() -> None:
+            nonlocal count
+            check()
+            count += 1
+            is_slow = time.monotonic() - begin > 1.0
+            progress.update(task, advance=1, total=max(total, count), visible=is_slow, refresh=is_slow)
+
+        yield tick
 
 
 @click.command()

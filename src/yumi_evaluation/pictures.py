@@ -15,6 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from yumi_evaluation.comparison import ComparedRobot, Comparison, Record
 from yumi_evaluation.experiments import (
     AXIS_6,
     PREDICTION,
@@ -137,6 +138,77 @@ def draw_recommendation(found: Recommendation, shipped: float, steps: Sequence[R
 
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(_svg(draw, 3.8, "tune", width=12.6, is_transparent=False), encoding="utf-8")
+
+
+_MOST_ROBOTS = 3  # in a picture
+
+
+def draw_comparison(comparison: Comparison, file: Path) -> None:
+    """Save a comparison as an SVG picture, a row a robot.
+
+    On the left the record in which most happens: commands, what the robot reported, what the virtual robot did; in the
+    middle how far apart these two are; on the right the records one beside the other.
+    """
+    robots = comparison.robots[:_MOST_ROBOTS]
+
+    def draw(figure: Any) -> None:
+        rows = figure.subplots(len(robots), 3, squeeze=False, width_ratios=(5, 5, 4))
+        for robot, (motion, difference, records) in zip(robots, rows, strict=True):
+            record = max(robot.records, key=lambda each: np.ptp(each.log.measured, axis=0).max())
+            _draw_motion(record, motion, difference)
+            motion.set_title(f"{robot.name}: {record.log.name}")
+            _draw_records(robot, records)
+
+    file.parent.mkdir(parents=True, exist_ok=True)
+    height = 0.4 + 3.2 * len(robots)
+    file.write_text(_svg(draw, height, "compare", width=14.0, is_transparent=False), encoding="utf-8")
+
+
+def _draw_motion(record: Record, motion: Any, difference: Any) -> None:
+    log = record.log
+    apart = np.degrees(record.reported - log.measured)
+    travel = np.ptp(log.measured, axis=0)
+    most = [joint for joint in np.argsort(-travel)[: len(COLORS)] if travel[joint] > 0.05 * travel.max()]
+    steps = np.arange(len(log.commands)) * log.cycle
+    for joint, color in zip(most, COLORS, strict=False):
+        start = log.start[joint]
+        inside = (steps >= log.times[0]) & (steps <= log.times[-1])
+        commands = np.degrees(log.commands[inside, joint] - start)
+        motion.plot(steps[inside], commands, ":", color=color, linewidth=0.9)
+        motion.plot(log.times, np.degrees(log.measured[:, joint] - start), color=color, label=log.joints[joint])
+        virtual = np.degrees(record.reported[:, joint] - start)
+        motion.plot(log.times, virtual, "--", color=_INK, linewidth=0.9)
+        difference.plot(log.times, apart[:, joint], color=color, linewidth=1.1, label=log.joints[joint])
+    for panel in (motion, difference):
+        late = log.times[~record.is_free]
+        if record.limited is not None and len(late):
+            panel.axvspan(late[0], late[-1], color=COLORS[-1], alpha=0.25, linewidth=0.0, label="limited")
+        panel.set_xlabel("time [s]")
+    motion.set_ylabel("from the start [°]")
+    motion.plot([], [], ":", color=_INK, linewidth=0.9, label="command")
+    motion.plot([], [], "--", color=_INK, linewidth=0.9, label="virtual robot")
+    difference.set(title="virtual robot minus robot", ylabel="difference [°]")
+    free = np.abs(apart[record.is_free])
+    if free.size and record.limited is not None:  # where joints are limited, the difference leaves the picture
+        difference.set_ylim(-1.5 * free.max(), 1.5 * free.max())
+    low, high = motion.get_ylim()
+    motion.set_ylim(low, high + 0.35 * (high - low))
+    _show_legend(motion, loc="upper center", ncols=4, columnspacing=0.8, handletextpad=0.3)
+
+
+def _draw_records(robot: ComparedRobot, panel: Any) -> None:
+    shown = [each for each in robot.records if each.rms_deg is not None]
+    places = range(len(shown), 0, -1)
+    panel.plot([each.rms_deg for each in shown], places, "o", color=COLORS[0], label="virtual robot")
+    fitted = [each.fitted_deg for each in shown]
+    panel.plot(fitted, places, "D", color=COLORS[1], markersize=4.0, label="with fitted parameters")
+    limits = [(each.limited.rms_deg, place) for each, place in zip(shown, places, strict=True) if each.limited]
+    if limits:
+        panel.plot(*zip(*limits, strict=True), "x", color=BAD, label="limited rows")
+    panel.set_xscale("log")
+    panel.set_yticks(places, [each.log.name for each in shown], fontsize="small")
+    panel.set(title="rms of each record", xlabel="rms [°]", ylim=(0.4, len(shown) + 1.4))
+    _show_legend(panel, loc="upper center", ncols=3, columnspacing=0.8, handletextpad=0.2)
 
 
 def _svg(draw: Draw, height: float, name: str, *, width: float = _WIDTH, is_transparent: bool = True) -> str:

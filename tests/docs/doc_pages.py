@@ -37,6 +37,8 @@ LEFT_OUT = {
     r"ros2 ": "needs ros2",
     r".*192\.168\.": "needs a real robot",
     r"yumi demo|yumi evaluate|yumi bench|yumi tune": "takes long; has tests of its own",
+    r"yumi compare": "needs a log; tests/unit/evaluation/test_evaluation_comparison.py runs it",
+    r"yumi measure": "takes a minute; tests/system/test_measure.py runs it",
     r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,

@@ -26,11 +26,13 @@ class VirtualRobot:
     Args:
         folder: for logs and scripts.
         are_calibrated: whether its grippers are when it starts, so that no bring-up takes seconds for that.
+        dynamics: settings with which its arms follow EGM; None is as delivered.
     """
 
-    def __init__(self, folder: Path, *, are_calibrated: bool = True) -> None:
+    def __init__(self, folder: Path, *, are_calibrated: bool = True, dynamics: Path | None = None) -> None:
         self._folder = folder
         self._options = ["--left-object", "0.02", *(["--calibrated"] if are_calibrated else [])]
+        self._options += ["--dynamics", str(dynamics)] if dynamics else []
         self._rws_port = 0
         self._ports = {"left_egm_port": free_port(), "right_egm_port": free_port()}
         self._command: Command | None = None

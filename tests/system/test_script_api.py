@@ -6,7 +6,7 @@ import asyncio
 import multiprocessing
 import signal
 from collections.abc import Iterator
-from math import nan, radians
+from math import inf, nan, radians
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,8 @@ from script_bench import TIMEOUT, VirtualRobot
 import yumi
 from yumi.api.robot import ArmMode, Robot
 from yumi.driver.bringup import ANNOUNCEMENT
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, SettingsError, StopNotConfirmed
+from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import Side, home
 from yumi.virtual.faults import Fault
@@ -49,6 +50,20 @@ def robot(connected: Robot) -> Robot:
         connected.recover()  # the machine stood still during the test before
     connected.move_to(right=RIGHT, left=LEFT, speed_scale=1.0, acceleration=1.0)
     return connected
+
+
+def test_recording_has_every_cycle_between_its_begin_and_its_end(robot: Robot, tmp_path: Path) -> None:
+    with robot.record(tmp_path / "new" / "motion.mcap"):
+        robot.right.move_to(TURNED)
+    frames = read_recording(tmp_path / "new" / "motion.mcap", before=inf, after=inf).frames
+    for side in Side:
+        numbers = [frame.number for frame in frames[side]]
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    assert abs(frames[Side.RIGHT][0].position[6] - RIGHT[6]) < CLOSE
+    assert abs(frames[Side.RIGHT][-1].position[6] - TURNED[6]) < CLOSE
+    (tmp_path / "file").touch()
+    with pytest.raises(SettingsError, match=r"Cannot record to .*file/motion.mcap: "):
+        robot.record(tmp_path / "file" / "motion.mcap")
 
 
 def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:

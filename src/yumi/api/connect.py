@@ -355,6 +355,7 @@ class AsyncRobot:
     execute = awaited(Robot.execute)
     stop = awaited(Robot.stop)
     allow_collision = awaited(Robot.allow_collision)
+    record = awaited(Robot.record)
     recover = awaited(Robot.recover)
     describe = awaited(Robot.describe)
 

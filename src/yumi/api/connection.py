@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import atexit
 import logging
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from math import isfinite, radians
+from pathlib import Path
 from types import TracebackType
 from typing import Literal, TypeVar
 
@@ -40,8 +42,9 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
-from yumi.errors import CommandRefused, RobotNotReady, YumiError, quoted
+from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError, quoted
 from yumi.process.supervision import Failures
+from yumi.recording.mcap import FullRecorder
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, joints
 
 log = logging.getLogger(__name__)
@@ -272,6 +275,23 @@ class Connection:
         self.manager.calibrate(self.grippers[side], check=check)
         if is_in_egm:
             self.manager.start_egm()
+
+    def record(self, file: Path) -> ExitStack:
+        """Write every cycle of both arms to a file until what is returned is closed.
+
+        Raises:
+            SettingsError: the file cannot be written.
+            MissingPrerequisite: mcap is not installed.
+        """
+        begin = time.time() - SystemClock().now()
+        try:
+            recorder = FullRecorder(file, begin, self._control.recorders, partial(log.info, "%s"))
+        except OSError as error:
+            raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
+        recorder.start()
+        end = ExitStack()
+        end.callback(recorder.close)
+        return end
 
     def close(self) -> None:
         """Let the arms come to rest, end EGM and give everything back; does nothing when that is done."""

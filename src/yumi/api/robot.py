@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from math import nan
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, SupportsFloat, TypeVar
 
@@ -802,6 +803,29 @@ class Robot:
 
         end.callback(keep_apart)
         return end
+
+    def record(self, file: Path | str) -> ExitStack:
+        """Record every cycle of both arms, as sent and as measured, to an MCAP file.
+
+        ::
+
+            with robot.record("motion.mcap"):
+                robot.right.move_to(...)
+
+        ``yumi record``, ``yumi view`` and ``yumi compare`` read it.
+
+        Args:
+            file: where to; its folder is made, a file of that name is replaced.
+
+        Returns:
+            What ends the recording, by ``with`` or by ``close()``.
+
+        Raises:
+            RobotNotReady: the robot is not connected.
+            SettingsError: the file cannot be written.
+            MissingPrerequisite: mcap is not installed.
+        """
+        return self._connected.record(Path(file))
 
     def stop(self) -> None:
         """Bring both arms to rest as fast as their joints may, and return when they stand.

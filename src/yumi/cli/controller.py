@@ -112,6 +112,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     type=click.Path(exists=True, file_okay=False, path_type=Path),
     help="A backup of a controller, as RobotStudio writes it: its tasks, modules, signals and HOME.",
 )
+@click.option(
+    "--dynamics", type=FILE, help="Settings with which its arms follow EGM, as `yumi compare` has written them."
+)
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
 @click.option("--speed", type=_SPEED, default=1.0, show_default=True, help="Times real time.")
 @click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite).")
@@ -147,6 +150,7 @@ def controller(
     programs: tuple[str, ...],
     cfg: tuple[Path, ...],
     system: Path | None,
+    dynamics: Path | None,
     start: bool,
     speed: float,
     show: bool,
@@ -189,6 +193,7 @@ def controller(
         leaks={Side.LEFT: left_leak, Side.RIGHT: right_leak},
         are_calibrated=calibrated,
         system=with_programs(begin, _programs(programs), cfg),
+        dynamics=dynamics,
     )
     chosen = password or RobotSettings().password
     virtual = VirtualController(

@@ -70,6 +70,8 @@ def in_shell_words(error: YumiError) -> YumiError:
     text = str(error)
     for service, shell in (
         ("call robot.recover()", "run `yumi start`, or `yumi recover` after a stop"),
+        ("robot.recover(confirm=...)", "yumi recover"),
+        ("Call robot.recover()", "Run `yumi recover`"),
         ("robot.recover()", "yumi recover"),
         ("use yumi.degrees(...)", "add --degrees"),
         ("call recover", "run `yumi recover`"),

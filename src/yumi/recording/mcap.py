@@ -37,7 +37,7 @@ from pathlib import Path
 from threading import Event as Flag
 from threading import Thread
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -512,7 +512,7 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
         if record is None:
             is_closed = True
             continue
-        topic, encoding, nanoseconds, data = record
+        topic, encoding, _, nanoseconds, data = record
         if encoding != "json" or topic not in decoders:
             foreign[topic] = None
             continue
@@ -546,8 +546,91 @@ def _damaged(file: Path, reason: str) -> ProtocolError:
     return ProtocolError(f"{file} is not a recording of yumi, or it is damaged: {reason}. {_FROM_WHERE}")
 
 
-def _messages(file: Path) -> Iterator[tuple[str, str, int, bytes] | None]:
-    """Topic, encoding, time [ns since 1970] and content of every message of an MCAP file; None where it was closed."""
+class JointMessage(NamedTuple):
+    """Values of joints in a message of ROS 2.
+
+    Attributes:
+        topic: the topic's name.
+        time: when the message was recorded, time of day [s since 1970].
+        names: of the joints; empty in a message that names none.
+        position: of the joints [rad].
+    """
+
+    topic: str
+    time: float
+    names: tuple[str, ...]
+    position: tuple[float, ...]
+
+
+_JOINT_STATE, _ARRAY = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64MultiArray"
+
+
+def joint_messages(file: Path) -> Iterator[JointMessage]:
+    """Every sensor_msgs/JointState and std_msgs/Float64MultiArray of an MCAP file of any program, in its order.
+
+    Raises:
+        ProtocolError: the file is not an MCAP file, or a message in it is damaged.
+        MissingPrerequisite: the library is not installed.
+    """
+    for record in _messages(file):
+        if record is None:
+            continue
+        topic, encoding, schema, nanoseconds, data = record
+        if encoding != "cdr" or schema not in (_JOINT_STATE, _ARRAY):
+            continue
+        try:
+            reader = _CdrReader(data)
+            if schema == _JOINT_STATE:
+                reader.numbers("iI")  # its stamp may be of another clock than those of commands
+                reader.text()
+                names = tuple(reader.text() for _ in range(reader.count(4)))
+            else:
+                names = ()
+                for _ in range(reader.count(12)):  # its dimensions
+                    reader.text()
+                    reader.numbers("II")
+                reader.numbers("I")
+            position = reader.numbers(f"{reader.count(8)}d")
+        except (ValueError, struct.error) as error:
+            raise _damaged(file, f"a message on {topic[:40]} cannot be read: {error}") from error
+        yield JointMessage(topic, nanoseconds / 1e9, names, position)
+
+
+class _CdrReader:
+    """Takes one value after another from a message in XCDR1.
+
+    Raises:
+        ValueError: it is in another encoding, or ends too early; as struct.error too.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        if data[:2] not in (b"\0\0", b"\0\1"):
+            raise ValueError("it is not in XCDR1")
+        self._order, self._data, self._at = "<" if data[1] else ">", data[4:], 0
+
+    def numbers(self, form: str) -> tuple[Any, ...]:
+        size = struct.calcsize(f"={form[-1]}")
+        self._at += -self._at % size if not form.startswith("0") else 0
+        found = struct.unpack_from(self._order + form, self._data, self._at)
+        self._at += struct.calcsize(self._order + form)
+        return found
+
+    def count(self, least: int) -> int:
+        """How many elements of at least so many bytes follow."""
+        (count,) = self.numbers("I")
+        if count * least > len(self._data) - self._at:
+            raise ValueError(f"{count} elements do not fit in it")
+        return int(count)
+
+    def text(self) -> str:
+        length = self.count(1)
+        found = self._data[self._at : self._at + length]
+        self._at += length
+        return found.rstrip(b"\0").decode(errors="replace")
+
+
+def _messages(file: Path) -> Iterator[tuple[str, str, str, int, bytes] | None]:
+    """Topic, encoding, schema, time [ns since 1970] and content of every message; None where the file was closed."""
     try:
         from mcap.exceptions import EndOfFile, InvalidMagic, McapError  # noqa: PLC0415 - an extra; only this needs it
         from mcap.stream_reader import MAGIC_SIZE, StreamReader  # noqa: PLC0415
@@ -572,19 +655,23 @@ def _messages(file: Path) -> Iterator[tuple[str, str, int, bytes] | None]:
         raise _damaged(file, str(error)[:200] or type(error).__name__) from error
 
 
-def _on_channels(records: Iterable[Any]) -> Iterator[tuple[str, str, int, bytes] | None]:
+def _on_channels(records: Iterable[Any]) -> Iterator[tuple[str, str, str, int, bytes] | None]:
     """The messages among the records of an MCAP file, as in :func:`_messages`."""
-    from mcap.records import Channel, Footer, Message  # noqa: PLC0415 - an extra
+    from mcap.records import Channel, Footer, Message, Schema  # noqa: PLC0415 - an extra
 
     channels: dict[int, Channel] = {}
+    schemas: dict[int, str] = {}
     for record in records:
-        if isinstance(record, Channel):
+        if isinstance(record, Schema):
+            schemas[record.id] = record.name
+        elif isinstance(record, Channel):
             channels[record.id] = record
         elif isinstance(record, Message):
             channel = channels.get(record.channel_id)
             if channel is None:
                 raise ValueError("a message is on a channel that was not declared")
-            yield channel.topic, channel.message_encoding, record.log_time, record.data
+            schema = schemas.get(channel.schema_id, "")
+            yield channel.topic, channel.message_encoding, schema, record.log_time, record.data
         elif isinstance(record, Footer):
             yield None
 

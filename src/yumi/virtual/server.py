@@ -52,6 +52,7 @@ from yumi.virtual.controller.egm import Outgoing
 from yumi.virtual.controller.system import System
 from yumi.virtual.faults import FAULTS_PATH
 from yumi.virtual.mechanics.gripper import CupObject, Workpiece
+from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters
 from yumi.virtual.mechanics.path import PREFETCH
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.operations import Failure
@@ -74,6 +75,7 @@ def world_settings(
     leaks: Mapping[Side, float | None],
     are_calibrated: bool = False,
     system: System | None = None,
+    dynamics: Path | None = None,
 ) -> WorldSettings:
     """A virtual robot whose clock shows the time of day.
 
@@ -86,6 +88,10 @@ def world_settings(
         leaks: of the object under each gripper's cups, 0 (tight) to 1 (open); None for no object.
         are_calibrated: whether the grippers start calibrated.
         system: programs and system parameters; ours when it is None.
+        dynamics: settings file with which the arms follow EGM; as delivered when it is None.
+
+    Raises:
+        SettingsError: the settings file is wrong.
     """
     workpieces = {side: Workpiece(width) for side, width in objects.items() if width is not None}
     return WorldSettings(
@@ -98,6 +104,7 @@ def world_settings(
         grippers_are_calibrated=are_calibrated,
         start_time=time.time(),
         system=system,
+        egm_parameters=EgmParameters() if dynamics is None else read_egm_parameters(dynamics),
     )
 
 

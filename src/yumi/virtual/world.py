@@ -31,6 +31,7 @@ from yumi.virtual.faults import FAULTS_PATH, Fault, FaultKind, Way, fault_named
 from yumi.virtual.mechanics.arm import ContactDetector, VirtualArm
 from yumi.virtual.mechanics.gripper import CupObject, VirtualGripper, Workpiece
 from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.parameters import EgmParameters
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ class WorldSettings:
         cup_objects: what lies under the cups of each gripper's vacuum modules; an arm that is left out finds nothing.
         positions: where the arms stand at first, chain order [rad], (7,); home for an arm that is left out.
         arm_model: dynamics of both arms.
+        egm_parameters: what of the dynamics under EGM is otherwise.
         egm_host: address the arms send their datagrams to.
         egm_ports: UDP ports of arms that do not use those of ``SIO.cfg`` (left 6511, right 6512).
         egm: what kind of EGM clients the arms have; their cycle is that of the whole robot.
@@ -74,6 +76,7 @@ class WorldSettings:
     cup_objects: Mapping[Side, CupObject] = field(default_factory=dict)
     positions: Mapping[Side, Joints] = field(default_factory=dict)
     arm_model: ArmModel = field(default_factory=ArmModel)
+    egm_parameters: EgmParameters = field(default_factory=EgmParameters)
     egm_host: str = "127.0.0.1"
     egm_ports: Mapping[Side, int] = field(default_factory=dict)
     egm: EgmOptions = field(default_factory=EgmOptions)
@@ -120,7 +123,7 @@ class World:
         self.controller = Irc5(
             tuple(self._units.values()),
             system,
-            _with_addresses(system.configuration(), settings, robot),
+            _configured(system.configuration(), settings, robot),
             Identity(
                 system_name=name,
                 controller_name=name,
@@ -206,13 +209,18 @@ class World:
 def _virtual_arm(robot: Robot, side: Side, kinematics: Arm, settings: WorldSettings) -> VirtualArm:
     """An arm of the robot: a YuMi's has the dynamics of the settings, others have limits of their own."""
     if robot.is_yumi:
-        return VirtualArm(side, settings.positions.get(side), settings.arm_model)
+        model = settings.egm_parameters.applied(settings.arm_model, kinematics.axes)
+        return VirtualArm(side, settings.positions.get(side), model)
     model = replace(settings.arm_model, limits=kinematics.limits, supervises_load=False)
+    model = settings.egm_parameters.applied(model, kinematics.axes)
     return VirtualArm(side, settings.positions.get(side), model, kinematics, robot.unit_of(side))
 
 
-def _with_addresses(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
-    """The addresses of this machine instead of the robot cell's."""
+def _configured(configuration: Configuration, settings: WorldSettings, robot: Robot) -> Configuration:
+    """The addresses of this machine instead of the robot cell's, and the gain of EGM that is set."""
+    gain = settings.egm_parameters.position_gain
+    for each in configuration.instances("MOC", "EXT_MOTION_DATA") if gain is not None else ():
+        configuration.change("MOC", "EXT_MOTION_DATA", each.name, {"ext_motion_Kp": f"{gain:g}"})
     for side in () if settings.system and settings.system.is_factory else robot.arms:
         unit = robot.unit_of(side)
         address = {"RemoteAdress": settings.egm_host}

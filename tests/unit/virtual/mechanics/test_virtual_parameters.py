@@ -1,0 +1,60 @@
+"""Settings with which a virtual controller's arms follow EGM: read, written, refused, used."""
+
+from __future__ import annotations
+
+import re
+from math import radians
+from pathlib import Path
+
+import pytest
+
+from yumi.errors import SettingsError
+from yumi.robot.joints import CHAIN_AXES, Side
+from yumi.virtual.mechanics.motion import ArmModel
+from yumi.virtual.mechanics.parameters import EgmParameters, read_egm_parameters, write_egm_parameters
+from yumi.virtual.world import World, WorldSettings
+
+MEASURED = EgmParameters(6.0, 0.003, 0.017, 0.004, {7: radians(90.0)})
+
+
+def test_parameters_are_read_as_they_were_written(tmp_path: Path) -> None:
+    write_egm_parameters(MEASURED, tmp_path / "new" / "yumi.yaml", "Of a test.")
+    found = read_egm_parameters(tmp_path / "new" / "yumi.yaml")
+    assert (found.position_gain, found.reference_delay, found.delay, found.lag) == (6.0, 0.003, 0.017, 0.004)
+    assert found.speed_limits == pytest.approx(MEASURED.speed_limits)
+
+
+def test_virtual_robot_has_the_parameters_of_its_settings() -> None:
+    world = World(WorldSettings(egm_parameters=MEASURED))
+    model = world.arms[Side.LEFT].model
+    assert (model.reference_delay, model.delay, model.lag) == (0.003, 0.017, 0.004)
+    assert model.limits.velocity[CHAIN_AXES.index(7)] == radians(90.0)
+    configuration = world.controller.configuration
+    gains = {each.attributes["ext_motion_Kp"] for each in configuration.instances("MOC", "EXT_MOTION_DATA")}
+    assert {float(gain) for gain in gains} == {6.0}
+
+
+def test_what_is_left_out_stays_as_it_is() -> None:
+    assert EgmParameters(delay=0.02).applied(ArmModel(), CHAIN_AXES).lag == ArmModel().lag
+    plain, none = World(WorldSettings()), World(WorldSettings(egm_parameters=EgmParameters()))
+    assert none.arms[Side.LEFT].model == plain.arms[Side.LEFT].model
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (
+            "gain: 5.0",
+            "there is no parameter 'gain'; there are position_gain, reference_delay, delay, lag, speed_limits.",
+        ),
+        ("position_gain: 30.0", "position_gain is 30; allowed is 0 to 20 1/s."),
+        ("delay: soon", "delay is 'soon'; it must be a number."),
+        ("speed_limits: 90.0", "speed_limits is 90.0; needed are axes with speeds"),
+        ("speed_limits: {9: 90.0}", "speed_limits names axis '9'; allowed are 1 to 7."),
+        ("speed_limits: {2: -1.0}", "speed_limits is -1; allowed is 0.1 to 10000 deg/s."),
+    ],
+)
+def test_wrong_settings_are_refused_with_what_is_allowed(tmp_path: Path, text: str, sentence: str) -> None:
+    (tmp_path / "wrong.yaml").write_text(text)
+    with pytest.raises(SettingsError, match=re.escape(f"wrong.yaml: {sentence}")):
+        read_egm_parameters(tmp_path / "wrong.yaml")
