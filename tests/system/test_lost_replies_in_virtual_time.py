@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import accumulate
 from math import radians
 
@@ -20,7 +21,7 @@ from yumi.control.shared_state import ReferencesIgnored
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, Joints, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
-from yumi_evaluation.virtual_time import VirtualArmRig
+from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 NAME = "controller"
 LIMITS = YUMI_LIMITS.slowed_to(radians(180.0))
@@ -189,3 +190,21 @@ def test_robot_that_hears_nothing_any_more_is_reported_once_it_stands(name: str)
     assert not arm.rig.snapshot.is_commanded
     assert arm.reported is not None
     assert arm.reported <= stood + round(0.5 / CYCLE)
+
+
+@pytest.mark.parametrize("bandwidth", [5.0, 10.0, 20.0, 50.0])
+def test_command_does_not_wait_where_the_robot_filters_its_speed_and_nothing_is_lost(bandwidth: float) -> None:
+    limiter = Limiter(LIMITS, bandwidth=bandwidth)
+    controller = JointGoalController(MemoryBuffer(), limits=LIMITS)
+    rig = VirtualArmRig({NAME: controller}, side=Side.RIGHT, limiter=limiter, position=FROM)
+    rig.start(replace(FULL_SPEED, lp_filter=bandwidth))
+    rig.switch_to(NAME)
+    rig.run(0.1)
+    rig.manager.receive(NAME, JointGoal(TO, speed_scale=0.8, acceleration_scale=1.0), rig.line.state)
+    furthest = list(FROM)
+    for _ in range(round(2.5 / CYCLE)):
+        rig.cycle()
+        assert not limiter.is_waiting
+        furthest = [max(far, now) for far, now in zip(furthest, rig.robot.arm.position, strict=True)]
+    assert rig.robot.arm.position == pytest.approx(TO, abs=radians(0.1))
+    assert furthest == pytest.approx(TO, abs=radians(4.0))

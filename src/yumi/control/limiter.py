@@ -25,9 +25,9 @@ from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.controller import Buffer
 from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
-    COMMAND_CYCLES,
     EGM_GAIN,
     SERVO_CYCLES,
+    STANDING,
     Setpoint,
     braking_path,
     fixed,
@@ -39,6 +39,7 @@ from yumi.control.motion import (
     step_to_rest,
     step_towards,
 )
+from yumi.control.position_delay import PositionDelay
 from yumi.control.references import ReferenceMonitor
 from yumi.control.shared_state import Factor, Limited, Problem
 from yumi.robot.joints import (
@@ -59,6 +60,7 @@ _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _HOP = 1e-3  # [rad] beside something an arm goes by so much at once
 _HOPS = 0.1  # [rad/s] while it is slower than this
+_FAST = 1.01  # times a joint's speed: a goal that is faster jumps
 _FOLLOWABLE = 0.96  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
 
@@ -250,9 +252,9 @@ class PositionLimiter:
             end = limits.upper[index] if speed > 0.0 else limits.lower[index]
             room = (end - last.position[index]) * copysign(1.0, speed)
             way = abs(speed) * (abs(speed) / top + 2.0 * top / jerk + 2.0 * dt)
-            if abs(speed) > _FOLLOWABLE * fastest or way >= room:
+            if abs(speed) > fastest * _FAST or way >= room:
                 continue
-            speeds[index] = speed
+            speeds[index] = max(-_FOLLOWABLE * fastest, min(_FOLLOWABLE * fastest, speed))
             if abs(rate) <= _FOLLOWABLE * top and abs(rate - before[index]) <= jerk * elapsed:
                 speeds[index] = max(-_FOLLOWABLE * fastest, min(_FOLLOWABLE * fastest, speed + 0.5 * rate * dt))
                 rates[index] = rate
@@ -273,9 +275,9 @@ _UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the rob
 _REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
 
 
-def _reported(state: ArmState, cycles: int) -> list[float]:
-    """Where a robot will report to be after so many cycles [rad]: it is on the way to its plan."""
-    share = cycles / SERVO_CYCLES
+def _reported(state: ArmState, later: float) -> list[float]:
+    """Where a robot will report to be ``later`` [s] from now [rad], (7,): it is on the way to its plan."""
+    share = min(1.0, later / (SERVO_CYCLES * CYCLE))
     return [now + share * (plan - now) for now, plan in zip(state.position, state.planned, strict=True)]
 
 
@@ -283,7 +285,7 @@ class FeedForwardLimiter:
     """The speeds fed forward to one arm so far, and the speeds the arm has by now.
 
     A robot in EGM plans to move at ``k · (position reference - reported position) + speed reference``, and uses a
-    command two cycles after the state that the command is the reply to (reference/egm.md §6.1). Each of the two may be
+    command a cycle after it was taken (reference/egm.md §6.1). Each of the two may be
     within the limits and their sum not: a position that runs ahead already asks for a speed. So the sum is what is kept
     within the joints' velocity, acceleration and jerk, and able to stop before the end of their ranges; a sum that is
     smooth passes unchanged.
@@ -291,16 +293,20 @@ class FeedForwardLimiter:
     Args:
         limits: of the joints.
         gain: of the robot's position loop [1/s]; 0 where it follows speeds only.
+        period: time between two states of the arm [s].
 
     Attributes:
         velocity: the speed sent last [rad/s], (7,).
         is_bounded: whether it is less than was desired.
     """
 
-    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN) -> None:
+    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN, period: float = CYCLE) -> None:
         self.velocity: Joints = ZERO
         self.is_bounded = False
         self._gain = gain
+        self._used_after = (
+            period + CYCLE
+        )  # from a state to the use of its reply [s]: a period, and a cycle in the robot
         self._limits = limits
         self._is_feeding = False
         self._speeds = [0.0] * JOINT_COUNT
@@ -333,7 +339,7 @@ class FeedForwardLimiter:
             position: the position reference it got last [rad], (7,).
         """
         if self._is_feeding:
-            speeds = zip(self._led(position, _reported(state, COMMAND_CYCLES - 1)), self.velocity, strict=True)
+            speeds = zip(self._led(position, _reported(state, CYCLE)), self.velocity, strict=True)
             self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
         elif self._state is not None:
             # A speed that sets in now must not take the way since the last known state for the motion of one cycle.
@@ -372,7 +378,7 @@ class FeedForwardLimiter:
             return ZERO
         if not self._is_feeding:
             self._begin(state, dt)
-        predicted = COMMAND_CYCLES * dt
+        predicted = self._used_after
         if self._state is not None:
             rows = zip(self._state.planned, state.planned, self._speeds, strict=True)
             if max(abs(now - last - speed * dt) for last, now, speed in rows) > _UNEXPECTED:
@@ -381,7 +387,7 @@ class FeedForwardLimiter:
         limits, fed = self._limits, []
         # New lists: for a command that is not sent, the ones before are taken back.
         self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
-        reported = _reported(state, COMMAND_CYCLES)
+        reported = _reported(state, self._used_after)
         values = zip(state.planned, reported, position, desired, self._speeds, strict=True)
         for index, (now, then, ahead, speed, last) in enumerate(values):
             place = now + last * predicted  # where the robot will plan to be by then
@@ -412,7 +418,7 @@ class FeedForwardLimiter:
 
     def against(self, state: ArmState, position: Joints) -> Joints:
         """The speed that keeps the robot from following a position reference [rad/s], (7,)."""
-        return joints([-speed for speed in self._led(position, _reported(state, COMMAND_CYCLES))])
+        return joints([-speed for speed in self._led(position, _reported(state, self._used_after))])
 
     def _led(self, position: Joints, reported: Sequence[float]) -> list[float]:
         """How fast a robot that reports to be there sets out towards a position reference [rad/s]."""
@@ -430,6 +436,7 @@ _TAKEN_AT_ONCE = 0.75  # of what a joint's speed may change in a cycle
 _LATE = 1.25  # periods: the robot has repeated the last command meanwhile
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
+_SETTLED = 3e-4  # [rad] a lead that does not matter where an arm is to stand: measured positions are no surer
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
 _CONTRADICTS = 1e-3  # [rad] a plan may move by besides what the last command explains
 _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its references follows again
@@ -481,6 +488,7 @@ class Limiter:
         gain: of the robot's position loop [1/s].
         other_arm: where the robot's other arm was measured last [rad], (7,); None where that is not known.
         collisions: what keeps the arm apart from the other one and from all else; None where nothing does.
+        bandwidth: of the robot's low-pass filter on the speed [Hz]; 0 is none.
     """
 
     def __init__(
@@ -490,6 +498,7 @@ class Limiter:
         gain: float = EGM_GAIN,
         other_arm: Callable[[], Joints | None] = lambda: None,
         collisions: ArmCollisionLimiter | None = None,
+        bandwidth: float = 0.0,
     ) -> None:
         self.counters = LimiterCounters()
         self.is_at_rest = True
@@ -502,9 +511,9 @@ class Limiter:
         self._gain = gain
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._positions = PositionLimiter(limits)
-        self._speeds = FeedForwardLimiter(limits, gain)
+        self._speeds = FeedForwardLimiter(limits, gain, period)
         self._feedback = FeedbackCheck(limits, other_arm)
-        self._references = ReferenceMonitor(gain, limits.velocity)
+        self._references = ReferenceMonitor(gain, limits.velocity, period, bandwidth)
         self._collisions = collisions
         self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
         self._session = 0
@@ -516,8 +525,7 @@ class Limiter:
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
-        self._places: deque[Joints] = deque(maxlen=SERVO_CYCLES + 2)  # that were desired with speeds, the newest last
-        self._without_speed = SERVO_CYCLES + 2  # cycles since a speed was desired
+        self._delay = PositionDelay()
         self._scale = self._scaled = FULL  # of speeds, and of positions
         self._scales = deque([FULL] * (SERVO_CYCLES + 2), SERVO_CYCLES + 2)  # of the last cycles
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
@@ -556,14 +564,14 @@ class Limiter:
             self._collisions.note_measured(position)
 
     def scale_speed(self, scale: float) -> None:
-        """Move no joint faster than ``scale`` times its limit, from the next command on."""
+        """Move no joint faster than ``scale`` times its limit: speeds from the next command on, positions later."""
         self._scale = scale
         self._speeds.limit(slower(self._limits, scale))
 
     def _scale_positions(self) -> None:
-        """Positions are sent later than the speeds that go with them, and so are their limits."""
+        """Positions are sent later than the speeds that go with them, so their limits come down later, too."""
+        self._scales.append(self._scale)
         if self._scaled != self._scale:
-            self._scales.append(self._scale)
             self._scaled = max(self._scales)
             self._positions.limit(slower(self._limits, self._scaled))
 
@@ -633,33 +641,18 @@ class Limiter:
             return self._last
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             self.is_waiting = False
+            self._delay.clear()
             return self._come_to(state, dt)
-        desired = self._behind_speed(desired)
+        if desired is None or self._gain == 0.0 or not _is_finite(desired):
+            self._delay.clear()
+        else:
+            desired = self._delay.next(desired, state.dt, self._positions.position)
         if self._has_to_wait():
             desired = self._place_to_wait()
             self._speeds.follow(self._references.speeds(state, self._references.followed), dt)
         if self._collisions is None:
             return self._next(state, desired, dt)
         return self._next_apart(self._collisions, state, desired, dt)
-
-    def _behind_speed(self, desired: ArmCommand | None) -> ArmCommand | None:
-        """What is desired with the position that goes with its speed.
-
-        A robot's plan takes a speed at once, and its servo is that much later where the plan was: a position that was
-        fed forward with its speed would ask for the way of that time once more.
-        """
-        places = self._places
-        if desired is None or self._gain == 0.0:
-            places.clear()
-            return desired
-        if not places:
-            places.append(self._positions.position)
-        places.append(desired.position)
-        self._without_speed = self._without_speed + 1 if desired.velocity is ZERO else 0
-        if self._without_speed >= SERVO_CYCLES + 2:  # by then the position has come to where the speeds ended
-            return desired
-        rows = zip(places[max(-len(places), -SERVO_CYCLES - 1)], places[0], strict=True)
-        return desired._replace(position=joints([0.5 * (later + sooner) for later, sooner in rows]))
 
     def _has_to_wait(self) -> bool:
         """Whether the command waits in this cycle, for a robot that follows an older one."""
@@ -733,7 +726,7 @@ class Limiter:
         if desired is None or (holds and not self.is_waiting):
             command = self._hold(state, dt)
             self._settling_for += state.dt
-            is_near = dist(command.position, state.planned) < _SLIGHT_LEAD
+            is_near = dist(command.position, state.position) < _SLIGHT_LEAD
             # The arm stands sooner than the command is back; what keeps shaking does so for its noise.
             self._is_settling = not (self.is_at_rest or (is_near and self._settling_for >= _SETTLING))
             return command
@@ -800,6 +793,7 @@ class Limiter:
     def _begin_session(self, state: ArmState) -> ArmState:
         self._session, self._entering, self._stop_within = state.session, None, None
         self.is_waiting = False
+        self._delay.clear()
         self._references.begin(state)
         self._feedback.begin()
         return self._accept(state)
@@ -832,13 +826,13 @@ class Limiter:
         as quickly as the robot may brake. So it comes to rest on its way, not where the lead points; and not beyond,
         since a command would run after a plan that is reported elsewhere than the robot's for as long as that follows.
         """
-        last, planned = self._positions.position, state.planned
+        last, resting = self._positions.position, self._place_to_rest(state)
         if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
             return ArmCommand(last, self._speeds.next(state, last, ZERO, dt))
-        # A command that chased the noise of the plan would never rest; a lead of some size shows whether it is taken.
-        kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
+        # A command that chased noise would never rest; a lead of some size shows whether it is taken.
+        kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _SETTLED
         self._stop_within = self._stop_within or self._places_to_stop(state)
-        rows = zip(last, planned, *self._stop_within, strict=True)
+        rows = zip(last, resting, *self._stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
         position = self._go_to(goal, state, dt)
         is_led = largest_difference(position, goal) >= _NO_LEAD
@@ -846,6 +840,15 @@ class Limiter:
         velocity = self._speeds.next(state, position, against, dt)
         self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
         return ArmCommand(position, velocity)
+
+    def _place_to_rest(self, state: ArmState) -> Joints:
+        """The position that a robot goes on to report if it stops now [rad], (7,).
+
+        Not that of its plan, which a load keeps elsewhere than what is reported: the robot's loop would go on.
+        """
+        if max(map(abs, state.velocity)) < STANDING:
+            return state.position
+        return moved(state.position, state.velocity, SERVO_CYCLES * CYCLE)
 
     def _places_to_stop(self, state: ArmState) -> tuple[Joints, Joints]:
         """Between which positions a robot that is to stop comes to rest [rad], (7,).

@@ -48,12 +48,10 @@ def plan_gain(gain: float) -> float:
     return gain / (1.0 - gain * SERVO_CYCLES * CYCLE)
 
 
-COMMAND_CYCLES = 2
-"""So many cycles after a state the robot's plan uses its reply: one until the reply is taken, one in the robot."""
-
-DELAY = 0.0262
-"""From a command to the motion that the virtual robot reports, at full-speed settings [s]: the cycles above, and half
-of the one for which a command counts; ``yumi_evaluation.metrics`` finds it in recorded cycles."""
+DELAY = 0.0252
+"""From a command to the motion that the virtual robot reports, at full-speed settings [s]: a cycle until the reply is
+taken, a cycle in the robot, half of the cycle for which it counts, and the servo's cycles; ``yumi_evaluation.metrics``
+finds it in recorded cycles."""
 
 STANDING = 0.05
 """An arm whose joints all move slower than this stands [rad/s]; measured positions jitter."""
@@ -327,8 +325,8 @@ class SpeedMotion:
         self._first = 0  # cycles that are left of those
 
     def begin(self, state: ArmState) -> None:
-        """Begin from where the robot plans to be, with the speed it has."""
-        self.position = state.planned
+        """Begin from where the robot is, with the speed it has."""
+        self.position = state.position
         self._velocity = speeds_without_noise(state.velocity)
         self._rates = [0.0] * JOINT_COUNT
 

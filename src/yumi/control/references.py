@@ -6,7 +6,7 @@ docs/explanation/decisions/0049-lost-commands-wait.md).
 
 from __future__ import annotations
 
-from math import dist, hypot
+from math import dist, expm1, hypot, pi
 
 from yumi.control.feedback import LONGEST
 from yumi.control.motion import SERVO_CYCLES
@@ -40,15 +40,20 @@ class ReferenceMonitor:
     Args:
         gain: of the robot's position loop [1/s].
         fastest: speeds that the robot's joints do not exceed under EGM [rad/s], (7,).
+        period: time between two states of the arm [s].
+        bandwidth: of the robot's low-pass filter on the speed [Hz]; 0 is none.
 
     Attributes:
         are_ignored: whether the plan stood still although references led it, and has not moved since.
     """
 
-    def __init__(self, gain: float, fastest: Joints) -> None:
+    def __init__(self, gain: float, fastest: Joints, period: float = CYCLE, bandwidth: float = 0.0) -> None:
         self.are_ignored = False
         self._gain = gain
         self._fastest = fastest
+        self._period = period
+        self._bandwidth = bandwidth
+        self._moved: Joints = ZERO  # how the plan moved before the newest state [rad/s]
         self._sent = ArmCommand(ZERO)  # what the robot's plan can show by now
         self._commands = [self._sent]  # the one that its plan has shown, then those that it has not shown yet
         self._furthest = 0  # which of them is the newest that the plan has shown
@@ -83,8 +88,10 @@ class ReferenceMonitor:
         commands = self._commands
         if state is None or last is None or len(commands) == 1 or last.session != state.session or state.dt <= 0.0:
             self._doubt()
+            if state is not None and last is not None and state.dt > 0.0:
+                self._moved = change_rate(state.planned, last.planned, state.dt)
             return
-        moved = change_rate(state.planned, last.planned, state.dt)
+        moved = self._unfiltered(change_rate(state.planned, last.planned, state.dt), state.dt)
         oldest = self.speeds(last, commands[0])
         if self._bounded(oldest) is not oldest:  # as slowed as all that follow: they look alike
             return
@@ -106,6 +113,14 @@ class ReferenceMonitor:
         begin, end = (1, len(commands) - 1) if len(alike) == len(commands) else (0, alike[0])
         del commands[begin:end]
         self._furthest = max(0, self._furthest - (end - begin))
+
+    def _unfiltered(self, moved: Joints, dt: float) -> Joints:
+        """The speed that the robot's filter made ``moved`` of [rad/s], (7,)."""
+        before, self._moved = self._moved, moved
+        if self._bandwidth <= 0.0:
+            return moved
+        new = -expm1(-2.0 * pi * self._bandwidth * dt)
+        return joints([old + (now - old) / new for old, now in zip(before, moved, strict=True)])
 
     @property
     def is_repeating(self) -> bool:
@@ -170,7 +185,7 @@ class ReferenceMonitor:
         left = min(state.time - last.time, LONGEST)
         commands = iter(self._acting)
         while left > 1e-9:
-            dt = min(left, CYCLE)
+            dt = min(left, self._period)
             left -= dt
             speeds = self.speeds(last._replace(position=position), next(commands, self._sent))
             share = dt / (SERVO_CYCLES * CYCLE)

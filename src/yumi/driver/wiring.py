@@ -193,6 +193,7 @@ class EgmPlan:
         period: time between two datagrams of an arm [s].
         controllers: what runs on each arm.
         position_gain: of the robot's own position loop [1/s].
+        bandwidth: of the robot's low-pass filter on the speed [Hz]; 0 is none.
         limits: what the joints may do in the robot's EGM motion.
         prefix: before the names of joints.
         collision: what keeps the arms apart.
@@ -207,6 +208,7 @@ class EgmPlan:
     period: float
     controllers: Controllers
     position_gain: float = EGM_GAIN
+    bandwidth: float = 0.0
     limits: JointLimits = YUMI_LIMITS
     prefix: str = ""
     collision: CollisionSettings = field(default_factory=lambda: CollisionSettings(enabled=False))
@@ -238,6 +240,7 @@ def plan_egm(settings: Settings, controllers: Controllers) -> EgmPlan:
         motion.sample_rate * 1e-3,
         check_controllers(controllers),
         position_gain=EGM_GAIN * motion.pos_corr_gain,
+        bandwidth=motion.lp_filter,
         limits=YUMI_LIMITS.slowed_to(radians(motion.max_speed_deviation)),
         prefix=settings.ros.prefix,
         collision=settings.collision,
@@ -267,7 +270,8 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         start_controllers(manager, plan.controllers[side])
         arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
-        limiter = Limiter(plan.limits, plan.period, plan.position_gain, partial(position, side.other), apart)
+        elsewhere = partial(position, side.other)
+        limiter = Limiter(plan.limits, plan.period, plan.position_gain, elsewhere, apart, plan.bandwidth)
         recorder = FlightRecorder(own.flight)
         loop = ArmLoop(
             side,

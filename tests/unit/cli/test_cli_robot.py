@@ -261,7 +261,7 @@ def completions(words: str, incomplete: str) -> list[str]:
 
 
 def test_shell_completes_commands_poses_and_controllers(driver: FakeDriver) -> None:
-    assert completions("yumi", "co") == ["completion", "controller", "controllers"]
+    assert completions("yumi", "co") == ["compare", "completion", "controller", "controllers"]
     assert completions("yumi move right", "r") == ["ready"]
     assert completions("yumi switch right", "joint_g") == [GOAL_CONTROLLER]
 

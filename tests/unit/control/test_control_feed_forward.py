@@ -13,7 +13,20 @@ from hypothesis import strategies as st
 from yumi.control.controller import Controller
 from yumi.control.limiter import FeedForwardLimiter, Limiter
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, joints
+from yumi.robot.joints import (
+    CYCLE,
+    YUMI_LIMITS,
+    ZERO,
+    ArmCommand,
+    ArmState,
+    Joints,
+    Side,
+    change_rate,
+    home,
+    joints,
+)
+from yumi.virtual.mechanics.arm import Servo
+from yumi.virtual.mechanics.motion import ArmModel, EgmMotion, EgmSettings
 from yumi_evaluation.virtual_time import FULL_SPEED, VirtualArmRig
 
 FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
@@ -150,3 +163,35 @@ def test_guard_refuses_a_speed_that_is_no_number() -> None:
     arm.run(0.1)
     assert arm.snapshot.refused >= 24
     assert arm.cycles[-1].sent.velocity is ZERO
+
+
+def bent(position: Joints, angle: float) -> Joints:
+    return joints([each + angle * (index == 3) for index, each in enumerate(position)])
+
+
+@pytest.mark.parametrize("deflection", [0.0, 3e-4, 1e-3, 1e-2])
+def test_arm_that_a_load_keeps_off_its_plan_stands_when_it_is_held(deflection: float) -> None:
+    start, model = home(Side.LEFT), ArmModel()
+    limiter, motion, servo = (
+        Limiter(YUMI_LIMITS),
+        EgmMotion(start, EgmSettings(max_speed=10.0), model),
+        Servo(start, model),
+    )
+    reported, places = start, []
+    for cycle in range(1500):
+        last, reported = reported, bent(servo.position, -deflection)
+        speed = change_rate(reported, last, CYCLE) if cycle else ZERO
+        state = ArmState(
+            cycle * CYCLE, CYCLE if cycle else 0.0, 1, reported, speed, motion.state.position, is_running=True
+        )
+        is_led = cycle < 400
+        command = limiter.limit(state, ArmCommand(bent(start, min(0.05, 5e-4 * cycle))) if is_led else None)
+        limiter.observe(state)
+        motion.reported = reported
+        motion.advance(CYCLE)
+        servo.advance(motion.state.position, CYCLE)
+        motion.reference, motion.reference_velocity = command.position, command.velocity
+        places.append(reported[3])
+    assert limiter.is_at_rest
+    assert max(places[900:]) - min(places[900:]) < 1e-4
+    assert places[-1] == pytest.approx(places[400], abs=5e-3)

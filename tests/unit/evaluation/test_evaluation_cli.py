@@ -11,7 +11,7 @@ from yumi.cli.main import main
 from yumi_evaluation import cli
 
 
-@pytest.mark.parametrize("command", ["evaluate", "tune", "bench", "compare", "measure"])
+@pytest.mark.parametrize("command", ["evaluate", "tune", "bench"])
 def test_missing_extra_is_named_before_anything_is_computed(monkeypatch: pytest.MonkeyPatch, command: str) -> None:
     missing = {"jinja2", "matplotlib"}
     monkeypatch.setattr(cli, "find_spec", lambda name: None if name in missing else importlib.util.find_spec(name))

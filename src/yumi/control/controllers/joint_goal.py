@@ -188,12 +188,12 @@ class JointGoalController(Controller):
                 except CommandRefused as error:
                     self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
         if self._standstill is not None:
-            # The command that came meanwhile begins from where the robot plans to be then: loads make it creep.
-            self._setpoint = Setpoint(state.planned)
+            # The command that came meanwhile begins from where the robot is then: loads make it creep.
+            self._setpoint = Setpoint(state.position)
             if not self._standstill.is_over(state):
                 return None
             self._standstill = None
-            self._rest_at(state.planned)
+            self._rest_at(state.position)
             if self._order is not None:
                 self._start(self._planned(self._order)[1])
         scale = self._scale
@@ -257,7 +257,7 @@ class JointGoalController(Controller):
 
     def _hold(self, state: ArmState) -> None:
         self._standstill = StandstillDetector(state)
-        self._rest_at(state.planned)
+        self._rest_at(state.position)
 
     def _rest_at(self, position: Joints) -> None:
         self._setpoint = Setpoint(position)

@@ -141,9 +141,9 @@ class JointPositionController(Controller):
         return ArmCommand(fixed([now + p * (to - now) + integral - d * v for now, to, v, p, integral, d in parts]))
 
     def _track(self, state: ArmState, goal: Goal | None) -> ArmCommand | None:
-        if not self._is_tracking:  # from where the robot plans to be, with the speed it has, to the goal there is
+        if not self._is_tracking:  # from where the robot is, with the speed it has, to the goal there is
             self._is_tracking = True
-            self._filter.begin(state.planned, speeds_without_noise(state.velocity))
+            self._filter.begin(state.position, speeds_without_noise(state.velocity))
             self._predictor.rest_at(self._goal or state.position)
         if goal is not None:
             self._predictor.add(*goal)

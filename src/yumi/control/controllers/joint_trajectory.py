@@ -550,7 +550,7 @@ class JointTrajectoryController(Controller):
         """An arm that moves comes to rest first: it was led by another law, whose command is no place to go on from."""
         self._goal, self._state, self._feedback_due = None, state, -inf
         self._rate = self._scale = self._settings.scale
-        self._rest_at(state.planned)
+        self._rest_at(state.position)
         self._standstill = StandstillDetector(state)
 
     def deactivate(self) -> None:
@@ -578,7 +578,7 @@ class JointTrajectoryController(Controller):
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
         if self._standstill is not None:
-            self._rest_at(state.planned)
+            self._rest_at(state.position)
             if not self._standstill.is_over(state):
                 return None
             self._standstill = None
@@ -595,6 +595,8 @@ class JointTrajectoryController(Controller):
         self._times.append((state.time, self._time))
         self._position, velocity = self._source.motion(self._time)
         self._is_judged = False
+        if share == 0.0:
+            velocity = ZERO
         self._velocity = velocity if velocity is ZERO or share == 1.0 else _scaled(velocity, share)
         return ArmCommand(self._position, self._velocity)
 
@@ -689,7 +691,7 @@ class JointTrajectoryController(Controller):
             return
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
-        time = self._shown_time(state)
+        time = self._measured_time(state)
         if self._pace != self._judged_pace:
             self._judged_pace, self._paced_at = self._pace, state.time
         is_steady = state.time - self._paced_at > _SETTLING
@@ -699,12 +701,13 @@ class JointTrajectoryController(Controller):
         elif goal.phase is Phase.REACHED and self._may_succeed(goal):
             self._succeed()
 
-    def _shown_time(self, state: ArmState) -> float:
+    def _measured_time(self, state: ArmState) -> float:
         """The time on the trajectory that the measured position belongs to [s]: that of a ``lookahead`` ago."""
         ago, times = state.time - self._settings.lookahead, self._times
-        for (before, was), (after, then) in pairwise(reversed(times)):
-            if after <= ago:
-                return then + (was - then) * (ago - after) / (before - after) if before > after else then
+        for (newer_time, newer), (older_time, older) in pairwise(reversed(times)):
+            if older_time <= ago:
+                passed = newer_time - older_time
+                return older + (newer - older) * (ago - older_time) / passed if passed > 0.0 else older
         return self._time - self._settings.lookahead * self._pace
 
     def _time_at_once(self, state: ArmState) -> float:
@@ -740,7 +743,7 @@ class JointTrajectoryController(Controller):
         state = self._state
         if state is not None and is_held_back(self._position, self._velocity, state.planned):
             # What the limiter withheld from the arm would be made up for as soon as its way is free.
-            self._rest_at(state.planned)
+            self._rest_at(state.position)
             self._standstill = StandstillDetector(state)
             return
         setpoint = self._source.setpoint(self._time)
@@ -750,6 +753,7 @@ class JointTrajectoryController(Controller):
         strength = joints([_BRAKE_SHARE * each for each in self._settings.deceleration])
         self._source = _Brake(stop(setpoint, replace(self._limits, acceleration=strength, jerk=softer)))
         self._time, self._position = 0.0, setpoint.position
+        self._times.clear()
 
     @property
     def _is_braking(self) -> bool:
@@ -758,13 +762,14 @@ class JointTrajectoryController(Controller):
     def _rest_at(self, position: Joints) -> None:
         self._source = _resting(position)
         self._time, self._position, self._velocity = 0.0, position, ZERO
+        self._times.clear()
 
     def _give_feedback(self, state: ArmState) -> None:
         goal, source = self._goal, self._source
         if state.time - self._feedback_due > self._settings.feedback_period:
             self._feedback_due = state.time
         self._feedback_due += self._settings.feedback_period
-        time = self._shown_time(state) if goal is not None else self._time
+        time = self._measured_time(state) if goal is not None else self._time
         desired, velocity = source.motion(time)
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
             velocity = _scaled(velocity, self._pace)
@@ -828,14 +833,6 @@ class DualArmTrajectoryController(JointTrajectoryController):
     def deactivate(self) -> None:
         super().deactivate()
         self._halves.pop(self._side, None)
-
-    def _shown_time(self, state: ArmState) -> float:
-        """The time on the trajectory that the measured position belongs to [s]: that of a ``lookahead`` ago."""
-        ago, times = state.time - self._settings.lookahead, self._times
-        for (before, was), (after, then) in pairwise(reversed(times)):
-            if after <= ago:
-                return then + (was - then) * (ago - after) / (before - after) if before > after else then
-        return self._time - self._settings.lookahead * self._pace
 
     def _time_at_once(self, state: ArmState) -> float:
         """Arms at rest take the newer of their datagrams as the start, so that they are in step from the first cycle.
