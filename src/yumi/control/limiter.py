@@ -27,7 +27,6 @@ from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
     EGM_GAIN,
     SERVO_CYCLES,
-    STANDING,
     Setpoint,
     braking_path,
     fixed,
@@ -60,7 +59,6 @@ _STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
 _CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _HOP = 1e-3  # [rad] beside something an arm goes by so much at once
 _HOPS = 0.1  # [rad/s] while it is slower than this
-_FAST = 1.01  # times a joint's speed: a goal that is faster jumps
 _FOLLOWABLE = 0.96  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
 
 
@@ -252,9 +250,9 @@ class PositionLimiter:
             end = limits.upper[index] if speed > 0.0 else limits.lower[index]
             room = (end - last.position[index]) * copysign(1.0, speed)
             way = abs(speed) * (abs(speed) / top + 2.0 * top / jerk + 2.0 * dt)
-            if abs(speed) > fastest * _FAST or way >= room:
+            if abs(speed) > _FOLLOWABLE * fastest or way >= room:
                 continue
-            speeds[index] = max(-_FOLLOWABLE * fastest, min(_FOLLOWABLE * fastest, speed))
+            speeds[index] = speed
             if abs(rate) <= _FOLLOWABLE * top and abs(rate - before[index]) <= jerk * elapsed:
                 speeds[index] = max(-_FOLLOWABLE * fastest, min(_FOLLOWABLE * fastest, speed + 0.5 * rate * dt))
                 rates[index] = rate
@@ -842,13 +840,18 @@ class Limiter:
         return ArmCommand(position, velocity)
 
     def _place_to_rest(self, state: ArmState) -> Joints:
-        """The position that a robot goes on to report if it stops now [rad], (7,).
+        """The position that a robot goes on to report if it stops now [rad], (7,): nearer to its plan while it moves.
 
         Not that of its plan, which a load keeps elsewhere than what is reported: the robot's loop would go on.
         """
-        if max(map(abs, state.velocity)) < STANDING:
-            return state.position
-        return moved(state.position, state.velocity, SERVO_CYCLES * CYCLE)
+        rows = zip(state.position, state.velocity, state.planned, strict=True)
+        ways = [(now, speed * SERVO_CYCLES * CYCLE, plan - now) for now, speed, plan in rows]
+        return joints(
+            [
+                now + (min(way, left) if way > 0.0 < left else max(way, left) if way < 0.0 > left else 0.0)
+                for now, way, left in ways
+            ]
+        )
 
     def _places_to_stop(self, state: ArmState) -> tuple[Joints, Joints]:
         """Between which positions a robot that is to stop comes to rest [rad], (7,).

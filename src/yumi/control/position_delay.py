@@ -13,8 +13,9 @@ from math import inf
 from yumi.control.motion import SERVO_CYCLES
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints, joints
 
-BEHIND = SERVO_CYCLES * CYCLE
-"""By so much a position is sent later than its speed [s]: whole cycles, so that what was desired is sent unchanged."""
+BEHIND = (SERVO_CYCLES + 0.5) * CYCLE
+"""By so much a position is sent later than its speed [s]: the servo's delay, and half of the cycle for which a speed
+counts."""
 
 
 class PositionDelay:
@@ -40,7 +41,7 @@ class PositionDelay:
         """
         self._now += dt
         if not self._places:
-            self._places.append((-inf, sent))
+            self._places.append((self._now - dt, sent))
         self._places.append((self._now, desired.position))
         if desired.velocity is not ZERO:
             self._with_speed = self._now
@@ -52,5 +53,5 @@ class PositionDelay:
         (older_time, older), (newer_time, newer) = self._places[0], self._places[1]
         if due >= newer_time:
             return desired._replace(position=newer)
-        share = 0.0 if older_time == -inf else (due - older_time) / (newer_time - older_time)
+        share = max(0.0, due - older_time) / (newer_time - older_time) if newer_time > older_time else 1.0
         return desired._replace(position=joints([a + share * (b - a) for a, b in zip(older, newer, strict=True)]))
