@@ -158,9 +158,9 @@ def test_goal_controller_holds_an_arm_until_it_stands(arm: VirtualArmRig, what: 
     for step in range(20):
         moving = {"planned": moved(HOME, 0.1 * step), "velocity": moved(ZERO, 0.1 * 57.0)}
         assert arm.controller.update(arm.state._replace(**{what: moving[what]})) is None
-    calm = arm.state._replace(planned=moved(HOME, 1.9))
+    calm = arm.state._replace(position=moved(HOME, 1.9), planned=moved(HOME, 1.9 + 1e-3))
     commands = [arm.controller.update(calm) for _ in range(12)]
-    assert commands[-1] == ArmCommand(calm.planned)
+    assert commands[-1] == ArmCommand(calm.position)  # a load may keep it off its plan
     assert 9 <= commands.count(None) <= 11
 
 
