@@ -45,8 +45,9 @@ def test_servers_answer_in_every_cycle_and_no_cycle_is_missed(seconds: float) ->
         f"{statistics.mean(gaps) * 1e3:.3f} ms, longest {max(gaps) * 1e3:.1f} ms"
     )
     for arm in arms:
-        assert arm.numbers == list(range(arm.numbers[0], arm.numbers[0] + len(arm.numbers))), "a cycle is missing"
-        assert len(arm.numbers) > 0.95 * (seconds - 1.0) / CYCLE
+        begun = len(arm.numbers) - 1 - arm.numbers[::-1].index(0)  # a stream may come before it, with its own numbers
+        assert arm.numbers[begun:] == list(range(len(arm.numbers) - begun)), "a cycle is missing"
+        assert len(arm.numbers) - begun > 0.95 * (seconds - 1.0) / CYCLE
     assert min(answered) > 0.5 * max(answered) > 0  # no connection is kept waiting for the others
 
 
