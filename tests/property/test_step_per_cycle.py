@@ -54,7 +54,7 @@ def lossy(chance: Random, share: float) -> Wire:
 
 
 class WatchedLimiter(Limiter):
-    """A limiter that remembers in which cycles the command began to wait for the robot to hear it."""
+    """A limiter that remembers in which cycles the command began to wait for a robot that follows an older one."""
 
     def __init__(self) -> None:
         super().__init__(YUMI_LIMITS)
@@ -76,7 +76,7 @@ class Steps:
         self.rest()
 
     def rest(self) -> None:
-        """What follows begins at rest: a session has begun, or the command waits for the robot to hear it."""
+        """What follows begins at rest: a session has begun, or the command waits."""
         self._rates = [[0.0] * 7, [0.0] * 7]
 
     def note(self, position: Joints) -> None:

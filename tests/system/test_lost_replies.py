@@ -27,7 +27,7 @@ pytestmark = pytest.mark.timeout(300)
 LOST = (0.06, 0.1, 0.15, 0.25, 0.4)  # [s]
 FAST, MOVES = radians(120.0), radians(0.01)  # [rad/s] of a command; [rad]
 MISSED = 5
-"""Commands that the robot may have missed when it hears one again: their way is what reaches it at once."""
+"""Commands that the robot may have missed when it gets one again: their way is what reaches it at once."""
 
 TURN = radians(110.0)
 PATIENCE = 20.0  # [s]
@@ -139,7 +139,7 @@ def losses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Losses]:
 
 
 @pytest.mark.parametrize("rounds", [short(1, pytest.mark.real_time), long(10, 1800.0)])
-def test_robot_that_hears_again_changes_its_speed_by_no_more_than_five_commands_explain(
+def test_robot_that_follows_again_changes_its_speed_by_no_more_than_five_commands_explain(
     losses: Losses, rounds: float
 ) -> None:
     count = 0

@@ -28,7 +28,7 @@ LIMITS = YUMI_LIMITS.slowed_to(radians(180.0))
 FROM: Joints = (0.3, -1.9, -1.2, 0.0, 0.0, 0.0, 0.0)
 TO: Joints = (1.9, -0.5, 0.6, 1.0, 2.5, 1.5, 2.5)
 MISSED = 5
-"""Commands that the robot may have missed when it hears one again: their way is what reaches it at once."""
+"""Commands that the robot may have missed when it gets one again: their way is what reaches it at once."""
 
 Drive = Callable[[VirtualArmRig], None]
 
@@ -149,7 +149,7 @@ AT_REST, AT_SPEED = (0.0, 0.02, 0.04), (0.2, 0.3, 0.45)
 @pytest.mark.parametrize("seconds", LOST)
 @pytest.mark.parametrize("name", ARMS)
 @pytest.mark.parametrize("begins", [AT_REST, AT_SPEED], ids=["from rest", "at speed"])
-def test_robot_that_hears_again_changes_its_speed_by_no_more_than_five_commands_explain(
+def test_robot_that_follows_again_changes_its_speed_by_no_more_than_five_commands_explain(
     begins: tuple[float, ...], name: str, seconds: float
 ) -> None:
     for begin in begins:
@@ -180,7 +180,7 @@ def test_motion_goes_on_after_60_ms_of_lost_replies(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ARMS)
-def test_robot_that_hears_nothing_any_more_is_reported_once_it_stands(name: str) -> None:
+def test_robot_that_gets_no_reply_any_more_is_reported_once_it_stands(name: str) -> None:
     arm = ARMS[name]()
     arm.run(0.3)
     arm.lose(4.0)

@@ -708,17 +708,17 @@ class ControllerManager:
 
     def note_withheld(self, position: Joints) -> None:
         """The limiter holds the arm at ``position`` [rad], see :meth:`.Controller.note_withheld`. Never raises."""
-        for loaded in self._commanding:
-            try:
-                loaded.controller.note_withheld(position)
-            except Exception as error:
-                self._fail(loaded, error)
+        self._note(lambda controller: controller.note_withheld(position))
 
     def note_waiting(self, position: Joints) -> None:
         """The command waits at ``position`` [rad], see :meth:`.Controller.note_waiting`. Never raises."""
+        self._note(lambda controller: controller.note_waiting(position))
+
+    def _note(self, note: Callable[[Controller], None]) -> None:
+        """Let the controllers that command the arm take note of something; one that raises has failed."""
         for loaded in self._commanding:
             try:
-                loaded.controller.note_waiting(position)
+                note(loaded.controller)
             except Exception as error:
                 self._fail(loaded, error)
 

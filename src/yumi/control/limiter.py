@@ -5,9 +5,8 @@ fast, and change its motion only as quickly, as the joints may, measured from th
 come to rest, then to repeat the last command, not the measured position, which creeps under load.
 
 It does not trust the session. Whatever a datagram says, as long as the robot may be following earlier commands the next
-one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`,
-which commands the robot follows in :mod:`yumi.control.references`
-(docs/explanation/decisions/0014-feedback-is-doubted.md).
+one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`, which commands the
+robot follows in :mod:`yumi.control.references` (docs/explanation/decisions/0014-feedback-is-doubted.md).
 
 Three parts, each for what it limits: :class:`PositionLimiter`, :class:`FeedForwardLimiter`, and :class:`SpeedScale` for
 the factor ``speed_scale`` on the speed of whatever moves an arm.
@@ -811,7 +810,7 @@ class Limiter:
         self._positions.rest_at(position)
         self._speeds.end()
         self.is_at_rest, self._stop_within = True, None
-        self._is_new = self._is_settling = self.is_waiting = False
+        self._is_new = self._is_settling = False
         command = ArmCommand(position)
         self._references.begin(state, command)
         return command

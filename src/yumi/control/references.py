@@ -26,7 +26,7 @@ needed on a network on which replies usually show later."""
 
 _EXPLAINED, _EXPLAINED_SHARE = 0.05, 0.02  # [rad/s] over all joints, and of the speed: near enough to a command's speed
 _LATEST, _FORGETTING = 25, 0.02  # of the commands that are usually on their way: the most; by how much fewer a cycle
-_NEXT = 2  # commands further a robot goes in a cycle that hears all of them, at most
+_NEXT = 2  # commands further a robot goes in a cycle if none is lost, at most
 _REMEMBERED = 40  # commands: the first of them, and the newest
 _SAME_SPEED = 2e-3  # [rad/s] over all joints: what two commands make of the plan is the same
 
@@ -128,16 +128,14 @@ class ReferenceMonitor:
         return self._repeated >= LOST_AFTER - 1 + self._latency
 
     def are_lost(self, changes: Joints) -> bool:
-        """Whether it misses commands that would change a joint's speed by more than ``changes`` [rad/s], (7,)."""
+        """Whether the robot misses commands that change a joint's speed by more than ``changes`` [rad/s], (7,)."""
         if not self.is_repeating:
             return False
         followed, newest = self._commands[0], self._commands[-1]
         rows = zip(followed.position, newest.position, followed.velocity, newest.velocity, changes, strict=True)
         return any(abs(self._gain * (q - p) + w - v) > most for p, q, v, w, most in rows)
 
-    def observe(
-        self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool, is_waiting: bool = False
-    ) -> None:
+    def observe(self, state: ArmState, sent: ArmCommand, *, is_valid: bool, is_at_rest: bool, is_waiting: bool) -> None:
         """After each reply.
 
         Args:

@@ -81,7 +81,7 @@ RATE = 30.0
 """A page gets the state so often [1/s]."""
 
 STALE = 0.05
-"""A jog that has waited here for longer is not carried out [s]."""
+"""A jog that has waited here for longer is not carried out, but its end is [s]."""
 
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
@@ -474,9 +474,9 @@ class Operator:
             received = self._newest_jog
             if received is None or self._link is None or received.jog.hold == self._refused:
                 continue
-            if time.monotonic() - received.time > STALE:
-                continue
             jog = received.jog
+            if time.monotonic() - received.time > STALE and jog.request != jog.at_rest:
+                continue  # the end of a jog is never too late
             try:
                 state = self._live.state()
                 leading = tuple(each.name for each in state.controllers[jog.arm] if each.commands)

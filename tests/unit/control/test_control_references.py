@@ -32,7 +32,7 @@ class Robot:
         planned: Joints = joints([goal - (goal - now) * left for goal, now in rows])
         state = self._state._replace(time=self._state.time + CYCLE, dt=CYCLE, position=planned, planned=planned)
         self.monitor.compare(state)
-        self.monitor.observe(state, sent, is_valid=True, is_at_rest=False)
+        self.monitor.observe(state, sent, is_valid=True, is_at_rest=False, is_waiting=False)
         self._state = state
 
 

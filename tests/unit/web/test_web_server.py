@@ -611,6 +611,23 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
     run(story, may_operate=True)
 
 
+def test_end_of_a_jog_is_carried_out_however_long_it_waited(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    driver.robot.control.on_command = driver.robot.rest
+    up = [0.0, 0.0, 0.02]
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            await held(page, lambda: twist_of(driver) == (*up, 0.0, 0.0, 0.0, 0.0), type="jog_tool", hold=1, linear=up)
+            monkeypatch.setattr(live, "STALE", -1.0)  # what waits has always waited for too long
+            await page.send(type="jog_tool", arm="right", hold=1)
+            await eventually(lambda: twist_of(driver) == ZERO)
+
+    run(story, may_operate=True)
+
+
 def test_next_page_gives_back_what_a_page_that_was_closed_has_jogged(driver: FakeDriver) -> None:
     driver.robot.control.on_command = driver.robot.rest
 
