@@ -92,6 +92,16 @@ runpy.run_path(EXAMPLE, run_name="__main__")
 """An example with EGM ports that nobody else uses."""
 
 
+def output_of(process: subprocess.Popen[str], timeout: float = TIMEOUT) -> str:
+    """What a process prints until its end; one that goes on after ``timeout`` is ended, and no other test meets it."""
+    try:
+        return process.communicate(timeout=timeout)[0]
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
+
+
 def run_python(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """A Python of its own in which ROS cannot be imported."""
     (folder / "rclpy.py").write_text("raise ImportError('there is no ROS here')\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from math import inf, nan, radians
 from pathlib import Path
 
 import pytest
-from script_bench import TIMEOUT, VirtualRobot
+from script_bench import TIMEOUT, VirtualRobot, output_of
 
 import yumi
 from yumi.api.robot import ArmMode, Robot
@@ -27,6 +27,8 @@ RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 TURNED = (*RIGHT[:6], RIGHT[6] + 0.5)
 FAR = (RIGHT[0] + 1.5, *RIGHT[1:])
 CLOSE = radians(0.15)
+PLANNING = 30.0
+"""How long a plan is looked for at most, unless a script says otherwise [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -214,7 +216,7 @@ def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) 
     assert script.stdout.readline().startswith(ANNOUNCEMENT)
     assert script.stdout.readline() == "moving\n"
     script.send_signal(signal.SIGINT)
-    output, _ = script.communicate(timeout=TIMEOUT)
+    output = output_of(script)
     assert output.rstrip().endswith("KeyboardInterrupt")
     assert not own_virtual.is_guided(Side.RIGHT)
 
@@ -225,7 +227,7 @@ def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_v
         "robot = yumi.connect(**OPTIONS).open()\n"
         "robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
     )
-    output, _ = script.communicate(timeout=TIMEOUT)
+    output = output_of(script)
     assert (script.returncode, len(output.splitlines())) == (0, 1)
     assert output.startswith(ANNOUNCEMENT)
     assert not own_virtual.is_guided(Side.RIGHT)
@@ -311,14 +313,14 @@ def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual:
     assert not own_virtual.is_guided(Side.RIGHT)
 
 
+@pytest.mark.timeout(300)
 @pytest.mark.parametrize(
-    ("name", "line"),
+    ("name", "line", "timeout"),
     [
-        ("script_move_and_grip.py", "left gripper: holding at 20 mm"),
-        ("script_both_arms.py", "right arm: holding, left arm: holding"),
-        ("plan_around.py", "back at home"),
+        ("script_move_and_grip.py", "left gripper: holding at 20 mm", TIMEOUT),
+        ("script_both_arms.py", "right arm: holding, left arm: holding", TIMEOUT),
+        ("plan_around.py", "back at home", TIMEOUT + 3 * PLANNING),
     ],
 )
-def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str) -> None:
-    output, _ = own_virtual.example(EXAMPLES / name).communicate(timeout=TIMEOUT)
-    assert line in output.splitlines()
+def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str, timeout: float) -> None:
+    assert line in output_of(own_virtual.example(EXAMPLES / name), timeout).splitlines()
