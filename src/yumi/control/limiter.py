@@ -433,7 +433,6 @@ _TAKEN_AT_ONCE = 0.75  # of what a joint's speed may change in a cycle
 _LATE = 1.25  # periods: the robot has repeated the last command meanwhile
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
-_SETTLED = 3e-4  # [rad] a lead that does not matter where an arm is to stand: measured positions are no surer
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
 _CONTRADICTS = 1e-3  # [rad] a plan may move by besides what the last command explains
 _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its references follows again
@@ -827,7 +826,7 @@ class Limiter:
         if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
             return ArmCommand(last, self._speeds.next(state, last, ZERO, dt))
         # A command that chased noise would never rest; a lead of some size shows whether it is taken.
-        kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _SETTLED
+        kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
         self._stop_within = self._stop_within or self._places_to_stop(state)
         rows = zip(last, resting, *self._stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])

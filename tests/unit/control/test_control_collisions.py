@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from itertools import count
 from math import dist, inf, radians
 
 import numpy as np
@@ -365,7 +366,7 @@ def post_at(position: Joints) -> Obstacle:
 
 
 @pytest.mark.parametrize(
-    "drive", [to, lambda goal: at_speed(scaled_by(0.3, YUMI_LIMITS.velocity))], ids=["late", "fed forward"]
+    "drive", [to, lambda goal: at_speed(scaled_by(0.4, YUMI_LIMITS.velocity))], ids=["late", "fed forward"]
 )
 def test_robot_goes_where_it_was_compared_when_its_command_brakes(
     drive: Callable[[Joints], Drive], monkeypatch: pytest.MonkeyPatch
@@ -811,9 +812,10 @@ def test_arm_that_begins_again_a_little_nearer_within_its_margin_may_leave(neare
 
 def test_command_that_is_no_number_is_refused_beside_a_boundary_too() -> None:
     arms = ApartArms(FORWARD, obstacles=())
-    for _ in range(300):
+    for cycle in count():
         arms.cycle({side: to(turned(side, radians(168.0 if side is Side.RIGHT else -168.0))) for side in Side})
-    assert arms.both.limited(Side.RIGHT)
+        if cycle > 300 and arms.both.limited(Side.RIGHT):  # not in every cycle: it goes nearer by small steps
+            break
     before = arms.limiters[Side.RIGHT].counters.refused
     arms.cycle({Side.RIGHT: to((inf,) * 7)})
     assert arms.limiters[Side.RIGHT].counters.refused == before + 1
