@@ -225,7 +225,7 @@ def test_arms_approach_each_other_on_the_demonstrations_own_virtual_robot_alone(
 
 @pytest.mark.timeout(240)
 def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
-    """In virtual time, from where nothing is near yet."""
+    """In virtual time, from where nothing is near yet; at first they go on along each other."""
     both = CollisionLimiter(CollisionSettings().model(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN, MARGIN)
     limiters = {side: Limiter(YUMI_LIMITS, collisions=both.arm(side)) for side in Side}
     arms, measured, time = {}, {}, 100.0
@@ -236,7 +236,7 @@ def test_limiter_holds_the_arms_of_the_approach_before_they_meet() -> None:
         arm.start_egm(EgmSettings(bandwidth=0.0, max_speed=10.0))
         measured[side] = begin
     speeds = dict.fromkeys(Side, 1.0)
-    for cycle in range(600):
+    for cycle in range(1000):
         time += CYCLE
         for side, arm in arms.items():
             velocity = change_rate(arm.position, measured[side], CYCLE)
