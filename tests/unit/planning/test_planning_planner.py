@@ -8,6 +8,7 @@ from contextlib import suppress
 from itertools import combinations, cycle, islice, pairwise
 from math import dist
 from statistics import median
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ from yumi.errors import CommandRefused, PlanNotFound
 from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner, disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ArmCommand, Joints, Pose, Side, home, joint_names, joints, named_pose
 from yumi.robot.kinematics import IDENTITY, tool0_to_body
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("roboplan") is None, reason="needs yumi-ros2[planning]")
@@ -248,6 +249,27 @@ def test_planning_ends_at_its_limit_of_time_with_the_way_that_was_found(
     hurried = planner.plan(*problem, timeout=250.0)  # over once the search has looked at the clock
     assert way(hurried) > way(planned)  # which was shortened
     assert nearest(hurried) > hurried.clearance - 0.002
+
+
+def test_motion_is_slowed_only_twice_more_where_that_does_not_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Home is nearer to the body than the limiter's margin: it refuses cycles of any motion there, however slow."""
+    crate = Obstacle("crate", Pose((0.45, -0.20, 0.08), IDENTITY), (0.16, 0.08, 0.16))
+    behind = joints([1.7472710, -1.1893670, -1.4920627, 0.2185945, 0.8892597, -1.3475264, 1.0628512])
+    start = {Side.RIGHT: behind, Side.LEFT: named_pose(Side.LEFT, "ready")}
+    counted = Planner(obstacles=(crate,))
+    refused: list[int] = []
+    judge = counted._refused
+
+    def count(*motion: Any) -> list[float]:
+        cycles = judge(*motion)
+        refused.append(len(cycles))
+        return cycles
+
+    monkeypatch.setattr(counted, "_refused", count)
+    counted.plan(start, HOME)
+    best = refused.index(min(refused))
+    assert min(refused) > 0
+    assert len(refused) == best + 3
 
 
 def test_arm_that_is_there_gets_a_motion_of_one_cycle(planner: Planner) -> None:
