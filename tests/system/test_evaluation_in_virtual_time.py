@@ -43,7 +43,6 @@ from yumi_evaluation.results import Results, Variant, document, write_json
 from yumi_evaluation.round_trips import virtual_machine_trips, virtual_trips
 from yumi_evaluation.virtual_time import FITTED, arm_with, run_virtually
 
-
 RUNS: dict[tuple[str, System, ArmModel | None], Trace] = {}
 
 

@@ -493,7 +493,7 @@ class Calls:
             argument = matched.get(parameter.key)
             if argument is not None and argument.value is not None and self.expressions.runs_routine(argument.value):
                 last = index
-        references = []
+        references: list[GetReference] = []
         for index, parameter in enumerate(parameters):
             argument = matched.get(parameter.key)
             if argument is None:
