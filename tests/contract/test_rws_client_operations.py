@@ -324,6 +324,13 @@ def test_positions_and_kinematics_are_those_of_the_arm(client: RwsClient) -> Non
     assert all(abs(length) < 1.0 for length in client.axis_pose("ROB_L", 1).position)
 
 
+@pytest.mark.parametrize("supervision", [Supervision(False, 80), Supervision(True, 100)], ids=["off", "on"])
+@pytest.mark.parametrize("kind", ["motion", "path"])
+def test_supervision_is_read_as_it_was_set(client: RwsClient, kind: str, supervision: Supervision) -> None:
+    getattr(client, f"set_{kind}_supervision")("ROB_L", supervision)
+    assert getattr(client, f"{kind}_supervision")("ROB_L") == supervision
+
+
 def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:
     assert client.mechanical_units() == ("ROB_R", "ROB_L", "ROB_R_7", "ROB_L_7")
     client.set_mechanical_unit("ROB_L", tool="tool0", coordinates=Coordinates.TOOL, jog_mode=JogMode.AXES_1_TO_3)
@@ -333,14 +340,6 @@ def test_units_supervision_calibration(client: RwsClient, bench: Bench) -> None:
     assert client.is_lead_through_on("ROB_L")
     client.set_lead_through("ROB_L", False)
     assert not client.is_lead_through_on("ROB_L")
-    for read, write in (
-        (client.motion_supervision, client.set_motion_supervision),
-        (client.path_supervision, client.set_path_supervision),
-    ):
-        write("ROB_L", Supervision(False, 80))
-        assert read("ROB_L") == Supervision(False, 80)
-        write("ROB_L", Supervision(True, 100))
-        assert read("ROB_L") == Supervision(True, 100)
     client.predict_collisions(False)
     assert not client.is_collision_predicted()
     client.predict_collisions(True)

@@ -7,8 +7,8 @@ import pytest
 
 from yumi.clock import ManualClock
 from yumi.errors import LoginRefused, NoConnection
-from yumi.rws.session import BURST, INTERVAL, Request, RwsSession
-from yumi.rws.transport import ConnectionLost
+from yumi.rws.session import BURST, Request, RwsSession
+from yumi.rws.transport import INTERVAL, ConnectionLost
 from yumi.virtual.rws import http
 
 TIMEOUT = 4.0
@@ -26,6 +26,7 @@ class ScriptedTransport:
     """Answers with the script's entries in turn, each after half a second."""
 
     address = "yumi"
+    request_interval = INTERVAL
 
     def __init__(self, clock: ManualClock, *script: httpx.Response | NoConnection) -> None:
         self._clock = clock

@@ -194,7 +194,7 @@ def test_slow_trajectory_that_is_cancelled_stops_at_once_and_another_one_can_beg
     assert_smooth(arm.arm.cycles[first:])
 
 
-@pytest.mark.parametrize("scale", [0.02, 0.1, 0.5])
+@pytest.mark.parametrize("scale", [0.05, 0.5])
 def test_point_to_point_motion_takes_as_much_longer(scale: float) -> None:
     durations = []
     for each in (1.0, scale):

@@ -1,6 +1,6 @@
 """Whatever arrives from the network: what leaves for the robot keeps the limits, and never departs from where it is.
 
-The real classes (session, arm, controllers, guard) behind a wire that may do anything, and a virtual robot.
+The real classes (session, arm, controllers, limiter) behind a wire that may do anything, and a virtual robot.
 ``pytest -m soak tests/property/test_receive_path.py`` tries more of it.
 """
 
@@ -362,7 +362,7 @@ def check_what_leaves(script: list[tuple[int, Action]], *, feeds_speed: bool) ->
 scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6)
 
 
-@settings(max_examples=50, suppress_health_check=list(HealthCheck))
+@settings(suppress_health_check=list(HealthCheck))
 @example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
     script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
 )
@@ -467,7 +467,7 @@ def test_motion_goes_on_within_the_limits_while_the_robots_clock_dithers(dither:
     loop.begin()
     loop.begun.append(loop.clock.now())
     loop.move(100)
-    for_a_while("dither", 60 if feeds_speed else 400, dither)(loop)  # with speeds not as far as the end of its range
+    for_a_while("dither", 60 if feeds_speed else 200, dither)(loop)  # with speeds not as far as the end of its range
     loop.move(60)
     assert_within_limits(loop)
     assert_led_within_limits(loop)
@@ -560,7 +560,7 @@ def test_motion_goes_on_within_the_limits_when_datagrams_come_late_at_once_or_no
     loop.to_us = lambda datagram: [each for sent in arriving(datagram) for each in wire(sent)]
     if name in ("50 ms late", "0 to 30 ms late"):  # so late that no reply can show
         loop.unheard_until = inf
-    loop.move(60 if feeds_speed else 400)
+    loop.move(60 if feeds_speed else 200)
     before, loop.to_us = len(loop.cycles), arriving
     loop.move(60)
     assert_within_limits(loop)
@@ -704,12 +704,12 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     loop.begin()
     loop.begun.append(loop.clock.now())
     loop.move(300)
-    for_a_while("is_swapped", 500)(loop)
+    for_a_while("is_swapped", 200)(loop)
     assert_within_limits(loop)
     lost = [event for event in loop.events if isinstance(event, ImplausibleFeedback) and event.is_lost]
     assert [event.deactivated for event in lost] == [(CONTROLLER,)]
     assert loop.snapshot.problem is Problem.IMPLAUSIBLE
-    assert loop.snapshot.implausible == 500
+    assert loop.snapshot.implausible == 200
     assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
     assert loop.line.state is not None
     assert dist(lost[0].position, OTHER_ARM) < 1e-5
@@ -843,7 +843,7 @@ def test_robot_that_jumps_is_reported_as_such_and_leads_no_command_away(name: st
         assert max(abs(value - middle) for value, middle in zip(loop.sent[-1], loop.home, strict=True)) < 0.5
 
 
-@pytest.mark.parametrize("by_deg", [-30.0, -10.0, -5.0, 2.0, 5.0, 10.0, 20.0, 30.0])
+@pytest.mark.parametrize("by_deg", [-30.0, -5.0, 2.0, 10.0])
 def test_arm_that_holds_does_not_run_after_positions_that_stay_displaced(by_deg: float) -> None:
     """Since the robot follows its commands, positions that are reported displaced would always be ahead of them."""
     loop = in_motion()
@@ -852,7 +852,7 @@ def test_arm_that_holds_does_not_run_after_positions_that_stay_displaced(by_deg:
     if loop.snapshot.is_commanded:
         loop.deactivate()
     left_at = loop.robot.arm.position
-    loop.run(3.0)
+    loop.run(1.5)
     assert_within_limits(loop)
     assert loop.robot.arm.motors_on
     assert is_at_rest(loop)

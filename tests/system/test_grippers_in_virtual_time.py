@@ -285,6 +285,7 @@ def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: S
 def test_gripper_that_a_person_jogs_is_not_calibrated_under_his_grippers(system: System) -> None:
     prepared = Preparing(system)
     system.grippers[Side.RIGHT].jog(opens=True)
+    system.wait(REPORTED)
     system.manager.make_ready()
     (complaint,) = prepared.complaints
     assert "The right gripper is not calibrated, and is not calibrated now: its fingers move" in complaint

@@ -74,7 +74,15 @@ class Monitored:
 @pytest.fixture
 def monitored() -> Monitored:
     monitored = Monitored(MovingSystem())
-    monitored.wait(1.0)
+    monitored.wait(0.3)
+    return monitored
+
+
+@pytest.fixture
+def without_egm(monitored: Monitored) -> Monitored:
+    """A robot with its monitor whose EGM has ended: its time passes several times as fast."""
+    monitored.system.manager.stop_egm()
+    monitored.wait(0.3)
     return monitored
 
 
@@ -269,8 +277,8 @@ def test_monitor_asks_little_while_nothing_happens(monitored: Monitored, monkeyp
     monkeypatch.setattr(
         monitored.system.http, "handle_request", lambda *request: asked.append(request) or exchange(*request)
     )
-    monitored.wait(10.0)
-    assert len(asked) <= 20
+    monitored.wait(5.5)
+    assert len(asked) <= 11
 
 
 def test_request_of_ours_is_left_most_of_the_requests_a_second(
@@ -284,12 +292,12 @@ def test_request_of_ours_is_left_most_of_the_requests_a_second(
     symbol = client.symbol
     monkeypatch.setattr(client, "symbol", lambda *name: asked.append(name) or symbol(*name))
     with monitored.monitor.log.requested(frozenset()):
-        monitored.wait(4.0)
-    assert 4 <= len(asked) <= 10
+        monitored.wait(2.0)
+    assert 2 <= len(asked) <= 5
     monitored.wait(0.5)
     asked.clear()
-    monitored.wait(4.0)
-    assert len(asked) >= 30
+    monitored.wait(2.0)
+    assert len(asked) >= 15
 
 
 STOPS = [
@@ -329,7 +337,7 @@ def test_stop_is_logged_once_with_its_cause_whether_or_not_egm_runs(
     monitored.wait(2.0)
     assert [line[0] for line in monitored.lines] == [level], monitored.lines
     assert says in monitored.lines[0][1]
-    monitored.wait(10.0)
+    monitored.wait(WHOLE_POLL)
     assert len(monitored.lines) == 1
 
 
@@ -395,7 +403,8 @@ def test_stop_that_no_request_has_made_is_an_alarm_also_right_after_one(monitore
     assert [level for level, _ in monitored.lines if level > logging.INFO] == [logging.WARNING]
 
 
-def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> None:
+def test_error_event_that_stops_nothing_is_logged_once(without_egm: Monitored) -> None:
+    monitored = without_egm
     monitored.lines.clear()
     events = monitored.system.world.controller.events
     events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
@@ -405,7 +414,8 @@ def test_error_event_that_stops_nothing_is_logged_once(monitored: Monitored) -> 
     assert "The controller reports 112755" in monitored.lines[0][1]
 
 
-def test_old_error_is_not_the_cause_of_a_later_stop(monitored: Monitored) -> None:
+def test_old_error_is_not_the_cause_of_a_later_stop(without_egm: Monitored) -> None:
+    monitored = without_egm
     events = monitored.system.world.controller.events
     events.append(112755, "ERR_HAND_NOTCALIBRATED", "The hand is not calibrated.", EventType.ERROR)
     monitored.wait(10.0)
@@ -484,7 +494,7 @@ def test_stop_is_explained_to_all_who_wait_although_one_of_them_fails(
 def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> None:
     """Whatever keeps the monitor from making its steps, a hung thread or one that is gone."""
     assert monitored.monitor.state().is_connected
-    monitored.system.wait(STALE + WHOLE_POLL)
+    monitored.system.advance(STALE + WHOLE_POLL)
     state = monitored.monitor.state()
     assert not state.is_connected
     assert state.execution is None
@@ -492,11 +502,11 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
     assert str(state).startswith("the robot's state is unknown: it was read ")
 
 
-def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(monitored: Monitored) -> None:
-    monitored.told.clear()
-    monitored.wait(1.2 * STALE)
-    assert all(state.is_connected for state in monitored.told)
-    assert monitored.monitor.state().is_connected
+def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(without_egm: Monitored) -> None:
+    without_egm.told.clear()
+    without_egm.wait(1.2 * STALE)
+    assert all(state.is_connected for state in without_egm.told)
+    assert without_egm.monitor.state().is_connected
 
 
 def test_monitor_goes_on_after_an_unexpected_exception_and_knows_nothing_meanwhile(
@@ -583,8 +593,9 @@ def test_joints_of_an_arm_that_the_other_one_keeps_clear_of_are_read_once_and_wh
 
 
 def test_what_a_request_of_ours_has_read_is_not_read_again_at_once(
-    monitored: Monitored, monkeypatch: pytest.MonkeyPatch
+    without_egm: Monitored, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monitored = without_egm
     client = monitored.system.client
     monitored.wait(0.6 * WHOLE_POLL)
     monitored.monitor.read()

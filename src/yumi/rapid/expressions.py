@@ -104,13 +104,14 @@ class Scope:
 
     def find(self, name: str, node: s.Node, kind: type[Unresolved] = Unresolved) -> Found:
         """What a name means here; raises the kind of Unresolved where nothing declares it."""
-        local = self.locals.get(name.lower())
+        key = name.lower()
+        local = self.locals.get(key)
         if local is not None:
             return local
         if self.builder is not None:
-            self.builder.code.names.add(name.lower())
-        if name.lower() in self.faults:
-            raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[name.lower()]}", Unresolved)
+            self.builder.code.names.add(key)
+        if key in self.faults:
+            raise misfit(self.module, node, f"'{name}' cannot be used: {self.faults[key]}", Unresolved)
         found = self.program.find(name, self.module) or self.program.find_signal(name)
         if found is None and (name.startswith("<") or self.program.library.is_missing(name)):
             what = "an instruction or function of RobotWare that is not provided here"
@@ -445,6 +446,11 @@ def _level(signal: Evaluate, type_: Type) -> Compiled:
     return Compiled(lambda frame: type_.convert(frame.task.read_signal(signal(frame).name)), type_)
 
 
+def _absent(frame: Frame) -> Reference:
+    """What is passed for an argument that is left out."""
+    return ABSENT
+
+
 class Calls:
     """Compiles the calls of one scope."""
 
@@ -482,13 +488,19 @@ class Calls:
         """For each parameter, how to get what is passed for it."""
         parameters = self.signature(routine).parameters
         matched = self._matched(routine, parameters, given, node)
-        values = [argument.value if (argument := matched.get(p.key)) else None for p in parameters]
-        runs = [value is not None and self.expressions.runs_routine(value) for value in values]
-        references = []
+        last = -1  # the last argument that runs a routine
         for index, parameter in enumerate(parameters):
-            reference = self._argument(parameter, matched.get(parameter.key), node)
-            # Taken now where a later argument runs a routine.
-            references.append(self._kept(reference) if any(runs[index + 1 :]) else reference)
+            argument = matched.get(parameter.key)
+            if argument is not None and argument.value is not None and self.expressions.runs_routine(argument.value):
+                last = index
+        references: list[GetReference] = []
+        for index, parameter in enumerate(parameters):
+            argument = matched.get(parameter.key)
+            if argument is None:
+                references.append(_absent)
+                continue
+            reference = self._argument(parameter, argument, node)
+            references.append(self._kept(reference) if index < last else reference)  # taken now, before it runs
         return references
 
     def _kept(self, get_reference: GetReference) -> GetReference:
@@ -530,9 +542,7 @@ class Calls:
             self.scope.refuse(node, f"'{name}' is given two arguments that exclude each other")
         return matched
 
-    def _argument(self, parameter: FormalParameter, argument: s.Argument | None, node: s.Node) -> GetReference:
-        if argument is None:
-            return lambda frame: ABSENT
+    def _argument(self, parameter: FormalParameter, argument: s.Argument, node: s.Node) -> GetReference:
         if argument.condition is not None:
             return self._conditional(parameter, argument, argument.condition)
         if parameter.type == SWITCH:

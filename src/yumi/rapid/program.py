@@ -7,10 +7,11 @@ come the host, the controller as a task sees it, and the events that a task repo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 from yumi.rapid import ast as s
@@ -446,7 +447,19 @@ class Program:
     def exported(self, name: str) -> Symbol | None:
         """What the modules themselves have under a name that all of them see."""
         key = name.lower()
-        return next((found for each in self.modules.values() if (found := each.exports(key)) is not None), None)
+        for module in self._modules_of_names.get(key, ()):
+            if (found := module.exports(key)) is not None:
+                return found
+        return None
+
+    @cached_property
+    def _modules_of_names(self) -> Mapping[str, Sequence[LoadedModule]]:
+        """The modules that declare a name, in their order: the compiler looks up each name of a program."""
+        found: dict[str, list[LoadedModule]] = {}
+        for module in self.modules.values():
+            for name in tuple(module.symbols):
+                found.setdefault(name, []).append(module)
+        return found
 
     def find_late(self, name: str, module: LoadedModule) -> Found | None:
         """What a late-binding call names: `routine`, or `module:routine`, which may be LOCAL."""

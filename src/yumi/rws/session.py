@@ -34,11 +34,8 @@ from yumi.clock import Clock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
 from yumi.rws.documents import FORM_TYPE, Page, Pairs, State, encode_form, read_page
-from yumi.rws.transport import ConnectionLost, Listener, Socket, TransferDeadline, until
+from yumi.rws.transport import INTERVAL, ConnectionLost, Listener, Socket, TransferDeadline, until
 from yumi.rws.types import CONNECTION_COOKIE, REALM, SESSION_COOKIE, Code
-
-INTERVAL = 0.051
-"""Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
 
 BURST = 15
 """So many requests may come at once after a rest, so that a short task such as bring-up need not wait."""
@@ -140,10 +137,16 @@ def file_path(path: str) -> str:
 
 
 class RequestPace:
-    """Limits the rate of requests, in the order in which they come; safe from any thread."""
+    """Limits the rate of requests, in the order in which they come; safe from any thread.
 
-    def __init__(self, clock: Clock) -> None:
+    Args:
+        clock: by which the time passes.
+        interval: mean time between two requests [s]; 0 does not limit them.
+    """
+
+    def __init__(self, clock: Clock, interval: float = INTERVAL) -> None:
         self._clock = clock
+        self._interval = interval
         self._lock = Lock()
         self._rested_at = -inf  # when the whole burst is available again
 
@@ -160,8 +163,8 @@ class RequestPace:
     def _take(self) -> float:
         with self._lock:
             now = self._clock.now()
-            self._rested_at = max(self._rested_at, now) + INTERVAL
-            return self._rested_at - now - BURST * INTERVAL
+            self._rested_at = max(self._rested_at, now) + self._interval
+            return self._rested_at - now - BURST * self._interval
 
 
 class Transport(Protocol):
@@ -169,6 +172,10 @@ class Transport(Protocol):
 
     @property
     def address(self) -> str: ...
+
+    @property
+    def request_interval(self) -> float:
+        """Mean time between two requests that what answers can bear [s]."""
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""
@@ -195,7 +202,7 @@ class RwsSession:
         self._running: list[object] = []  # exchanges under way, the oldest first
         self._slow: object = None  # the one that has delayed another one for too long
         self._is_abandoned = False
-        self._pace = RequestPace(clock)
+        self._pace = RequestPace(clock, transport.request_interval)
 
     @property
     def is_open(self) -> bool:

@@ -27,6 +27,9 @@ from yumi.clock import Clock, SystemClock
 from yumi.errors import ControllerRefused, MissingPrerequisite, NoConnection, ProtocolError, SettingsError
 from yumi.process.supervision import no_thread, start_thread
 
+INTERVAL = 0.051
+"""Mean time between two requests [s]; a controller wants fewer than twenty a second (reference/rws.md §1.1)."""
+
 _HOST = re.compile(r"[0-9A-Za-z._-]+|[0-9a-f:.]+(%[\w.-]+)?")  # a name, IPv4, or IPv6
 _KEEP_ALIVE = 280.0  # [s]; below the five minutes after which a controller forgets an idle session
 _MAX_BODY = 64 * 1024 * 1024
@@ -95,6 +98,8 @@ class HttpTransport(httpx.BaseTransport):
     Raises:
         SettingsError: the address is not one.
     """
+
+    request_interval = INTERVAL
 
     def __init__(self, address: str, clock: Clock | None = None) -> None:
         self.address = address

@@ -130,6 +130,7 @@ class MemoryRws:
     """
 
     address = "memory"
+    request_interval = 0.0  # requests are function calls: no server has to be spared
 
     def __init__(self, controller: Irc5, clock: Clock) -> None:
         self.adapter = RwsService(controller, user=DEFAULT_USER, password=DEFAULT_PASSWORD, hang_up=self.hang_up)

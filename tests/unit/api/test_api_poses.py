@@ -170,7 +170,10 @@ def test_a_driver_without_a_cartesian_controller_says_so(monkeypatch: pytest.Mon
         arm.servo_pose(HERE, arm_angle=inf)
 
 
-def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("line_speed", "speed"), [(None, SPEED), (0.4, 0.4)])
+def test_a_line_keeps_the_scale_of_speeds(
+    monkeypatch: pytest.MonkeyPatch, line_speed: float | None, speed: float
+) -> None:
     paths: dict[Side, ToolMotion] = {}
 
     def refuse(asked: dict[Side, ToolMotion], *limits: object) -> None:
@@ -179,11 +182,10 @@ def test_a_line_keeps_the_scale_of_speeds(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(motion, "tool_planner", refuse)
     goal, tool = {Side.RIGHT: HERE.position}, {Side.RIGHT: Pose((0.0, 0.0, 0.0), IDENTITY)}
-    for line_speed, speed in ((None, SPEED), (0.4, 0.4)):
-        with pytest.raises(CommandRefused, match="Enough"):
-            FakeRobot().executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
-        assert paths[Side.RIGHT].speed == 0.25 * speed
-        assert paths[Side.RIGHT].turning == 0.25 * TURNING
+    with pytest.raises(CommandRefused, match="Enough"):
+        FakeRobot().executor.move_tools(goal, tool, 0.25, None, line_speed, is_linear=True)
+    assert paths[Side.RIGHT].speed == 0.25 * speed
+    assert paths[Side.RIGHT].turning == 0.25 * TURNING
 
 
 def test_boxes_are_given_by_name_with_pose_and_edges() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from apart_arms import TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
+from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.control.collisions import (
@@ -82,26 +82,33 @@ def turned(side: Side, joint_1: float) -> Joints:
     return joints([joint_1, *FORWARD[side][1:]])
 
 
-def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> Distance:
-    return arms.shapes.nearest(positions)[0]
+def near(arms: ApartArms, positions: dict[Side, Joints]) -> tuple[Distance, ...]:
+    """All pairs of parts that are near each other, nearest first."""
+    return arms.shapes.nearest(positions, 10_000, within=NEAR)
+
+
+def nearest(arms: ApartArms, positions: dict[Side, Joints]) -> float:
+    """The smallest distance, up to NEAR [m]."""
+    return min((each.distance for each in near(arms, positions)), default=NEAR)
 
 
 def between_arms(arms: ApartArms, positions: dict[Side, Joints]) -> float:
-    """The smallest distance, but of the shoulders, which are as near to the other arm as to the body [m]."""
-    near = arms.shapes.nearest(positions, 10_000)
-    return min(
-        each.distance for each in near if each.other.startswith("left") and "shoulder" not in each.part + each.other
+    """As `nearest`, but of the shoulders, which are as near to the other arm as to the body [m]."""
+    distances = (
+        each.distance
+        for each in near(arms, positions)
+        if each.other.startswith("left") and "shoulder" not in each.part + each.other
     )
+    return min(distances, default=NEAR)
 
 
 def least_kept(arms: ApartArms, positions: dict[Side, Joints]) -> bool:
     """Whether all but the body is beyond the margin, and the body as far as it has to be."""
-    near = arms.shapes.nearest(positions, 10_000)
 
     def least(each: Distance) -> float:
         return BODY_MARGIN if each.other == "body" or "shoulder" in each.part + each.other else MARGIN
 
-    return all(each.distance >= least(each) - ROUNDING for each in near)
+    return all(each.distance >= least(each) - ROUNDING for each in near(arms, positions))
 
 
 @pytest.mark.parametrize("drive", [to, behind], ids=["goal", "proportional"])
@@ -122,14 +129,14 @@ def test_arms_turned_towards_each_other_come_to_rest_at_the_margin(drive: object
 def test_arm_that_starts_within_the_margin_may_leave_it_and_comes_no_nearer() -> None:
     tip = tool0_to_body(Side.RIGHT, FORWARD[Side.RIGHT], Pose((0.0, 0.0, 0.155), UPRIGHT)).position
     arms = ApartArms(FORWARD, obstacles=(Obstacle("box", Pose(tip, UPRIGHT), (0.03, 0.03, 0.03)),))
-    first = nearest(arms, FORWARD).distance
+    first = nearest(arms, FORWARD)
     assert first < MARGIN - ROUNDING
     for _ in range(50):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, name="box")))})
-    assert nearest(arms, arms.commanded()).distance >= first - 1e-4
+    assert nearest(arms, arms.commanded()) >= first - 1e-4
     for _ in range(20):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.1, at_nearest(arms, Side.RIGHT, 1, 1.0, "box")))})
-    assert nearest(arms, arms.commanded()).distance > MARGIN
+    assert nearest(arms, arms.commanded()) > MARGIN
 
 
 def test_free_motion_is_not_touched() -> None:
@@ -146,7 +153,7 @@ def test_free_motion_is_not_touched() -> None:
             {side: joints(list((1 - s) * np.array(start[side]) + s * np.array(goals[side]))) for side in Side}
             for s in np.linspace(0.0, 1.0, 30)
         ]
-        if min(nearest(arms, way).distance for way in ways) < 0.01:
+        if min(nearest(arms, way) for way in ways) < 0.01:
             continue
         for _ in range(150):
             arms.cycle({side: to(goals[side]) for side in Side})
@@ -207,8 +214,8 @@ def at_boundary(model: CollisionModel) -> tuple[Joints, Joints, Joints, Joints]:
         low, high = radians(20.0), radians(60.0)
         for _ in range(40):
             angle = 0.5 * (low + high)
-            near = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 10_000)
-            distance = min(each.distance for each in near if each.other.startswith("left"))
+            pairs = model.nearest({Side.RIGHT: turned(Side.RIGHT, angle), Side.LEFT: left}, 10_000, within=NEAR)
+            distance = min((each.distance for each in pairs if each.other.startswith("left")), default=NEAR)
             low, high = (angle, high) if distance > MARGIN + beyond else (low, angle)
         return turned(Side.RIGHT, low)
 
@@ -266,6 +273,11 @@ def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypat
     assert stands_on() > 0
 
 
+SHAPES = CollisionModel(SERVO_GRIPPERS)
+SEGMENTED = CollisionLimiter(SHAPES, YUMI_LIMITS, EGM_GAIN)
+"""Divides paths; its own arms are sent nothing."""
+
+
 class Segments:
     """Those of where an arm may come until it rests, as they are compared; with ``coasts``, without its link.
 
@@ -277,23 +289,20 @@ class Segments:
     """
 
     def __init__(self, motion: ArmMotion, level: int = 6, *, coasts: bool = False) -> None:
-        both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
         lines, whole = np.empty((3 * 64, 3, 7)), np.empty((2, 7))
         arguments = motion.packed, coasts, level, lines.ctypes.data, whole.ctypes.data
-        self.tree = lines[: both.library.limiter_segments(both.handle, *arguments)]
+        self.tree = lines[: SEGMENTED.library.limiter_segments(SEGMENTED.handle, *arguments)]
         self.lines = self.tree[self.tree[:, 2, 0] >= 0.0]
         self.middle, self.half = whole
 
     def off(self, postures: Array) -> float:
         """By how much a joint is out of every segment, in one of these postures (n, 7) [rad]."""
-        lines, worst = self.lines, 0.0
-        for posture in postures:
-            apart = posture - lines[:, 0]
-            lengths = np.maximum(np.einsum("nj,nj->n", lines[:, 1], lines[:, 1]), 1e-15)
-            shares = np.clip(np.einsum("nj,nj->n", apart, lines[:, 1]) / lengths, -1.0, 1.0)
-            out = np.abs(apart - shares[:, None] * lines[:, 1]) - lines[:, 2]
-            worst = max(worst, float(out.max(1).min()))
-        return worst
+        middles, lines, off = self.lines.transpose(1, 0, 2)
+        lengths = np.maximum(np.einsum("nj,nj->n", lines, lines), 1e-15)
+        apart = postures[:, None] - middles
+        shares = np.clip(np.einsum("pnj,nj->pn", apart, lines) / lengths, -1.0, 1.0)
+        out = np.abs(apart - shares[:, :, None] * lines) - off
+        return max(0.0, float(out.max(2).min(1).max()))
 
     def have(self, posture: Array) -> NDArray[np.bool_]:
         """Which of ``tree`` have a posture (7,), (n,): the same share of its line leads each joint near enough."""
@@ -432,13 +441,13 @@ def moving(generator: np.random.Generator, side: Side) -> Setpoint:
     return Setpoint(*(joints(row.tolist()) for row in (position, *ways)))
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes_near(seed: int) -> None:
     """In postures sampled on both braking paths, and where the other robot still follows its command."""
     generator, is_clear = np.random.default_rng(seed), []
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS, obstacles=(TABLE,)), YUMI_LIMITS, EGM_GAIN)
     is_right = np.isin(np.arange(len(both.model.names)), np.arange(both.model.arms[Side.RIGHT].stop))
-    for _ in range(60):
+    for _ in range(40):
         right, left = (moving(generator, side) for side in Side)
         planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
         both.arm(Side.LEFT).sent(planned, left, None)
@@ -450,15 +459,17 @@ def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes
         beyond = np.inf
         for posture in mine:
             for other in (*theirs, *lines):
-                near = both.model.contacts(np.concatenate((posture, other)), MARGIN + 0.01)
-                kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
-                beyond = min(beyond, *(near["distance"] - kept), np.inf)
-            near = both.model.contacts(np.concatenate((posture, ZERO)), MARGIN + 0.01, Side.RIGHT)
-            assert is_right[near["parts"][:, 0]].all()
-            kept = both.margins[near["parts"][:, 0], near["parts"][:, 1]]
-            beyond = min(beyond, *(near["distance"] - kept), np.inf)
+                found = both.model.contacts(np.concatenate((posture, other)), MARGIN + 0.01)
+                kept = both.margins[found["parts"][:, 0], found["parts"][:, 1]]
+                beyond = min(beyond, (found["distance"] - kept).min(initial=np.inf))
+            found = both.model.contacts(np.concatenate((posture, ZERO)), MARGIN + 0.01, Side.RIGHT)
+            assert is_right[found["parts"][:, 0]].all()
+            kept = both.margins[found["parts"][:, 0], found["parts"][:, 1]]
+            beyond = min(beyond, (found["distance"] - kept).min(initial=np.inf))
+            if not is_clear[-1] and beyond < 1e-3:
+                break
         assert beyond > -6e-4 if is_clear[-1] else beyond < 1e-3
-    assert 10 < sum(is_clear) < 50
+    assert 5 < sum(is_clear) < 35
 
 
 class BesideArm:
@@ -489,7 +500,7 @@ class BesideArm:
 def test_trajectory_of_an_arm_that_is_held_does_not_end_before_it_is_there() -> None:
     beside = BesideArm()
     goal = beside.go_towards_it()
-    beside.arm.run(6.0)
+    beside.arm.run(4.0)
     assert not beside.arm.ended
     assert abs(beside.arm.position[0] - goal[0]) > 0.06
     assert str(beside.both.limited(Side.LEFT)).startswith("left ")
@@ -505,17 +516,17 @@ def test_arm_that_was_held_stays_when_its_trajectory_was_aborted_and_its_way_bec
     beside.arm.run(1.0)
     stood = beside.arm.position
     beside.right_stands(FORWARD[Side.RIGHT])
-    beside.arm.run(3.0)
+    beside.arm.run(1.0)
     assert beside.arm.position == pytest.approx(stood, abs=0.01)
 
 
 def test_arms_that_were_led_into_each_other_come_back() -> None:
     """As the demonstration leads them: each joint on its own way, which is not the straight one."""
     arms = ApartArms(GOALS, obstacles=())
-    for _ in range(900):
+    for _ in range(500):
         arms.cycle({side: behind(goal) for side, goal in MEETING.items()})
     assert all(arms.both.limited(side) is not None for side in Side)
-    for _ in range(900):
+    for _ in range(500):
         arms.cycle({side: behind(goal) for side, goal in GOALS.items()})
     for side, goal in GOALS.items():
         assert arms.arms[side].position == pytest.approx(goal, abs=radians(0.1))
@@ -544,7 +555,7 @@ def pushed(drive: Callable[[Joints], Drive], noise: float = 0.0) -> ApartArms:
     else:
         raise AssertionError(f"The arms go on for ever, at {now}.")
     counts = {side: arms.limiters[side].counters.kept_apart for side in Side}
-    for cycle in range(500):
+    for cycle in range(250):
         arms.cycle(drives)
         assert arms.commanded() == before
         for side in Side:
@@ -630,7 +641,7 @@ def test_permitted_pairs_may_touch_and_no_others() -> None:
         arms.cycle({side: to(goal) for side, goal in goals.items()})
         lowest = min(lowest, between_arms(arms, arms.measured()))
     assert lowest < 0.0
-    body = next(each for each in arms.shapes.nearest(arms.commanded(), 10_000) if each.other == "body")
+    body = next(each for each in near(arms, arms.commanded()) if each.other == "body")
     assert body.distance >= BODY_MARGIN - ROUNDING
 
 
@@ -642,12 +653,11 @@ def test_gripper_is_all_that_is_fixed_to_the_tool_frame() -> None:
     fingers = np.inf
     for _ in range(300):
         arms.cycle({side: to(goal) for side, goal in goals.items()})
-        near = arms.shapes.nearest(arms.commanded(), 10_000)
-        fingers = min(
-            fingers, *(it.distance for it in near if (it.part, it.other) == ("right fingers", "left fingers"))
-        )
+        pairs = near(arms, arms.commanded())
+        between = (it.distance for it in pairs if (it.part, it.other) == ("right fingers", "left fingers"))
+        fingers = min(fingers, *between, np.inf)
         hands = {f"{side.word} {part}" for side in Side for part in ("gripper", "fingers", "cup 1", "cup 2", "camera")}
-        assert all(it.distance > BODY_MARGIN - ROUNDING for it in near if not {it.part, it.other} <= hands)
+        assert all(it.distance > BODY_MARGIN - ROUNDING for it in pairs if not {it.part, it.other} <= hands)
     assert fingers < 0.0
 
 
@@ -720,7 +730,7 @@ def test_adversarial_cycles_never_break_the_margin(seed: int) -> None:
         arms.cycle(drives)
         if cycle % 4 == 0:
             assert least_kept(arms, arms.commanded())
-            assert nearest(arms, arms.measured()).distance > -PADDING
+            assert nearest(arms, arms.measured()) > -PADDING
 
 
 def test_loop_reports_which_parts_limit_an_arm() -> None:
@@ -763,7 +773,7 @@ def test_held_arm_tries_again_when_the_other_one_moves_and_less_often_when_that_
 
 def test_arm_is_not_limited_by_what_has_left() -> None:
     """Its goal is 4 mm too near to the other arm, which comes, wobbles and goes."""
-    *_, goal, left = at_boundary(CollisionModel(SERVO_GRIPPERS))
+    *_, goal, left = at_boundary(SHAPES)
     arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: left}, obstacles=())
     limited = 0
     for cycle in range(700):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import count
 from math import inf, nan
 
@@ -136,29 +137,43 @@ def test_trajectory_that_is_cancelled_in_front_of_the_limit_is_given_up_at_once(
     assert [each.outcome for each in ended if isinstance(each, TrajectoryEnded)] == [Outcome.CANCELED]
 
 
-def test_motion_of_an_arm_that_slides_far_behind_it_ends_where_the_arm_is_when_it_is_cancelled() -> None:
+START = home(Side.RIGHT)
+FAR = joints([now + up for now, up in zip(START, UP, strict=True)])
+POINTS = [TrajectoryPoint(0.0, START, ZERO, ZERO), TrajectoryPoint(2.0, FAR, ZERO, ZERO)]
+
+
+@pytest.mark.parametrize(
+    ("make", "command", "end"),
+    [
+        (
+            lambda: configured(JointTrajectoryController(Side.RIGHT, MemoryBuffer[TrajectoryFeedback]())),
+            FollowTrajectory(ArmPlan(Side.RIGHT, POINTS[0], smooth_spline_through(POINTS), None), 1),
+            CancelTrajectory(),
+        ),
+        (
+            lambda: configured(JointGoalController(MemoryBuffer[SessionGoal]()), path_tolerance=0.0),
+            JointGoal(FAR),
+            StopMotion(),
+        ),
+    ],
+    ids=["trajectory", "goal"],
+)
+def test_motion_of_an_arm_that_slides_far_behind_it_ends_where_the_arm_is_when_it_is_cancelled(
+    make: Callable[[], Controller], command: object, end: object
+) -> None:
     """An arm that is led along something moves all the time: where it is led to must not stay where it was."""
-    start, far = home(Side.RIGHT), joints([now + up for now, up in zip(home(Side.RIGHT), UP, strict=True)])
-    points = [TrajectoryPoint(0.0, start, ZERO, ZERO), TrajectoryPoint(2.0, far, ZERO, ZERO)]
-    follower = configured(JointTrajectoryController(Side.RIGHT, MemoryBuffer[TrajectoryFeedback]()))
-    goer = configured(JointGoalController(MemoryBuffer[SessionGoal]()), path_tolerance=0.0)
-    plan = ArmPlan(Side.RIGHT, points[0], smooth_spline_through(points), None)
-    for controller, command, end in (
-        (follower, FollowTrajectory(plan, 1), CancelTrajectory()),
-        (goer, JointGoal(far), StopMotion()),
-    ):
-        times = (10.0 + CYCLE * number for number in count())
-        controller.activate(state(start, time=next(times)))
-        for _ in range(20):
-            controller.update(state(start, time=next(times)))
-        controller.receive(command, state(start, time=next(times)))
-        for _ in range(600):
-            behind = state(start, time=next(times))
-            last = controller.update(behind)
-        assert last is not None
-        assert last.position[0] == pytest.approx(far[0])
-        controller.receive(end, behind)
-        assert controller.update(state(start, time=next(times))) is None  # the limiter brings it to rest
-        for _ in range(20):
-            last = controller.update(state(start, time=next(times)))
-        assert last == ArmCommand(start)
+    controller, times = make(), (10.0 + CYCLE * number for number in count())
+    controller.activate(state(START, time=next(times)))
+    for _ in range(20):
+        controller.update(state(START, time=next(times)))
+    controller.receive(command, state(START, time=next(times)))
+    for _ in range(600):
+        behind = state(START, time=next(times))
+        last = controller.update(behind)
+    assert last is not None
+    assert last.position[0] == pytest.approx(FAR[0])
+    controller.receive(end, behind)
+    assert controller.update(state(START, time=next(times))) is None  # the limiter brings it to rest
+    for _ in range(20):
+        last = controller.update(state(START, time=next(times)))
+    assert last == ArmCommand(START)

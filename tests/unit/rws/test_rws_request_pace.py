@@ -5,7 +5,8 @@ from threading import Thread
 import pytest
 
 from yumi.clock import ManualClock
-from yumi.rws.session import BURST, INTERVAL, RequestPace
+from yumi.rws.session import BURST, RequestPace
+from yumi.rws.transport import INTERVAL
 
 
 @pytest.fixture
@@ -56,3 +57,7 @@ def test_threads_share_one_pace(clock: ManualClock) -> None:
     for thread in threads:
         thread.join()
     assert sorted(delays)[BURST - 20 :] == pytest.approx([INTERVAL * (turn + 1) for turn in range(20 - BURST)])
+
+
+def test_what_needs_no_pause_between_requests_is_asked_at_once(clock: ManualClock) -> None:
+    assert turns(RequestPace(clock, 0.0), clock, 100) == [0.0] * 100

@@ -21,6 +21,7 @@ class Recorder:
     """Answers everything with ``headers`` and an empty page."""
 
     address = "yumi"
+    request_interval = 0.0
 
     def __init__(self) -> None:
         self.sent: list[httpx.Request] = []

@@ -23,14 +23,16 @@ def test_time_passes_in_whole_cycles_when_the_test_waits(virtual_yumi: VirtualYu
     assert virtual_yumi.now() == pytest.approx(11 * CYCLE)
 
 
-def test_any_client_built_on_httpx_reaches_its_web_services(virtual_yumi: VirtualYumi) -> None:
-    transport = httpx.MockTransport(virtual_yumi.rws.handle_request)
-    for password, status in (("wrong", 401), (DEFAULT_PASSWORD, 200)):
-        login = httpx.DigestAuth(DEFAULT_USER, password)
-        with httpx.Client(transport=transport, base_url="http://robot", auth=login) as client:
-            state = client.get("/rw/panel/ctrlstate?json=1")
-        assert state.status_code == status
-    assert state.json()["_embedded"]["_state"][0]["ctrlstate"] == "motoroff"
+@pytest.mark.parametrize(("password", "status"), [("wrong", 401), (DEFAULT_PASSWORD, 200)])
+def test_any_client_built_on_httpx_reaches_its_web_services(
+    virtual_yumi: VirtualYumi, password: str, status: int
+) -> None:
+    transport, login = httpx.MockTransport(virtual_yumi.rws.handle_request), httpx.DigestAuth(DEFAULT_USER, password)
+    with httpx.Client(transport=transport, base_url="http://robot", auth=login) as client:
+        state = client.get("/rw/panel/ctrlstate?json=1")
+    assert state.status_code == status
+    if status == 200:
+        assert state.json()["_embedded"]["_state"][0]["ctrlstate"] == "motoroff"
 
 
 def test_both_arms_speak_egm_once_it_has_started(virtual_yumi: VirtualYumi) -> None:

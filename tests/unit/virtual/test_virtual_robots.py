@@ -145,16 +145,19 @@ def test_wrist_singularity_on_a_line_is_refused(tmp_path: Path) -> None:
     assert run(passing)[-1][4] < radians(-30.0)
 
 
-def test_joint_out_of_range_and_target_out_of_reach_are_refused(tmp_path: Path) -> None:
-    for body, code in (
+@pytest.mark.parametrize(
+    ("move", "code"),
+    [
         ("MoveAbsJ [[0,0,90,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", 50027),
         ("MoveJ [[900,0,300],[0,0,1,0],[0,0,0,0],[9E9,9E9,9E9,9E9,9E9,9E9]],v100,fine,tool0;", 50050),
-    ):
-        world = world_of("irb120", tmp_path, f"PROC main()\n{body}\nENDPROC")
-        before = world.arms[Side.RIGHT].planned
-        run(world)
-        assert code in [event.code for event in world.controller.events.entries()]
-        assert world.arms[Side.RIGHT].planned == before
+    ],
+)
+def test_joint_out_of_range_and_target_out_of_reach_are_refused(tmp_path: Path, move: str, code: int) -> None:
+    world = world_of("irb120", tmp_path, f"PROC main()\n{move}\nENDPROC")
+    before = world.arms[Side.RIGHT].planned
+    run(world)
+    assert code in [event.code for event in world.controller.events.entries()]
+    assert world.arms[Side.RIGHT].planned == before
 
 
 def test_corner_of_six_axes_is_rounded(tmp_path: Path) -> None:

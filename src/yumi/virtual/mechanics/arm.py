@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import pairwise
 from math import acos, dist, exp, pi, sin
 from typing import Any, NamedTuple, cast
@@ -523,6 +524,26 @@ _OF_ARM = {Side.RIGHT: 1, Side.LEFT: 2}
 _OF_SHOULDER = {Side.RIGHT: 8, Side.LEFT: 16}
 
 
+@cache  # a robot has one, and nothing changes it
+def _contact_model(right: GripperModules, left: GripperModules) -> Any:
+    """The shapes of a robot with these grippers, and which of them are compared."""
+    import mujoco  # noqa: PLC0415 - what runs no virtual robot need not wait for it
+
+    spec = mujoco.MjSpec.from_string(robot_description(grippers={Side.RIGHT: right, Side.LEFT: left}))
+    for shape in spec.geoms:
+        shape.contype, shape.conaffinity = _OF_BODY, 0
+    for side in Side:
+        shoulder = spec.body(prefixed(f"yumi_link_1_{side.value}"))
+        for shape in shoulder.find_all("geom"):
+            shape.contype, shape.conaffinity = (
+                _OF_ARM[side],
+                _OF_ARM[side.other] | _OF_SHOULDER[side.other] | _OF_BODY,
+            )
+        for shape in shoulder.geoms:  # bolted to the body
+            shape.contype, shape.conaffinity = _OF_SHOULDER[side], 0
+    return spec.compile()
+
+
 class ContactDetector:
     """Sees when parts begin to touch.
 
@@ -540,19 +561,7 @@ class ContactDetector:
         import mujoco  # noqa: PLC0415 - what runs no virtual robot need not wait for it
 
         self._mujoco = mujoco
-        spec = mujoco.MjSpec.from_string(robot_description(grippers=grippers))
-        for shape in spec.geoms:
-            shape.contype, shape.conaffinity = _OF_BODY, 0
-        for side in Side:
-            shoulder = spec.body(prefixed(f"yumi_link_1_{side.value}"))
-            for shape in shoulder.find_all("geom"):
-                shape.contype, shape.conaffinity = (
-                    _OF_ARM[side],
-                    _OF_ARM[side.other] | _OF_SHOULDER[side.other] | _OF_BODY,
-                )
-            for shape in shoulder.geoms:  # bolted to the body
-                shape.contype, shape.conaffinity = _OF_SHOULDER[side], 0
-        self._model: Any = spec.compile()
+        self._model = _contact_model(grippers[Side.RIGHT], grippers[Side.LEFT])
         self._data: Any = mujoco.MjData(self._model)
         self._joints = {
             side: [int(self._model.joint(name).qposadr[0]) for name in (*joint_names(side), *finger_names(side))]

@@ -222,12 +222,14 @@ def test_error_in_a_routine_stops_the_start_and_no_handler_of_main_takes_it(tmp_
     assert [each.routine for each in controller.tasks["T_ROB_L"].call_stack] == ["main"]
 
 
-def test_stop_of_the_program_itself_calls_the_routines_and_errors_and_exit_do_not(tmp_path: Path) -> None:
-    for statement, seen in (("Stop;", True), ("RAISE 1;", False), ("EXIT;", False)):
-        text = f'MODULE Main PROC main() TPWrite "main"; {statement} ENDPROC ENDMODULE'
-        controller = started(controller_world(tmp_path, T_ROB_L=[text]))
-        assert ("stop" in controller.screens["T_ROB_L"]) == seen, statement
-        assert not controller.is_running
+@pytest.mark.parametrize(("statement", "is_called"), [("Stop;", True), ("RAISE 1;", False), ("EXIT;", False)])
+def test_stop_of_the_program_itself_calls_the_routines_and_errors_and_exit_do_not(
+    tmp_path: Path, statement: str, is_called: bool
+) -> None:
+    text = f'MODULE Main PROC main() TPWrite "main"; {statement} ENDPROC ENDMODULE'
+    controller = started(controller_world(tmp_path, T_ROB_L=[text]))
+    assert ("stop" in controller.screens["T_ROB_L"]) == is_called
+    assert not controller.is_running
 
 
 def test_routine_of_start_that_is_stopped_goes_on_at_the_next_start(tmp_path: Path) -> None:
