@@ -102,7 +102,7 @@ Send = Callable[[dict[str, Any]], None]
 
 
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
-    """The state as the driver wrote it, with the events since the one before.
+    """The state as the driver wrote it; of several states a slow page gets the newest one only.
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
     :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest to each other.
@@ -110,7 +110,6 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
 
     time: float
     state: msgspec.Raw
-    events: tuple[EventReport, ...]
     limited: dict[str, Limited]
     nearest: Distance | None
 
@@ -157,6 +156,7 @@ class LiveRobot:
     Args:
         robot: its address or namespace, where several drivers run.
         on_state: called with each state, as JSON.
+        on_events: called with new lines of the driver's log.
         on_change: called when a driver was found or lost.
 
     Attributes:
@@ -168,14 +168,20 @@ class LiveRobot:
         jogged: the arms that pages have jogged since their controllers were switched otherwise.
     """
 
-    def __init__(self, robot: str, on_state: Callable[[bytes], None], on_change: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        robot: str,
+        on_state: Callable[[bytes], None],
+        on_events: Callable[[tuple[EventReport, ...]], None],
+        on_change: Callable[[], None],
+    ) -> None:
         self.robot = robot
         self.why_not = _LOOKED_FOR
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self.surroundings = Surroundings()
         self.jogged: dict[Arm, Jogged] = {}
-        self._on_state, self._on_change = on_state, on_change
+        self._on_state, self._on_events, self._on_change = on_state, on_events, on_change
         self._state: tuple[float, msgspec.Raw] | None = None
         self._watched = asyncio.Event()
 
@@ -252,6 +258,8 @@ class LiveRobot:
             now = time.monotonic()
             self._state = now, raw
             self.events.extend(events)
+            if events:
+                self._on_events(events)
             if is_new:
                 self.address = self.state().robot
                 self.is_virtual = await _is_virtual(self.address)
@@ -265,7 +273,7 @@ class LiveRobot:
                 positions = {side: position for side, position in known.items() if position is not None}
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, events, limited, nearest)))
+            self._on_state(msgspec.json.encode(StateMessage(now, raw, limited, nearest)))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return

@@ -31,7 +31,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.control.cycle import Frame
-from yumi.driver.endpoint import StopEgm, failure_of
+from yumi.driver.endpoint import EventReport, StopEgm, failure_of
 from yumi.driver.readiness import (
     AUTOMATIC,
     CONFIRMED,
@@ -129,7 +129,7 @@ class ViewServer:
     def __init__(self, settings: ViewSettings) -> None:
         self.port = settings.port
         self._settings = settings
-        self._live = LiveRobot(settings.robot, self._publish, self._note_driver)
+        self._live = LiveRobot(settings.robot, self._publish, self._publish_events, self._note_driver)
         self._planning = PlanningProcess()
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
@@ -375,6 +375,11 @@ class ViewServer:
             page.send_state(state)
         if self._operator is not None and self._operator[0].is_silent and self._taking is None:
             self._taking = asyncio.create_task(self._take_from_silent(self._operator[0]))
+
+    def _publish_events(self, events: tuple[EventReport, ...]) -> None:
+        """Apart from the states, of which a slow page gets only some."""
+        for page in self._pages:
+            page.send({"type": "events", "events": events})
 
     async def _take_from_silent(self, page: _Page) -> None:
         try:

@@ -20,7 +20,7 @@ from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLE
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.loop import Commands
-from yumi.control.shared_state import Snapshot
+from yumi.control.shared_state import RobotFollows, Snapshot
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import Surroundings
@@ -170,6 +170,28 @@ def test_page_gets_its_files_the_robot_and_thirty_states_a_second(driver: FakeDr
             for _ in range(30):
                 last = await page.until("state")
             assert 0.7 < last["state"]["time"] - first["state"]["time"] < 2.0
+
+    run(story)
+
+
+def test_page_that_is_slow_to_show_a_state_gets_every_line_of_the_log(driver: FakeDriver) -> None:
+    happened = [RobotFollows(Side.RIGHT), RobotFollows(Side.LEFT)]
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.until("state")
+            while json.loads(await page.socket.receive_str())["type"] != "state":
+                continue  # and this one is not shown yet
+            for event in happened:
+                driver.server.note_event(event)
+            await eventually(lambda: len(site.server._live.events) >= len(happened))
+            state = site.server._live._state
+            await eventually(lambda: site.server._live._state != state)  # a newer one waits for the page
+            await page.send(type="seen")
+            heard = []
+            while len(heard) < len(happened):
+                heard += [event["sentence"] for event in (await page.receive()).get("events", ())]
+            assert heard == [str(event) for event in happened]
 
     run(story)
 

@@ -85,10 +85,11 @@ function take(message) {
     limited = message.limited;
     nearest = message.nearest;
     silentSince = silentArms().length ? Math.min(silentSince, stateTime) : Infinity;
-    addEvents(message.events);
     sample();
     show();
     setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
+  } else if (message.type === "events") {
+    addEvents(message.events);
   } else if (message.type === "view") {
     if (view.control === "here" && message.control !== "here") {
       endJog();
