@@ -150,7 +150,7 @@ def test_requests_while_another_one_logs_in_open_no_second_session(
 
 
 @pytest.mark.parametrize(
-    "cookie", [b"tracker%d=%s" % (number, b"x" * 150) for number in range(50)] + [b"-http-session-=" + b"x" * 5000]
+    "cookie", [b"tracker=" + b"x" * 150, b"-http-session-=" + b"x" * 5000], ids=["of another", "as ours"]
 )
 def test_cookies_of_others_are_not_kept(cookie: bytes, client: RwsClient, server: HostileServer) -> None:
     server.injected = b"Set-Cookie: " + cookie + b"; path=/\r\n"

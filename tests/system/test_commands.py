@@ -28,24 +28,31 @@ from yumi.virtual.faults import Fault
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 
 
-@pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualRobot]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setenv("ROS_DOMAIN_ID", "97")
-    robot = VirtualRobot(tmp_path)
-    robot.start()
-    yield robot
-    robot.stop()
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("commands")
 
 
-@pytest.fixture
-def driver(robot: VirtualRobot, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+@pytest.fixture(scope="module")
+def robot(folder: Path) -> Iterator[VirtualRobot]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        patch.setenv("ROS_LOG_DIR", str(folder))
+        patch.setenv("ROS_DOMAIN_ID", "97")
+        robot = VirtualRobot(folder)
+        robot.start()
+        yield robot
+        robot.stop()
+
+
+@pytest.fixture(scope="module")
+def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+    """One for all tests that leave it running; another one where its options are others."""
     host, _, port = robot.address.partition(":")
     options = {key: value for key, value in robot.options.items() if key != "address"}
     arguments = ["up", "--robot", host, "--rws-port", port]
     arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
-    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], tmp_path / "driver.log") as driver:
+    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log") as driver:
         driver.wait_until_ready(TIMEOUT)
         yield driver
 
@@ -67,6 +74,30 @@ def refusal(*arguments: str) -> str:
 def state() -> Mapping[str, Any]:
     found: Mapping[str, Any] = json.loads(run("state", "--json"))
     return found
+
+
+def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
+    """The first one: no driver runs yet."""
+    steps: list[str] = []
+    with yumi.connect(**robot.options, on_step=steps.append) as connected:
+        assert "right arm: EGM running, holding" in run("state")
+        motion = connected.right.move_to("ready", wait=False)
+        shown = (motion.progress, motion.remaining)
+        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
+        motion.wait(TIMEOUT)
+        assert "stands at the goal" in run("move", "right", "home")
+        report = connected.right.state
+        connected.right.move_to("ready")
+    assert any("motors" in step for step in steps)
+    assert 0.0 <= shown[0] < 1.0
+    assert shown[1] is not None
+    assert shown[1] > 0.0
+    assert motion.progress == 1.0
+    assert motion.remaining == 0.0
+    assert report.egm is not None
+    assert report.planned is not None
+    assert (report.egm.motion, report.egm.rapid) == ("running", "running")
+    assert "No driver runs" in refusal("state")
 
 
 def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRobot) -> None:
@@ -138,29 +169,6 @@ def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> No
     assert state()["arms"]["right"]["mode"] == "holding"
     events = [event["sentence"] for event in state()["events"]]
     assert any("50204" in event for event in events)
-
-
-def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
-    steps: list[str] = []
-    with yumi.connect(**robot.options, on_step=steps.append) as connected:
-        assert "right arm: EGM running, holding" in run("state")
-        motion = connected.right.move_to("ready", wait=False)
-        shown = (motion.progress, motion.remaining)
-        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
-        motion.wait(TIMEOUT)
-        assert "stands at the goal" in run("move", "right", "home")
-        report = connected.right.state
-        connected.right.move_to("ready")
-    assert any("motors" in step for step in steps)
-    assert 0.0 <= shown[0] < 1.0
-    assert shown[1] is not None
-    assert shown[1] > 0.0
-    assert motion.progress == 1.0
-    assert motion.remaining == 0.0
-    assert report.egm is not None
-    assert report.planned is not None
-    assert (report.egm.motion, report.egm.rapid) == ("running", "running")
-    assert "No driver runs" in refusal("state")
 
 
 def apart(*arguments: str, is_refused: bool = False) -> str:

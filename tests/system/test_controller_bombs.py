@@ -24,7 +24,7 @@ from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 
-pytestmark = [pytest.mark.real_time, pytest.mark.flaky(reruns=0)]  # waiting for a processor does not count
+pytestmark = pytest.mark.real_time
 
 LATENCY = 0.02
 """How late a datagram or an answer may be at most, whatever a program does [s].

@@ -139,7 +139,7 @@ def has_moved(position: Joints | None, since: Joints | None) -> bool:
     return max(abs(now - then) for now, then in zip(position, since, strict=True)) > radians(0.5)
 
 
-@pytest.mark.real_time
+@pytest.mark.soak
 def test_emergency_stop_ends_the_measurement_and_what_was_recorded_is_kept(tmp_path: Path) -> None:
     robot = VirtualRobot(tmp_path)
     robot.start()

