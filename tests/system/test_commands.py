@@ -171,12 +171,25 @@ def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> No
     assert any("50204" in event for event in events)
 
 
-def apart(*arguments: str, is_refused: bool = False) -> str:
-    """What a command prints in a process of its own: here tests before it may have a ROS context, in another domain."""
-    command = [sys.executable, "-m", "yumi", *arguments]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=False)
-    assert (result.returncode != 0) == is_refused, f"{arguments}: {result.stdout}{result.stderr}"
-    return result.stderr if is_refused else result.stdout
+RUN = """
+import json, sys
+from click.testing import CliRunner
+from yumi.cli.main import main
+
+def run(words):
+    result = CliRunner().invoke(main, words)
+    return result.exit_code, result.stdout, result.stderr
+
+json.dump([run(words) for words in json.load(sys.stdin)], sys.stdout)
+"""
+
+
+def apart(*commands: Sequence[str]) -> list[tuple[int, str, str]]:
+    """Exit codes, outputs and errors, in another process: here tests before it may have a ROS context."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], input=json.dumps(commands), capture_output=True, text=True, timeout=150, check=True
+    )
+    return [tuple(each) for each in json.loads(done.stdout)]
 
 
 @pytest.mark.ros
@@ -185,15 +198,30 @@ def apart(*arguments: str, is_refused: bool = False) -> str:
 def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
-    assert "/r/joint_states" in apart("topics")
-    message = json.loads(apart("echo", "r/joint_states", "--once", "--json"))
-    assert message["name"][0] == "yumi_joint_1_r"
-    assert json.loads(apart("call", "yumi_robot_manager/robot_is_ready", "--json"))["success"] is True
-    assert "no service /r/nothing" in apart("call", "r/nothing", is_refused=True)
-    assert "There is no field 'percents'" in apart(
-        "call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}", is_refused=True
-    )
+    examples = list(examples_of(robot_commands.GRAPH_COMMANDS))
+    assert len(examples) > 5
     node = "r/joint_position_controller"
-    assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
-    assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
-    assert len([apart(*words) for words in examples_of(robot_commands.GRAPH_COMMANDS)]) > 5
+    right = [
+        ["topics"],
+        ["echo", "r/joint_states", "--once", "--json"],
+        ["call", "yumi_robot_manager/robot_is_ready", "--json"],
+        ["param", "set", node, "p", "1.3", "--json"],
+    ]
+    wrong = [
+        ["call", "r/nothing"],
+        ["call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}"],
+        ["param", node, "p", "-1.0"],
+    ]
+    results = apart(*right, *wrong, *examples)
+    done, refused = [*results[:4], *results[7:]], results[4:7]
+    assert [each for each in done if each[0] != 0] == []
+    topics, message, ready, gain = (output for _, output, _ in done[:4])
+    assert "/r/joint_states" in topics
+    assert json.loads(message)["name"][0] == "yumi_joint_1_r"
+    assert json.loads(ready)["success"] is True
+    assert json.loads(gain) == {"p": 1.3}
+    for (code, _, error), words in zip(
+        refused, ("no service /r/nothing", "There is no field 'percents'", "was not set"), strict=True
+    ):
+        assert code != 0
+        assert words in error

@@ -19,7 +19,6 @@ from yumi.api.robot import Robot
 from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
 from yumi.robot.joints import CYCLE, ZERO, Joints, Side
-from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(120)]
 
@@ -33,17 +32,20 @@ STALLED = radians(3.0)
 ANSWERED = 25
 """Cycles in a row that get an answer again after an attack, however often this machine stands still."""
 
-ON_SOCKETS = {Fault.EGM_FORGE, Fault.EGM_TRUNCATE, Fault.EGM_SWAP_ARMS, Fault.EGM_DUPLICATE, Fault.EGM_FOREIGN_PORT}
-"""Faults for which sockets do what links in memory do not: other senders, other ports, short and doubled datagrams."""
+ON_SOCKETS = {
+    "egm-forge-30",
+    "egm-truncate-40",
+    "egm-swap-arms",
+    "egm-duplicate-1-from-robot",
+    "egm-foreign-port",
+}
+"""What sockets do that links in memory do not: other senders, other ports, short and doubled datagrams."""
 
 
 def attacks() -> list[object]:
-    """One attack of each fault on sockets; the others are run by ``make soak``."""
-    first = {attack.fault: attack for attack in reversed((*SINGLE, *LASTING)) if attack.fault in ON_SOCKETS}
-    return [
-        pytest.param(attack, marks=() if first.get(attack.fault) is attack else pytest.mark.soak, id=str(attack))
-        for attack in (*SINGLE, *LASTING)
-    ]
+    """Those run with all other tests, and the rest with ``make soak``."""
+    marks = {True: (), False: pytest.mark.soak}
+    return [pytest.param(each, marks=marks[str(each) in ON_SOCKETS], id=str(each)) for each in (*SINGLE, *LASTING)]
 
 
 class Rig:
