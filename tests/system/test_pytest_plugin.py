@@ -7,6 +7,7 @@ import socket
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -61,25 +62,31 @@ def test_option_that_does_not_exist_is_said_by_the_fixture(tmp_path: Path) -> No
         ControllerProcess(tmp_path / "log", {"weight": 7}).start()
 
 
-def test_controller_takes_faults_by_their_names(abb_controller: ControllerProcess) -> None:
-    abb_controller.inject(Fault.EMERGENCY_STOP)
-    with RwsClient(abb_controller.address) as client:
-        assert client.controller_state() is ControllerState.EMERGENCY_STOP
-    abb_controller.inject("warm-restart", duration=0.5)
-    with pytest.raises(CommandRefused, match="There is no fault 'warm'"):
-        abb_controller.inject("warm")
+@pytest.fixture(scope="module")
+def controller(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ControllerProcess]:
+    with ControllerProcess(tmp_path_factory.mktemp("controller") / "log", {}) as controller:
+        yield controller
 
 
-def test_only_the_thread_that_advances_the_robot_runs_in_real_time(abb_controller: ControllerProcess) -> None:
+def test_only_the_thread_that_advances_the_robot_runs_in_real_time(controller: ControllerProcess) -> None:
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     except PermissionError:
         pytest.skip("this machine does not permit real-time priority")
     os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-    threads = [int(path.name) for path in Path(f"/proc/{abb_controller.pid}/task").iterdir()]
+    threads = [int(path.name) for path in Path(f"/proc/{controller.pid}/task").iterdir()]
     assert len(threads) >= 3  # the robot, the server, the background
     in_real_time = [each for each in threads if os.sched_getscheduler(each) & os.SCHED_FIFO]
-    assert in_real_time == [abb_controller.pid]
+    assert in_real_time == [controller.pid]
+
+
+def test_controller_takes_faults_by_their_names(controller: ControllerProcess) -> None:
+    controller.inject(Fault.EMERGENCY_STOP)
+    with RwsClient(controller.address) as client:
+        assert client.controller_state() is ControllerState.EMERGENCY_STOP
+    controller.inject("warm-restart", duration=0.5)
+    with pytest.raises(CommandRefused, match="There is no fault 'warm'"):
+        controller.inject("warm")
 
 
 @pytest.mark.parametrize("count", [short(2), long(CONTROLLERS, 900.0)])
