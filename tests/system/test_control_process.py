@@ -284,7 +284,7 @@ def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_ove
     robot.start()
     try:
         clock = SystemClock()
-        wait_until(clock, lambda: all(control.snapshot(side).is_running for side in Side), 10.0, lambda: "no EGM")
+        wait_until(clock, lambda: all(control.snapshot(side).is_running for side in Side), 30.0, lambda: "no EGM")
         for side in Side:
             control.call(Commands.switch_controllers, side, ("joint_trajectory_controller",))
         clock.wait(0.5)
