@@ -13,6 +13,7 @@ import pytest
 import yumi
 from browser import browser
 from flight import LOST, flown, write_flight_record
+from yumi.errors import StopNotConfirmed
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_event
 from yumi.robot.collision import CollisionModel, Obstacle
@@ -56,7 +57,10 @@ def url(served: str, chromium: Any) -> str:
     for context in chromium.contexts:
         context.close()
     with yumi.attach() as driver:
-        driver.recover()
+        try:
+            driver.recover()
+        except StopNotConfirmed as stop:
+            driver.recover(confirm=stop.stop)
         driver.speed_scale = 1.0
         driver.start_egm()
         driver.move_to(right="home", left="home")
