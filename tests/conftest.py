@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from math import radians
 
 import pytest
-import pytest_timeout
 from hypothesis import settings
 
 from yumi.clock import ManualClock
@@ -23,18 +22,10 @@ def pytest_configure() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """A ``real_time`` test asserts times, which other work on the machine can disturb: it is repeated, at most twice.
-
-    One that is marked with ``flaky(reruns=0)`` measures so that nothing disturbs it.
-
-    Long tests run only where they are selected, see ``make soak``.
-    """
+    """Long tests run only where they are selected, see ``make soak``."""
     if "soak" not in config.option.markexpr:  # another -m takes the place of the usual one
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("soak")])
         items[:] = [item for item in items if not item.get_closest_marker("soak")]
-    for item in items:
-        if item.get_closest_marker("real_time") and not item.get_closest_marker("flaky"):
-            item.add_marker(pytest.mark.flaky(reruns=2))
 
 
 def pytest_collection_finish() -> None:
@@ -46,19 +37,6 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(50_000, 20, 20)
-
-
-def pytest_runtest_setup(item: pytest.Item) -> None:
-    """pytest-timeout stops its timer at the first failure; without a new one, a rerun could hang for ever."""
-    if getattr(item, "execution_count", 1) > 1:
-        item.ihook.pytest_timeout_set_timer(item=item, settings=pytest_timeout._get_item_settings(item))
-
-
-def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Why a test was repeated: it failed once, and a flaky test is a defect whose cause is to be found."""
-    for report in terminalreporter.stats.get("rerun", []):
-        terminalreporter.section(f"repeated: {report.nodeid}")
-        terminalreporter.line(report.longreprtext)
 
 
 # How long an example takes is the machine's affair. `make soak` has the long form of every property.

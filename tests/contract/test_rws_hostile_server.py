@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,7 @@ import pytest
 
 from contract.rws_bench import PlainController, serving
 from hostile_server import ATTACKS, HostileServer, dripping, hostile_before
+from stalls import waited_for_a_processor
 from yumi.errors import NoConnection, ProtocolError, YumiError
 from yumi.rws.client import SPEED_RATIO, RwsClient
 
@@ -18,7 +20,7 @@ pytestmark = pytest.mark.real_time
 
 TIMEOUT = 0.5
 LONG = 10.0
-MARGIN = 2.0  # [s] a machine shared with others may stand still for some time
+MARGIN = 2.0  # [s] a machine shared with others may stand still for some time, beside what this process waits for it
 DRIP = dripping(b"HTTP/1.1 200 OK\r\nX-Drop: ")
 
 
@@ -51,10 +53,11 @@ def test_attack_ends_in_time_and_leaves_nothing_behind(
     threads = set(threading.enumerate())
     for _ in range(2):
         server.attack = ATTACKS[name]
-        begin = monotonic()
+        begin, waited = monotonic(), waited_for_a_processor(os.getpid())
         with pytest.raises(YumiError):
             client.speed_ratio()
-        assert monotonic() - begin < TIMEOUT + MARGIN
+        taken = monotonic() - begin
+        assert taken - (waited_for_a_processor(os.getpid()) - waited) < TIMEOUT + MARGIN
         server.attack = None
         assert client.speed_ratio() == 100
     assert logins(controller) == 1
@@ -150,7 +153,7 @@ def test_requests_while_another_one_logs_in_open_no_second_session(
 
 
 @pytest.mark.parametrize(
-    "cookie", [b"tracker%d=%s" % (number, b"x" * 150) for number in range(50)] + [b"-http-session-=" + b"x" * 5000]
+    "cookie", [b"tracker=" + b"x" * 150, b"-http-session-=" + b"x" * 5000], ids=["of another", "as ours"]
 )
 def test_cookies_of_others_are_not_kept(cookie: bytes, client: RwsClient, server: HostileServer) -> None:
     server.injected = b"Set-Cookie: " + cookie + b"; path=/\r\n"

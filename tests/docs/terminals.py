@@ -22,7 +22,7 @@ from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY
 SERVER = re.compile(r"^(\.venv/bin/)?yumi (controller|up)\b")
 PREAMBLE = ("source ", "cd ", "export ")
 _STARTED = 60.0
-_DONE = 90.0
+_DONE = 150.0  # plan_around.py may look for each of its three plans for 30 s
 _ENDED = 30.0
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 _TIME = re.compile(r"\s?(s|ms|µs|min)\b")
@@ -120,10 +120,12 @@ class Terminals:
     Attributes:
         ran: the commands that were run.
         left_out: the commands that were not, with the reason.
+        outputs: what each command has printed that ended by itself.
     """
 
     def __init__(self, clone: Clone, folder: Path) -> None:
         self.ran: list[str] = []
+        self.outputs: dict[str, str] = {}
         self.left_out: list[tuple[str, str]] = []
         self._clone = clone
         self._folder = folder
@@ -168,7 +170,8 @@ class Terminals:
                 _, _, shown = fence.mark.partition(", shows ")
                 started.wait_for(shown, _STARTED)
             else:
-                self._printed += self._done(["bash", "-ec", f"{preamble}{command}"], command)
+                self.outputs[command] = self._done(["bash", "-ec", f"{preamble}{command}"], command)
+                self._printed += self.outputs[command]
 
     def _start(self, command: str, preamble: str, *, fails: bool) -> Background:
         log = self._folder / f"{len(self._background)}.log"

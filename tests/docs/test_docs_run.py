@@ -30,6 +30,23 @@ def test_page_works_as_it_is_written(documentation: Pages, page: str) -> None:
     documentation.run(page)
 
 
+EXAMPLES = [
+    ("docs/how-to/script-without-ros.md", "script_move_and_grip.py", "left gripper: holding at 20 mm"),
+    ("docs/how-to/script-without-ros.md", "script_both_arms.py", "right arm: holding, left arm: holding"),
+    ("docs/how-to/plan-a-motion.md", "plan_around.py", "back at home"),
+    ("docs/tutorials/first-motion.md", "move_one_joint.py", "EGM has ended on both arms"),
+    ("docs/tutorials/first-motion.md", "bad_goal.py", "its range is -143.5° to 43.5°."),
+    ("docs/tutorials/first-motion.md", "grip.py", "left gripper: holding, 20.0 mm between the fingers"),
+]
+
+
+@pytest.mark.parametrize(("page", "name", "says"), [pytest.param(*each, marks=in_real_time) for each in EXAMPLES])
+def test_example_that_a_page_runs_does_what_it_says(documentation: Pages, page: str, name: str, says: str) -> None:
+    """The page is run once for all tests."""
+    outputs = documentation.run(page).outputs
+    assert says in next(output for command, output in outputs.items() if name in command)
+
+
 @pytest.mark.parametrize("page", pages())
 def test_command_that_is_run_on_another_page_is_there(page: str) -> None:
     for fence in read(page):

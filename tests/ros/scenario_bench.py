@@ -340,9 +340,14 @@ class Stage:
         return start
 
     def _guide(self) -> None:
-        self.application.manager.start_egm()
-        for arm in self.application.arms.values():
-            arm.wait_for_command(TIMEOUT)
+        """Start EGM; again where this machine has stood still meanwhile, which ends it."""
+
+        def are_commanded() -> bool:
+            if not all(arm.is_commanded for arm in self.application.arms.values()):
+                self.application.manager.start_egm()
+            return all(arm.is_commanded for arm in self.application.arms.values())
+
+        self.until(are_commanded, "Controllers that command both arms")
 
     def _order(self, goals: dict[Side, Joints]) -> None:
         for side, goal in goals.items():

@@ -8,16 +8,15 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from time import monotonic
 
 import pytest
+from click.testing import CliRunner
 from ros_bench import Robot
 
-from yumi.egm.udp import UdpServer, free_port
+from yumi.cli.main import main
 from yumi.process.supervision import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -53,6 +52,7 @@ def processes_with(mark: str) -> list[str]:
     return found
 
 
+@pytest.mark.timeout(240)
 def test_demo_completes_the_task_and_leaves_no_process(mark: str, tmp_path: Path) -> None:
     picture, report = tmp_path / "paths.png", tmp_path / "report.json"
     options = ["--picture", str(picture), "--json", str(report), "--logs", str(tmp_path / "logs")]
@@ -68,7 +68,15 @@ def test_demo_completes_the_task_and_leaves_no_process(mark: str, tmp_path: Path
     assert processes_with(mark) == []
 
 
-@pytest.mark.parametrize("moment", ["start the driver", "start EGM on both arms", "move the right arm"])
+@pytest.mark.timeout(240)
+@pytest.mark.parametrize(
+    "moment",
+    [
+        "start the driver",
+        pytest.param("start EGM on both arms", marks=pytest.mark.soak),
+        "move the right arm",
+    ],
+)
 def test_demo_interrupted_at_any_moment_stops_motion_and_leaves_no_process(
     mark: str, tmp_path: Path, moment: str
 ) -> None:
@@ -103,51 +111,23 @@ def silent_host() -> Iterator[int]:
         yield server.getsockname()[1]
 
 
-@contextmanager
-def web_server() -> Iterator[int]:
-    """A port that speaks HTTP but is no robot."""
-    with socket.socket() as server:
-        server.bind(("127.0.0.1", 0))
-        server.listen()
-        thread = threading.Thread(target=_answer_everybody, args=(server,), name="web-server-output", daemon=True)
-        thread.start()
-        yield server.getsockname()[1]
-
-
-def _answer_everybody(server: socket.socket) -> None:
-    while True:
-        try:
-            connection, _ = server.accept()
-        except OSError:
-            return  # closed: the test is over
-        with connection:
-            connection.recv(4096)
-            connection.sendall(b"HTTP/1.1 200 OK\r\nContent-Type: text/html\r\nContent-Length: 5\r\n\r\nhello")
-
-
-def up(*options: str) -> tuple[int, str, float]:
-    """Exit code, standard error and duration [s] of the driver."""
-    begin = monotonic()
+def up(*options: str) -> tuple[int, str]:
+    """Exit code and standard error of the driver, which ends by itself."""
     done = subprocess.run(
-        [*YUMI, "up", *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+        [*YUMI, "up", *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL, timeout=60.0
     )
-    return done.returncode, done.stderr.strip(), monotonic() - begin
+    return done.returncode, done.stderr.strip()
 
 
-in_time = pytest.mark.real_time
-"""Of tests that say how soon a driver that cannot start ends: other work delays the start of Python by seconds."""
-
-
-def expect_one_sentence(outcome: tuple[int, str, float], part: str) -> None:
-    code, error, duration = outcome
+def expect_one_sentence(outcome: tuple[int, str], part: str) -> None:
+    """What else can be wrong with an address, and how soon it is said: ``contract/test_rws_client_connection``."""
+    code, error = outcome
     assert code == 1
     assert part in error
     assert error.startswith("Error: ")
     assert len(error.splitlines()) == 1
-    assert duration < 5.0
 
 
-@in_time
 def test_driver_says_that_the_password_is_wrong_without_showing_it(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,55 +137,27 @@ def test_driver_says_that_the_password_is_wrong_without_showing_it(
     assert "not-it-4711" not in outcome[1]
 
 
-@in_time
-def test_driver_says_that_nobody_is_there(robot: Robot) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))  # bound but not listening: connections are refused
-        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(taken.getsockname()[1])), "127.0.0.1:")
-
-
-@in_time
-def test_driver_says_that_a_name_is_unknown() -> None:
-    expect_one_sentence(up("--robot", "no-such-robot.invalid"), "no-such-robot.invalid")
-
-
-@in_time
 def test_driver_says_that_the_host_does_not_answer() -> None:
     with silent_host() as port:
         expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "did not answer")
 
 
-@in_time
-def test_driver_says_that_the_host_is_no_robot() -> None:
-    with web_server() as port:
-        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "but it is not an IRC5 controller")
-
-
 def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("robot: {adress: x}")
-    code, error, _ = up("--config", str(file))
-    assert (code, error.split(";")[0]) == (2, "Error: mine.yaml: robot has no setting 'adress'")
+    result = CliRunner().invoke(main, ["up", "--config", str(file)])
+    assert (result.exit_code, result.stderr.split(";")[0]) == (2, "Error: mine.yaml: robot has no setting 'adress'")
 
 
 @pytest.mark.parametrize(
     "command", [[], ["demo"], ["up"], ["doctor"], ["controller"], ["record"], ["record", "show"], ["record", "list"]]
 )
 def test_every_command_has_help_with_an_example(command: list[str]) -> None:
-    done = subprocess.run([*YUMI, *command, "--help"], capture_output=True, text=True, check=True)
-    assert "Example" in done.stdout
+    result = CliRunner().invoke(main, [*command, "--help"])
+    assert result.exit_code == 0
+    assert "Example" in result.stdout
 
 
-@in_time
-def test_driver_says_that_its_port_is_taken(robot: Robot) -> None:
-    with UdpServer("127.0.0.1", 0) as taken:
-        options = ["--left-egm-port", str(taken.port), "--right-egm-port", str(free_port())]
-        expect_one_sentence(
-            up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *options), f"UDP port {taken.port} is taken"
-        )
-
-
-@in_time
 def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -213,16 +165,14 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "logs"
     monkeypatch.setenv("ROS_LOG_DIR", str(folder))
-    code, error, duration = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options)
+    code, error = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options)
     assert code == 2, error
     assert error.startswith("Error: ROS 2 does not start: ")
     assert str(folder) in error
     assert error.endswith("; set ROS_LOG_DIR to a folder that can be written, or unset it.")
     assert len(error.splitlines()) == 1
-    assert duration < 10.0
 
 
-@in_time
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
     outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
     expect_one_sentence(
@@ -230,7 +180,6 @@ def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command
     )
 
 
-@in_time
 def test_driver_of_another_robot_refuses_the_names_of_the_first(driver: Command) -> None:
     outcome = up("--robot", "127.0.0.2")
     expect_one_sentence(

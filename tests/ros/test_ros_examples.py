@@ -1,4 +1,4 @@
-"""The examples as they are, against the driver and a virtual robot."""
+"""The examples as they are, against the driver and a virtual robot; ``docs/test_docs_run`` runs those of pages."""
 
 from __future__ import annotations
 
@@ -13,12 +13,7 @@ from ros_bench import Client
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 EXAMPLES = Path(__file__).parents[2] / "examples"
-EXPECTED = {
-    "move_one_joint.py": "EGM has ended on both arms",
-    "bad_goal.py": "Goal refused: yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°.",
-    "grip.py": "left gripper: holding, 20.0 mm between the fingers",
-    "recover.py": "left arm RUN_EGM_ROUTINE, right arm IDLE",
-}
+NAMES = ("bad_goal.py", "grip.py", "move_one_joint.py", "recover.py")
 QUICK = """
 import runpy, sys
 from rclpy.action import ActionClient
@@ -30,11 +25,11 @@ runpy.run_path(sys.argv[1], run_name="__main__")
 """
 
 
-@pytest.mark.parametrize("name", sorted(EXPECTED))
-def test_example_does_what_it_says(idle: Client, name: str) -> None:
-    done = subprocess.run([sys.executable, EXAMPLES / name], capture_output=True, text=True, check=False, timeout=90)
+def test_recovery_does_what_it_says(idle: Client) -> None:
+    example = [sys.executable, EXAMPLES / "recover.py"]
+    done = subprocess.run(example, capture_output=True, text=True, check=False, timeout=90)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert EXPECTED[name] in done.stdout
+    assert "left arm RUN_EGM_ROUTINE, right arm IDLE" in done.stdout
 
 
 def test_example_that_is_stopped_ends_egm_and_says_so_in_a_word(idle: Client) -> None:
@@ -51,7 +46,7 @@ def test_example_that_is_stopped_ends_egm_and_says_so_in_a_word(idle: Client) ->
     assert example.returncode == 1
 
 
-@pytest.mark.parametrize("name", sorted(EXPECTED))
+@pytest.mark.parametrize("name", NAMES)
 def test_example_without_a_driver_says_so_in_a_sentence(name: str) -> None:
     done = subprocess.run(
         [sys.executable, "-c", QUICK, EXAMPLES / name],
@@ -67,7 +62,7 @@ def test_example_without_a_driver_says_so_in_a_sentence(name: str) -> None:
     assert line.endswith("; start the driver with `yumi up`.")
 
 
-@pytest.mark.parametrize("name", sorted(EXPECTED))
+@pytest.mark.parametrize("name", NAMES)
 def test_example_of_ros_needs_nothing_of_ours(name: str) -> None:
     """What users copy works with every driver that has these topics, services and actions."""
     text = (EXAMPLES / name).read_text(encoding="utf-8")

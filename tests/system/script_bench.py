@@ -78,19 +78,6 @@ class VirtualRobot:
         file.write_text(f"OPTIONS = {self.options!r}\n{text}", encoding="utf-8")
         return run_python(self._folder, str(file))
 
-    def example(self, file: Path) -> subprocess.Popen[str]:
-        """An example in a process of its own, with this robot's address."""
-        return self.script(f"EXAMPLE = {str(file)!r}\n{_EXAMPLE}")
-
-
-_EXAMPLE = """
-import functools, runpy, sys, yumi
-sys.argv = [EXAMPLE, OPTIONS.pop("address")]
-yumi.connect, yumi.connect_async = (functools.partial(each, **OPTIONS) for each in (yumi.connect, yumi.connect_async))
-runpy.run_path(EXAMPLE, run_name="__main__")
-"""
-"""An example with EGM ports that nobody else uses."""
-
 
 def output_of(process: subprocess.Popen[str], timeout: float = TIMEOUT) -> str:
     """What a process prints until its end; one that goes on after ``timeout`` is ended, and no other test meets it."""

@@ -35,14 +35,26 @@ def workshop() -> Workshop:
     return workshop
 
 
-@pytest.mark.parametrize("contender", [ECHO, control_loop("blocking")], ids=lambda each: str(each.name))
-@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize(
+    ("contender", "mode"),
+    [
+        (ECHO, Mode.PING_PONG),
+        (control_loop("blocking"), Mode.PACED),
+        pytest.param(ECHO, Mode.PACED, marks=pytest.mark.soak),
+        pytest.param(control_loop("blocking"), Mode.PING_PONG, marks=pytest.mark.soak),
+    ],
+    ids=lambda each: str(getattr(each, "name", each)),
+)
 def test_every_reply_of_both_arms_is_right(workshop: Workshop, contender: Contender, mode: Mode) -> None:
     check_replies(run_case(workshop, Case(contender, mode, 2), 1, CYCLES))
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("contender", [ros_graph("blocking"), busy_ros_graph("blocking")], ids=lambda each: each.name)
+@pytest.mark.parametrize(
+    "contender",
+    [ros_graph("blocking"), pytest.param(busy_ros_graph("blocking"), marks=pytest.mark.soak)],
+    ids=lambda each: each.name,
+)
 def test_ros_graph_replies_and_its_subscriber_hears_every_topic(workshop: Workshop, contender: Contender) -> None:
     run = run_case(workshop, Case(contender, Mode.PACED, 2), 1, CYCLES)
     check_replies(run)

@@ -28,24 +28,31 @@ from yumi.virtual.faults import Fault
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 
 
-@pytest.fixture
-def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[VirtualRobot]:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path))
-    monkeypatch.setenv("ROS_DOMAIN_ID", "97")
-    robot = VirtualRobot(tmp_path)
-    robot.start()
-    yield robot
-    robot.stop()
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("commands")
 
 
-@pytest.fixture
-def driver(robot: VirtualRobot, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+@pytest.fixture(scope="module")
+def robot(folder: Path) -> Iterator[VirtualRobot]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("XDG_RUNTIME_DIR", str(folder))
+        patch.setenv("ROS_LOG_DIR", str(folder))
+        patch.setenv("ROS_DOMAIN_ID", "97")
+        robot = VirtualRobot(folder)
+        robot.start()
+        yield robot
+        robot.stop()
+
+
+@pytest.fixture(scope="module")
+def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) -> Iterator[Command]:
+    """One for all tests that leave it running; another one where its options are others."""
     host, _, port = robot.address.partition(":")
     options = {key: value for key, value in robot.options.items() if key != "address"}
     arguments = ["up", "--robot", host, "--rws-port", port]
     arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
-    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], tmp_path / "driver.log") as driver:
+    with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log") as driver:
         driver.wait_until_ready(TIMEOUT)
         yield driver
 
@@ -67,6 +74,30 @@ def refusal(*arguments: str) -> str:
 def state() -> Mapping[str, Any]:
     found: Mapping[str, Any] = json.loads(run("state", "--json"))
     return found
+
+
+def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
+    """The first one: no driver runs yet."""
+    steps: list[str] = []
+    with yumi.connect(**robot.options, on_step=steps.append) as connected:
+        assert "right arm: EGM running, holding" in run("state")
+        motion = connected.right.move_to("ready", wait=False)
+        shown = (motion.progress, motion.remaining)
+        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
+        motion.wait(TIMEOUT)
+        assert "stands at the goal" in run("move", "right", "home")
+        report = connected.right.state
+        connected.right.move_to("ready")
+    assert any("motors" in step for step in steps)
+    assert 0.0 <= shown[0] < 1.0
+    assert shown[1] is not None
+    assert shown[1] > 0.0
+    assert motion.progress == 1.0
+    assert motion.remaining == 0.0
+    assert report.egm is not None
+    assert report.planned is not None
+    assert (report.egm.motion, report.egm.rapid) == ("running", "running")
+    assert "No driver runs" in refusal("state")
 
 
 def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRobot) -> None:
@@ -140,35 +171,25 @@ def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> No
     assert any("50204" in event for event in events)
 
 
-def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
-    steps: list[str] = []
-    with yumi.connect(**robot.options, on_step=steps.append) as connected:
-        assert "right arm: EGM running, holding" in run("state")
-        motion = connected.right.move_to("ready", wait=False)
-        shown = (motion.progress, motion.remaining)
-        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
-        motion.wait(TIMEOUT)
-        assert "stands at the goal" in run("move", "right", "home")
-        report = connected.right.state
-        connected.right.move_to("ready")
-    assert any("motors" in step for step in steps)
-    assert 0.0 <= shown[0] < 1.0
-    assert shown[1] is not None
-    assert shown[1] > 0.0
-    assert motion.progress == 1.0
-    assert motion.remaining == 0.0
-    assert report.egm is not None
-    assert report.planned is not None
-    assert (report.egm.motion, report.egm.rapid) == ("running", "running")
-    assert "No driver runs" in refusal("state")
+RUN = """
+import json, sys
+from click.testing import CliRunner
+from yumi.cli.main import main
+
+def run(words):
+    result = CliRunner().invoke(main, words)
+    return result.exit_code, result.stdout, result.stderr
+
+json.dump([run(words) for words in json.load(sys.stdin)], sys.stdout)
+"""
 
 
-def apart(*arguments: str, is_refused: bool = False) -> str:
-    """What a command prints in a process of its own: here tests before it may have a ROS context, in another domain."""
-    command = [sys.executable, "-m", "yumi", *arguments]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=False)
-    assert (result.returncode != 0) == is_refused, f"{arguments}: {result.stdout}{result.stderr}"
-    return result.stderr if is_refused else result.stdout
+def apart(*commands: Sequence[str]) -> list[tuple[int, str, str]]:
+    """Exit codes, outputs and errors, in another process: here tests before it may have a ROS context."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUN], input=json.dumps(commands), capture_output=True, text=True, timeout=150, check=True
+    )
+    return [tuple(each) for each in json.loads(done.stdout)]
 
 
 @pytest.mark.ros
@@ -177,15 +198,30 @@ def apart(*arguments: str, is_refused: bool = False) -> str:
 def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     assert "EGM runs" in run("start")
     assert "stands at the goal" in run("move", "left", "ready", "--speed-scale", "1")
-    assert "/r/joint_states" in apart("topics")
-    message = json.loads(apart("echo", "r/joint_states", "--once", "--json"))
-    assert message["name"][0] == "yumi_joint_1_r"
-    assert json.loads(apart("call", "yumi_robot_manager/robot_is_ready", "--json"))["success"] is True
-    assert "no service /r/nothing" in apart("call", "r/nothing", is_refused=True)
-    assert "There is no field 'percents'" in apart(
-        "call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}", is_refused=True
-    )
+    examples = list(examples_of(robot_commands.GRAPH_COMMANDS))
+    assert len(examples) > 5
     node = "r/joint_position_controller"
-    assert json.loads(apart("param", "set", node, "p", "1.3", "--json")) == {"p": 1.3}
-    assert "was not set" in apart("param", node, "p", "-1.0", is_refused=True)
-    assert len([apart(*words) for words in examples_of(robot_commands.GRAPH_COMMANDS)]) > 5
+    right = [
+        ["topics"],
+        ["echo", "r/joint_states", "--once", "--json"],
+        ["call", "yumi_robot_manager/robot_is_ready", "--json"],
+        ["param", "set", node, "p", "1.3", "--json"],
+    ]
+    wrong = [
+        ["call", "r/nothing"],
+        ["call", "yumi_robot_manager/set_speed_ratio", "{percents: 3}"],
+        ["param", node, "p", "-1.0"],
+    ]
+    results = apart(*right, *wrong, *examples)
+    done, refused = [*results[:4], *results[7:]], results[4:7]
+    assert [each for each in done if each[0] != 0] == []
+    topics, message, ready, gain = (output for _, output, _ in done[:4])
+    assert "/r/joint_states" in topics
+    assert json.loads(message)["name"][0] == "yumi_joint_1_r"
+    assert json.loads(ready)["success"] is True
+    assert json.loads(gain) == {"p": 1.3}
+    for (code, _, error), words in zip(
+        refused, ("no service /r/nothing", "There is no field 'percents'", "was not set"), strict=True
+    ):
+        assert code != 0
+        assert words in error

@@ -8,7 +8,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import dataclass
 from http.client import HTTPConnection
 from itertools import pairwise
@@ -19,12 +19,13 @@ from typing import NamedTuple
 
 import pytest
 
+from stalls import waited_for_a_processor
 from yumi.egm.codec import SensorCodec, SensorMessage
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side
 from yumi.rws.client import RwsClient
 
-pytestmark = [pytest.mark.real_time, pytest.mark.flaky(reruns=0)]  # waiting for a processor does not count
+pytestmark = pytest.mark.real_time
 
 LATENCY = 0.02
 """How late a datagram or an answer may be at most, whatever a program does [s].
@@ -218,19 +219,6 @@ class Robot:
         reply.read()
         assert reply.status == 200
         return max(0.0, self._now().since(begin) - (waited_for_a_processor(self.arms.pid) - waited))
-
-
-def waited_for_a_processor(*pids: int) -> float:
-    """How long this thread, and all of some processes, were ready and did not run, since they began [s].
-
-    0 where the system does not count that.
-    """
-    threads = [thread for pid in pids for thread in Path(f"/proc/{pid}/task").glob("*")]
-    waited = 0
-    for thread in (Path("/proc/thread-self"), *threads):
-        with suppress(OSError):
-            waited += int((thread / "schedstat").read_text().split()[1])
-    return waited * 1e-9
 
 
 @pytest.fixture(scope="module")

@@ -166,7 +166,7 @@ def is_whole(frame: Frame) -> bool:
 
 def test_cycles_read_while_another_process_records_flat_out_are_whole() -> None:
     memory = shared_numbers(FLIGHT_SIZE)
-    child = ChildProcess("recording", record_flat_out, memory, 100_000)
+    child = ChildProcess("recording", record_flat_out, memory, 20_000)
     reader, frames = FlightRecorder(memory), 0
     child.start()
     while not child.pipe.has_value():

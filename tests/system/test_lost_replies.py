@@ -9,7 +9,7 @@ from math import radians
 import pytest
 
 import yumi
-from soak import long, short, tell
+from soak import tell
 from tapped_controller import TappedController
 from wire_faults import Tapped, center
 from yumi.api.motion import Motion
@@ -24,6 +24,7 @@ from yumi.virtual.faults import Fault, Way
 
 pytestmark = pytest.mark.timeout(300)
 
+ROUNDS = 10
 LOST = (0.06, 0.1, 0.15, 0.25, 0.4)  # [s]
 FAST, MOVES = radians(120.0), radians(0.01)  # [rad/s] of a command; [rad]
 MISSED = 5
@@ -138,15 +139,22 @@ def losses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Losses]:
     controller.stop()
 
 
-@pytest.mark.parametrize("rounds", [short(1, pytest.mark.real_time), long(10, 1800.0)])
+@pytest.mark.real_time
+@pytest.mark.parametrize(("kind", "seconds"), [("goals", 0.06), ("trajectories", 0.25)])
 def test_robot_that_follows_again_changes_its_speed_by_no_more_than_five_commands_explain(
-    losses: Losses, rounds: float
+    losses: Losses, kind: str, seconds: float
 ) -> None:
-    count = 0
-    for _ in range(int(rounds)):
+    """All losses are in ``test_lost_replies_in_virtual_time``."""
+    losses.lose(BEGINS[kind], seconds, at_speed=True)
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1800)
+def test_no_loss_of_many_changes_the_speed_of_a_robot_that_follows_again_by_more(losses: Losses) -> None:
+    for number in range(1, ROUNDS + 1):
         for begin in BEGINS.values():
             for at_speed in (False, True):
                 for seconds in LOST:
                     losses.lose(begin, seconds, at_speed=at_speed)
-                    count += 1
+        count = number * 2 * len(BEGINS) * len(LOST)
         tell(f"{count} losses: worst change of speed {losses.worst:.2f} of what is allowed; {losses.went_on} went on")

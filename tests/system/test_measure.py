@@ -1,4 +1,7 @@
-"""`yumi measure` through the whole path: driver, network and a virtual controller in processes of their own."""
+"""`yumi measure` through the whole path: driver, network and a virtual controller in processes of their own.
+
+It takes a minute and a half; its parts are tested in ``unit/evaluation``, the motions on a robot in memory.
+"""
 
 from __future__ import annotations
 
@@ -75,10 +78,9 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Measured]:
         robot.stop()
 
 
-pytestmark = [pytest.mark.timeout(300)]
+pytestmark = [pytest.mark.soak, pytest.mark.timeout(300)]
 
 
-@pytest.mark.real_time
 def test_parameters_of_another_robot_are_found(measured: Measured) -> None:
     assert measured.exit_code == 0, measured.output
     (robot,) = measured.comparison["robots"]
@@ -95,7 +97,6 @@ def test_parameters_of_another_robot_are_found(measured: Measured) -> None:
     assert names == ["recordings", "comparison.svg", "yumi.yaml", "measured.zip"]
 
 
-@pytest.mark.real_time
 def test_virtual_robot_with_the_settings_moves_as_the_measured_one(measured: Measured) -> None:
     parameters = read_egm_parameters(measured.folder / "measured" / "yumi.yaml")
     dynamics = Dynamics(parameters.position_gain or 0.0, parameters.applied(ArmModel(), CHAIN_AXES))
@@ -108,7 +109,6 @@ def test_virtual_robot_with_the_settings_moves_as_the_measured_one(measured: Mea
         assert np.sqrt(np.square(as_delivered).mean()) > 0.02  # so that the settings say something
 
 
-@pytest.mark.real_time
 def test_no_joint_was_sent_further_than_two_degrees_or_faster_than_ten_degrees_a_second(measured: Measured) -> None:
     for name in MOTIONS:
         frames = read_recording(measured.recordings / f"{name}.mcap", before=inf, after=inf).frames
@@ -139,7 +139,6 @@ def has_moved(position: Joints | None, since: Joints | None) -> bool:
     return max(abs(now - then) for now, then in zip(position, since, strict=True)) > radians(0.5)
 
 
-@pytest.mark.real_time
 def test_emergency_stop_ends_the_measurement_and_what_was_recorded_is_kept(tmp_path: Path) -> None:
     robot = VirtualRobot(tmp_path)
     robot.start()
