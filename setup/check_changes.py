@@ -26,6 +26,7 @@ UNNOTICED = "Changelog: none"
 LONGEST = 300  # characters of a fragment: what, for whom; the rest belongs to the documentation
 
 _NAME = re.compile(r"(\d+|\+[a-z0-9-]+)\.([a-z]+)(\.\d+)?\.md")
+_FRAGMENT = re.compile(rf"{FOLDER}/{_NAME.pattern}")
 
 
 def kinds(root: Path = ROOT) -> list[str]:
@@ -67,7 +68,7 @@ def missing_fragment(root: Path = ROOT, base: str = "") -> str:
         return ""  # an archive, or a clone without main: there is nothing to compare with
     noticed: list[str] = []
     for message, files in _commits(root, f"{start}..HEAD"):
-        if any(status != "D" and (file.startswith(f"{FOLDER}/") or file == CHANGELOG) for status, file in files):
+        if any(status != "D" and (file == CHANGELOG or _FRAGMENT.fullmatch(file)) for status, file in files):
             return ""
         if UNNOTICED not in message.splitlines():
             noticed += [file for _, file in files if file.startswith(NOTICED)]

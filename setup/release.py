@@ -2,10 +2,10 @@
 
     .venv/bin/python setup/release.py 0.1.0
 
-The version is written wherever a tool wants it in words. Fragments of changelog.d/ become a section of CHANGELOG.md,
-and dist/ gets both wheels, the sources and the notes. Each is then installed in an empty environment, of two Pythons
-where there are two. Where a step fails, the files of the clone are as before. Commit, tag and upload are left to a
-person; the last lines say how.
+The version is written into each file whose readers cannot derive it. Fragments of changelog.d/ become a section of
+CHANGELOG.md, and dist/ gets both wheels, the sources and the notes. Each is then installed in an empty environment, of
+two Pythons where there are two. Where a step fails, the files of the clone are as before. Commit, tag and upload are
+left to a person; the last lines say how.
 """
 
 from __future__ import annotations

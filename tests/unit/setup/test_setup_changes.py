@@ -44,7 +44,7 @@ def test_changed_package_without_a_fragment_is_refused(repository: Repository) -
     repository.commit("Move faster", {"src/yumi/arm.py": "2"})
     assert repository.missing().startswith(
         "src/yumi/arm.py has changed since main, and changelog.d/ has no new fragment. Write "
-        "changelog.d/NUMBER.KIND.md (KIND is added, changed, removed, fixed or security), or put the line “Changelog: none”"
+        "changelog.d/NUMBER.KIND.md (KIND is added, changed, removed, fixed or security), or put the line “Changelog: "
     )
 
 
@@ -72,6 +72,11 @@ def test_change_that_needs_no_other_fragment_passes(
     for message, files in commits:
         repository.commit(message, files)
     assert repository.missing() == ""
+
+
+def test_page_about_fragments_is_none(repository: Repository) -> None:
+    repository.commit("Move faster", {"src/yumi/arm.py": "2", "changelog.d/README.md": "# Fragments"})
+    assert "no new fragment" in repository.missing()
 
 
 def test_removed_fragment_is_none(repository: Repository) -> None:
