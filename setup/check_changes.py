@@ -3,7 +3,8 @@
     .venv/bin/python setup/check_changes.py [--base BRANCH]
 
 The commits of the branch are compared with `main`, without a network. A commit that users cannot notice says so in a
-line of its message: `Changelog: none`.
+line of its message: `Changelog: none`. (`towncrier check` wants a branch of a remote, and a fragment for a change of
+tests, too.)
 """
 
 from __future__ import annotations
