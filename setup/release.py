@@ -222,8 +222,10 @@ def main() -> None:
     for file in sorted(dist.iterdir()):
         print(f"  {file.relative_to(ROOT)}  {file.stat().st_size / 1e6:.1f} MB")
     print(
-        f"Checked. Look at dist/notes-{new}.md and `git diff --cached`, then:\n"
-        f'  git commit -am "Release {new}" && git tag -a v{new} -F dist/notes-{new}.md && git push --follow-tags'
+        f"Checked. Look at dist/notes-{new}.md and `git diff HEAD`, then:\n"
+        f'  git commit -am "Release {new}"\n'
+        f"  git tag --annotate --cleanup=whitespace --file dist/notes-{new}.md v{new}\n"
+        "  git push --follow-tags"
     )
 
 
