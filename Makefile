@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-real-time soak check docs wheels constraints clean
+.PHONY: help setup demo test test-real-time soak check docs wheels release constraints clean
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -18,6 +18,7 @@ help:
 	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 20 minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
+	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
 	@echo 'make docs          the documentation as a site, in build/site'
 	@echo 'make constraints   constraints.txt again from pyproject.toml'
 	@echo 'make clean         removes .venv, build and the caches'
@@ -37,6 +38,7 @@ check: setup
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
+	.venv/bin/python setup/check_changes.py
 
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
 test: check
@@ -57,6 +59,9 @@ wheels: setup
 	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
 	@.venv/bin/python setup/requirements.py > dist/requirements.txt
 	@.venv/bin/python setup/requirements.py ros record > dist/requirements-ros.txt
+
+release: setup
+	@exec .venv/bin/python setup/release.py '$(VERSION)'
 
 # Links in the pages and docstrings are checked: a warning ends it.
 docs: setup

@@ -1,10 +1,14 @@
 """For colcon alone, which builds an `ament_python` package by this file; pip builds by pyproject.toml's hatchling."""
 
+import re
 from pathlib import Path
 
 from setuptools import find_packages, setup
 
+VERSION = re.search(r'^__version__ = "(.*)"$', Path("src/yumi/__init__.py").read_text(), re.MULTILINE)
+
 distribution = setup(
+    version=VERSION[1],
     package_dir={"": "src", "yumi.config": "config"},
     packages=[*find_packages("src"), "yumi.config"],
     package_data={"yumi": ["**/*"], "yumi_evaluation": ["**/*"], "yumi.config": ["*.yaml", "*.xml"]},

@@ -1,6 +1,8 @@
-"""Refuses words that only this project used, in identifiers, user-visible text and docs; `make check` runs it.
+"""Refuses words that only this project used, and lines of pages that are hard to compare; `make check` runs it.
 
-Each has a word that ROS and ABB engineers search for: docs/reference/glossary.md.
+Each word, in identifiers, user-visible text and docs, has one that ROS and ABB engineers search for:
+docs/reference/glossary.md. A line of a page holds one sentence at most, so that a change shows which one has changed,
+and is at most 120 columns long, tables and the addresses of links apart.
 """
 
 from __future__ import annotations
@@ -46,12 +48,25 @@ WORDS = {
 }
 """Each word or words, singular as written, with what stands in its place."""
 
-FOLDERS = ("src", "docs", "examples", "launch", "config", "README.md")
+FOLDERS = ("src", "docs", "examples", "launch", "config", "*.md")
 ALLOWED = {"docs/reference/glossary.md"}
 """Files that name the words to explain them."""
 
+CHANGELOG = "CHANGELOG.md"
+"""A release writes it."""
+
 TERMS_OF_THE_FIELD = {("externally", "guided", "motion")}
 """Terms that contain one of the words and stay."""
+
+COLUMNS = 120
+_SENTENCES = re.compile(r"(?<![.…])(?<!\be\.g)(?<!\bi\.e)(?<!\bcf)[.!?][)\"”*_\]]* +(?=[(*\"“\[]*[A-Z`])")
+_LEAD = re.compile(r"\s*(?:[-*+] |\d+[.)] )?(?:\*\*[^*]+\*\* )?")
+"""What stands before the first sentence of a paragraph: the mark of a list, words in bold."""
+
+_TARGET = re.compile(r"(?<=\])\([^)\s]+(?: \"[^\"]*\")?\)")
+_CODE = re.compile(r"`[^`]+`")
+_UNWRAPPED = re.compile(r"\s*(?:\||#|<|:::|!\[|\[!\[)")
+"""How lines begin that are no text: tables, headings, comments, pictures."""
 
 _TERMS = {tuple(words.split()): instead for words, instead in WORDS.items()}
 _LONGEST = max(map(len, _TERMS))
@@ -76,6 +91,24 @@ def check(file: Path) -> list[str]:
     return found
 
 
+def check_lines(file: Path) -> list[str]:
+    """Where a page has a line that is too long or holds two sentences, a line each."""
+    found, fence = [], ""
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        mark = re.match(r" *(`{3,}|~{3,})", line)
+        if fence or mark:
+            fence = "" if fence and line.strip() == fence else fence or (mark[1] if mark else "")
+            continue
+        if _UNWRAPPED.match(line):
+            continue
+        if len(_TARGET.sub("", line)) > COLUMNS:
+            found.append(f"{file}:{number}: {len(line)} columns; a line of a page has at most {COLUMNS}")
+        text = _CODE.sub(lambda code: "`" + "x" * (len(code[0]) - 2) + "`", _TARGET.sub("", line))
+        if _SENTENCES.search(text, _LEAD.match(text).end()):  # type: ignore[union-attr] # it matches nothing, too
+            found.append(f"{file}:{number}: two sentences; each begins a line of its own")
+    return found
+
+
 def _python_pieces(text: str) -> list[tuple[int, str]]:
     """Names, comments and strings of a module, each with its line."""
     kinds = (tokenize.NAME, tokenize.COMMENT, tokenize.STRING)
@@ -95,6 +128,7 @@ def main() -> int:
         Path(name) for name in listed.splitlines() if name not in ALLOWED and name.endswith((".py", ".md", ".yaml"))
     ]
     found = [line for file in files for line in check(file)]
+    found += [line for file in files if file.suffix == ".md" and str(file) != CHANGELOG for line in check_lines(file)]
     sys.stdout.write("".join(f"{line}\n" for line in found))
     return 1 if found else 0
 

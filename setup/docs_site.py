@@ -1,7 +1,8 @@
 """What ``make docs`` adds to the pages of docs/: MkDocs calls these functions (``hooks`` in mkdocs.yml).
 
 Pages are written for the repository, where a link may lead to a source file. In the site such a link becomes the file's
-name. Two pages exist in the site alone: the index of messages, collected from the sources, and CONTRIBUTING.md.
+name. Two pages exist in the site alone: the index of messages, collected from the sources, and CONTRIBUTING.md. Long
+tables are made from the code when the site is.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +22,7 @@ CONTRIBUTING = "contributing.md"
 GENERATED = (MESSAGES, CONTRIBUTING)
 """Pages that are made when the site is."""
 
+_TABLES = re.compile(r"<!-- Written by setup/(\w+)\.py when the site is built\. -->\n?")
 _LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?(?: \"([^\"]*)\")?\)")
 _SHORTEST = 12  # letters; below that it is a word and no message
 
@@ -181,6 +184,25 @@ def chart(source: str) -> str:
     )
 
 
+def with_tables(text: str) -> str:
+    """The page's text with the tables that its comments name; each is too long for a page that a person edits."""
+
+    def written(found: re.Match[str]) -> str:
+        sys.path.insert(0, str(Path(__file__).parent))
+        try:
+            return str(import_module(found[1]).tables())
+        finally:
+            del sys.path[0]
+
+    return _TABLES.sub(written, text)
+
+
+def contributing_page() -> str:
+    """CONTRIBUTING.md as if it stood in docs/: rewritten() makes names of the links that lead out of that folder."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    return re.sub(r"\]\((docs/)?(?=[\w.])(?!\w+:)", lambda link: "](" if link[1] else "](../", text)
+
+
 def on_config(config: Any) -> Any:
     """Put every decision into the navigation, by its title."""
     for _, sections in (next(iter(each.items())) for each in config.nav):
@@ -203,20 +225,14 @@ def on_files(files: Any, config: Any) -> Any:
     """Add the pages that exist in the site alone."""
     from mkdocs.structure.files import File  # noqa: PLC0415 - the tests of this file do not need MkDocs
 
-    contributing = (
-        (ROOT / "CONTRIBUTING.md")
-        .read_text(encoding="utf-8")
-        .replace("](docs/", "](")
-        .replace("[CHANGELOG](CHANGELOG.md)", "`CHANGELOG.md`")
-    )
-    for name, content in ((MESSAGES, messages_page()), (CONTRIBUTING, contributing)):
+    for name, content in ((MESSAGES, messages_page()), (CONTRIBUTING, contributing_page())):
         files.append(File.generated(config, name, content=content))
     return files
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     """Rewrite a page before it is rendered."""
-    markdown = rewritten(markdown, ROOT / "docs" / page.file.src_uri)
+    markdown = rewritten(with_tables(markdown), ROOT / "docs" / page.file.src_uri)
     return re.sub(r"```mermaid\n(.*?)```", lambda found: chart(found[1]), markdown, flags=re.DOTALL)
 
 

@@ -1,47 +1,23 @@
-"""Writes docs/reference/rws-coverage.md: every operation of the virtual controller's Robot Web Services.
+"""The tables of docs/reference/rws-coverage.md: every operation of the virtual controller's Robot Web Services.
 
     .venv/bin/python setup/rws_coverage.py
 
-The page is the table that directs the controller's requests, so that it states what the controller does.
+prints them; docs_site.py puts them into the page when the site is built. They are the table that directs the
+controller's requests, so that they state what the controller does.
 """
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 from yumi.virtual.rws.operations import Operation, Values
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.rws.version_2 import RwsService2
 from yumi.virtual.world import World
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "reference" / "rws-coverage.md"
-
 _OR = "\\|"  # in a cell of a table
-
-_HEAD = """# Operations of the virtual controller's Robot Web Services
-
-<!-- Written by setup/rws_coverage.py; edit the table in src/yumi/virtual/rws instead. -->
-
-What `yumi controller` answers, as a controller with RobotWare 6.09 and no extra hardware does. Each line is an entry of
-the [table that directs its requests](../explanation/decisions/0038-table-of-web-services.md); a
-[test](../../tests/unit/virtual/rws/test_virtual_rws_coverage.py) sends each once for XHTML and once for JSON. Every
-resource also has `?action=show`, the forms of its actions, and takes `json=1`.
-
-Beside the status of success there are 400 for a value or state that does not fit, 401 without login, 403 for what the
-mode, a missing grant, another client's mastership or the state forbids, 404 for what is not there, 405 for another
-method, 409 for what is taken, 415 for a body that is no form, 503 while the controller is busy or has 70 sessions, and
-507 when its limits are reached. An operation whose status is 400 or 403 is known and always refused, with the reason.
-*M* means that the mastership of a domain is needed, *m* that no other client may hold it. `a|b` are the values that a
-parameter may have. Without its grant (ABB: User Authorization System) an operation is refused with 403 and code
--1073445867; a reduction of the speed needs its grant only from 100 % in automatic mode; `bstart` needs `UAS_RESTORE`,
-and `istart`, `pstart` and `xstart` need `UAS_SYSTEM_ADMINISTRATION`.
-
-*RWS 2.0* is what `yumi controller --robotware 7` calls the operation: *same* where method and path are the same,
-nothing where it has none; {second} operations of 2.0 are answered as {first} of these
-([what differs](virtual-controller.md#robotware-7)).
-"""
 
 
 def operations() -> tuple[Operation, ...]:
@@ -62,15 +38,15 @@ def second_names() -> dict[tuple[str, ...], list[str]]:
     return names
 
 
-def page() -> str:
-    """The page of the table."""
+def tables() -> str:
+    """The sections with the tables, in Markdown."""
     services: dict[str, list[Operation]] = {}
     for operation in operations():
         services.setdefault(operation.service, []).append(operation)
     second = second_names()
-    introduction = _HEAD.format(second=sum(map(len, second.values())), first=len(second))
     lines = [
-        introduction,
+        f"{sum(map(len, second.values()))} operations of RWS 2.0 are answered as {len(second)} of these.",
+        "",
         "| Service | Operations | Answered | Refused | Not there | In RWS 2.0 |",
         "|---|--:|--:|--:|--:|--:|",
     ]
@@ -121,4 +97,4 @@ def _parameters(values: Values) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    sys.stdout.write(tables())

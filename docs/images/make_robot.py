@@ -1,33 +1,24 @@
-"""Render the robot for the documentation: a picture and an animation, from the shapes of its URDF.
+"""Render the robot for the pictures of make_tool_motions.py, from the shapes of its URDF.
 
 A small ray marcher in numpy: each link is a distance field, the smooth union of its boxes, cylinders and spheres, so
 that the pictures follow ``robot/description.py`` whatever shapes it has. The background is transparent, for light and
 dark pages.
-
-    python docs/images/make_robot.py                # docs/images/yumi.webp (moves) and yumi.png
-    python docs/images/make_robot.py --frames 1     # the picture alone
 """
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import reduce
 from math import radians
-from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from yumi.robot.description import robot_description
-from yumi.robot.joints import Side, finger_names, home, joint_names
-
 Array = NDArray[np.float32]
 
-FOLDER = Path(__file__).parent
 EYE = (1.95, -1.02, 0.92)  # [m] from the robot's base
 TARGET = (0.02, -0.015, 0.222)
 FIELD_OF_VIEW = 25.5  # [°], from top to bottom
@@ -38,14 +29,6 @@ STEPS, NEAR = 72, 0.0004  # of a ray, and how close it must come [m]
 SUPERSAMPLING = 2
 COLORS = {"abb_white": (0.93, 0.935, 0.93), "abb_grey": (0.66, 0.685, 0.71), "abb_graphite": (0.25, 0.265, 0.285)}
 OTHER_COLOR = (0.8, 0.8, 0.8)
-FINGERS_APART = 0.018  # each from the middle [m]
-
-# Axes 1, 2, 7, 3, 4, 5, 6 of the right arm [°]; None: home. The left arm takes them mirrored and in another order.
-_OUT, _IN, _FORWARD = (33, -85, -72, 26, 68, -32, 22), (44, -50, -69, 58, 38, -40, 0), (21, -60, -76, 35, 65, -17, 1)
-RIGHT = (None, _OUT, _IN, _FORWARD)
-LEFT = (None, _FORWARD, _OUT, _IN)
-MIRROR = (-1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0)
-SECONDS_A_LEG = 1.5
 
 
 @dataclass(frozen=True)
@@ -322,48 +305,3 @@ def lowest(links: list[Link]) -> float:
             to_base = link.to_base @ solid.to_link
             heights.append(float(to_base[2, 3] - np.abs(to_base[2, :3]) @ np.float32(solid.size)))
     return min(heights)
-
-
-def positions_at(share: float) -> dict[str, float]:
-    """Joint positions [rad, m] at a share of the motion, from 0 to 1, where it begins again."""
-    legs = len(RIGHT)
-    leg, within = divmod(share * legs, 1.0)
-    eased = within**3 * (10.0 + within * (6.0 * within - 15.0))  # from rest to rest without a jump of acceleration
-    found = {}
-    for side, poses in ((Side.RIGHT, RIGHT), (Side.LEFT, LEFT)):
-        mirror = MIRROR if side is Side.LEFT else (1.0,) * len(MIRROR)
-        start, end = poses[int(leg) % legs], poses[(int(leg) + 1) % legs]
-        for index, name in enumerate(joint_names(side)):
-            a, b = (
-                home(side)[index] if pose is None else mirror[index] * radians(pose[index]) for pose in (start, end)
-            )
-            found[name] = a + eased * (b - a)
-        found |= dict.fromkeys(finger_names(side), FINGERS_APART)
-    return found
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--frames", type=int, default=60, help="of the animation; 1: the picture alone")
-    parser.add_argument("--width", type=int, default=600, help="[pixels]")
-    parser.add_argument("--still", type=float, default=0.25, help="what share of the motion the picture shows")
-    parser.add_argument("--folder", type=Path, default=FOLDER)
-    options = parser.parse_args()
-    urdf, height = ET.fromstring(robot_description().encode()), round(0.66 * options.width)
-    still = render(links_of(urdf, positions_at(options.still)), options.width, height)
-    still.save(options.folder / "yumi.png", optimize=True)
-    if options.frames == 1:
-        return
-    images = []
-    for number in range(options.frames):
-        images.append(render(links_of(urdf, positions_at(number / options.frames)), options.width, height))
-        print(f"{number + 1} of {options.frames}", end="\r", flush=True)
-    duration = round(1000.0 * SECONDS_A_LEG * len(RIGHT) / options.frames)
-    first, *others = images
-    animation = options.folder / "yumi.webp"
-    first.save(animation, save_all=True, append_images=others, duration=duration, loop=0, quality=72, method=6)
-    print(f"{animation}: {animation.stat().st_size / 1e6:.2f} MB")
-
-
-if __name__ == "__main__":
-    main()

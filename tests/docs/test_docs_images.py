@@ -11,11 +11,12 @@ from doc_pages import ROOT
 
 from mesh_judge import MeshJudge
 from yumi.robot.description import FINGERTIPS, robot_description
-from yumi.robot.joints import YUMI_LIMITS, Side, home, joint_names, joints
+from yumi.robot.joints import Side, home, joint_names, joints
 from yumi.robot.kinematics import tool0_to_body
 
 sys.path.append(str(ROOT / "docs" / "images"))
 
+import make_data_flow
 import make_robot
 import make_tool_motions
 
@@ -39,19 +40,17 @@ def test_cylinder_with_equal_balls_at_its_ends_is_a_capsule() -> None:
 
 
 def test_picture_shows_the_robot_on_a_transparent_background() -> None:
-    links = make_robot.links_of(URDF, make_robot.positions_at(0.3))
+    positions = {name: value for side in Side for name, value in zip(joint_names(side), home(side), strict=True)}
+    links = make_robot.links_of(URDF, positions)
     alpha = np.asarray(make_robot.render(links, 48, 32))[..., 3]
     assert alpha[0].max() == 0
     assert 0.1 < (alpha == 255).mean() < 0.6
 
 
-def test_motion_ends_where_it_began_and_every_pose_is_in_range() -> None:
-    assert make_robot.positions_at(0.0) == pytest.approx(make_robot.positions_at(0.99999), abs=1e-3)
-    for number in range(16):
-        positions = make_robot.positions_at(number / 16)
-        for side in Side:
-            for index, name in enumerate(joint_names(side)):
-                assert YUMI_LIMITS.lower[index] < positions[name] < YUMI_LIMITS.upper[index]
+def test_picture_of_the_data_flow_is_current() -> None:
+    drawn = make_data_flow.picture()
+    assert make_data_flow.FILE.read_text(encoding="utf-8") == drawn, "run: python docs/images/make_data_flow.py"
+    ET.fromstring(drawn)
 
 
 def test_pictures_of_the_tool_show_what_the_examples_do() -> None:

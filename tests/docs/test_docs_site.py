@@ -160,6 +160,32 @@ def test_no_link_of_the_site_leads_out_of_the_pages(file: Path) -> None:
     assert [each for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)] == []
 
 
+def test_no_link_of_the_contributing_page_leads_out_of_the_pages() -> None:
+    page = docs_site.contributing_page()
+    assert "](explanation/architecture.md#where-a-change-goes)" in page
+    text = docs_site.rewritten(page, DOCS / docs_site.CONTRIBUTING)
+    assert "changelog.d `changelog.d/README.md`" in text
+    targets = [each.partition("#")[0] for each in re.findall(r"\]\(([^)\s]+)", text)]
+    assert [each for each in targets if not (DOCS / each).is_file()] == []
+
+
+@pytest.mark.parametrize(
+    ("page", "row"),
+    [
+        ("rapid-coverage.md", "\n| Functions | "),
+        ("rapid-coverage.md", "`GetSysInfo`{ title="),
+        ("rws-coverage.md", "\n| `GET /rw/panel/ctrlstate` | "),
+    ],
+)
+def test_page_gets_its_tables_when_the_site_is_built(page: str, row: str) -> None:
+    source = _text(f"docs/reference/{page}")
+    assert row not in source
+    assert len(source) < 4000
+    shown = docs_site.rewritten(docs_site.with_tables(source), DOCS / "reference" / page)
+    assert row in shown
+    assert "when the site is built. -->" not in shown
+
+
 def test_messages_are_collected_from_the_sources(tmp_path: Path) -> None:
     (tmp_path / "errors.py").write_text('class Bad(Exception):\n    """It is bad.\n\n    More.\n    """\n')
     (tmp_path / "part.py").write_text(

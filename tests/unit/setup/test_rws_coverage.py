@@ -1,14 +1,8 @@
-"""The page that lists the operations of Robot Web Services."""
+"""The tables that list the operations of Robot Web Services."""
 
 from __future__ import annotations
 
 import rws_coverage
-
-
-def test_page_is_current() -> None:
-    assert rws_coverage.PAGE.read_text(encoding="utf-8") == rws_coverage.page(), (
-        "run .venv/bin/python setup/rws_coverage.py"
-    )
 
 
 def test_no_operation_is_listed_twice() -> None:

@@ -12,11 +12,13 @@ from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
 
 import pytest
+from release import version
 from wheel_hook import RECORDS, destination
 
 from yumi.robot import collision_library
 
 ROOT = Path(__file__).resolve().parents[3]
+NAME = f"yumi_ros2-{version()}"
 
 READ_SETTINGS = (
     "import yumi.driver.settings as s; from yumi.robot.joints import Side; "
@@ -58,9 +60,9 @@ def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as files:
         names = files.getnames()
-        assert "yumi_ros2-0.1.0/src/yumi/robot/collision.cpp" in names
+        assert f"{NAME}/src/yumi/robot/collision.cpp" in names
         for header in collision_library.HEADERS:
-            assert f"yumi_ros2-0.1.0/src/yumi/robot/{header.name}" in names
+            assert f"{NAME}/src/yumi/robot/{header.name}" in names
 
 
 @pytest.fixture(params=["wheel", "colcon"], scope="module")
@@ -112,7 +114,7 @@ def test_installation_reads_its_own_settings(installed: Path) -> None:
     assert run([sys.executable, "-c", code], installed).strip() == str(installed / "yumi" / "config")
 
 
-DATA = "yumi_ros2-0.1.0.data/data/"
+DATA = f"{NAME}.data/data/"
 IN_AMENT_INDEX = {
     "share/ament_index/resource_index/packages/yumi_ros2",
     "share/yumi_ros2/package.xml",
@@ -160,7 +162,7 @@ def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine
     with ZipFile(build_wheel(source, tmp_path, YUMI_WHEEL_INTERFACES="1")) as archive:
         names = set(archive.namelist())
         texts = {name: archive.read(name) for name in names if not name.endswith(".so")}
-        tags = archive.read("yumi_ros2-0.1.0.dist-info/WHEEL").decode()
+        tags = archive.read(f"{NAME}.dist-info/WHEEL").decode()
     for package in sorted(path.parent.name for path in (ROOT / "interfaces").glob("*/package.xml")):
         loaded = {f"{package}_s__rosidl_typesupport_{kind}.so" for kind in ("c", "fastrtps_c", "introspection_c")}
         assert {f"{package}/{name}" for name in ("__init__.py", *loaded)} <= names

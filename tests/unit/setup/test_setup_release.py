@@ -1,0 +1,108 @@
+"""A release: the version is one, the request is checked, and nothing is left of a release that fails."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from shutil import copy
+
+import pytest
+import release
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    for name in (*release.WRITTEN[:-1], "changelog.d/README.md"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        copy(ROOT / name, tmp_path / name)
+    git(tmp_path, "init", "--quiet")
+    git(tmp_path, "add", "--all")
+    git(tmp_path, "commit", "--quiet", "--message", "Begin")
+    return tmp_path
+
+
+def git(root: Path, *arguments: str) -> str:
+    identity = ("-c", "user.name=Test", "-c", "user.email=test@example.org")
+    return subprocess.run(["git", *identity, *arguments], cwd=root, check=True, capture_output=True, text=True).stdout
+
+
+@pytest.mark.parametrize("name", release.COPIES)
+def test_copy_of_the_version_agrees_with_the_sources(name: str) -> None:
+    found = release.COPIES[name].search((ROOT / name).read_text(encoding="utf-8"))
+    assert found is not None
+    assert found[0] == release.version()
+
+
+def test_version_is_written_into_every_copy(clone: Path) -> None:
+    release.write_version("1.20.3", clone)
+    assert release.version(clone) == "1.20.3"
+    assert all(place.search((clone / name).read_text())[0] == "1.20.3" for name, place in release.COPIES.items())  # type: ignore[index]
+    changed = git(clone, "diff", "--numstat").splitlines()
+    assert [line.split()[:2] for line in changed] == [["1", "1"]] * (1 + len(release.COPIES))
+
+
+@pytest.mark.parametrize("new", ["", "1.0", "v1.0.0", "1.0.0rc1"])
+def test_version_that_is_none_is_refused(clone: Path, new: str) -> None:
+    with pytest.raises(release.ReleaseFailed, match="is not a version; write three numbers"):
+        release.check_request(new, clone)
+
+
+@pytest.mark.parametrize("new", ["0.9.0", "0.10.0"])
+def test_version_that_is_not_higher_than_the_released_ones_is_refused(clone: Path, new: str) -> None:
+    for tag in ("v0.9.0", "v0.10.0", "v0.2.0", "vendor"):
+        git(clone, "tag", tag)
+    with pytest.raises(release.ReleaseFailed, match=f"0.10.0 has been released; .* and {new} is not"):
+        release.check_request(new, clone)
+    release.check_request("0.11.0", clone)
+
+
+def test_clone_with_changes_is_refused(clone: Path) -> None:
+    (clone / "new.txt").write_text("")
+    with pytest.raises(release.ReleaseFailed, match="changes that are not committed"):
+        release.check_request("9.0.0", clone)
+
+
+def test_files_are_as_before_when_a_step_fails(clone: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(what: str, command: list[str], folder: Path) -> None:
+        assert release.version(clone) == "9.0.0"
+        (clone / "CHANGELOG.md").write_text("half")
+        git(clone, "rm", "--quiet", "changelog.d/README.md")
+        raise release.ReleaseFailed(what)
+
+    monkeypatch.setattr(release, "_run", fails)
+    with pytest.raises(release.ReleaseFailed, match="notes"):
+        release.make("9.0.0", clone)
+    assert git(clone, "status", "--porcelain") == ""
+
+
+CHANGELOG = """# Changelog
+
+## 0.2.0 (2026-02-01)
+
+### Added
+
+- A gripper.
+
+## Before the first release
+
+Arms.
+
+## 0.1.0 (2026-01-01)
+
+- Nothing.
+"""
+
+
+def test_notes_are_the_section_of_the_version() -> None:
+    text = "# yumi-ros2 0.2.0 (2026-02-01)\n\n### Added\n\n- A gripper.\n\n## Before the first release\n\nArms.\n"
+    assert release.notes(CHANGELOG, "0.2.0") == text
+    assert release.notes(CHANGELOG, "0.1.0") == "# yumi-ros2 0.1.0 (2026-01-01)\n\n- Nothing.\n"
+    with pytest.raises(release.ReleaseFailed, match=r"CHANGELOG.md has no section of 0\.3\.0"):
+        release.notes(CHANGELOG, "0.3.0")
+
+
+def test_command_that_fails_ends_with_what_was_printed(tmp_path: Path) -> None:
+    with pytest.raises(release.ReleaseFailed, match=r"(?s)its installation failed with status 3.*no such wheel"):
+        release._run("its installation", ["sh", "-c", "echo no such wheel; exit 3"], tmp_path)
