@@ -157,7 +157,8 @@ def test_library_that_cannot_be_compiled_ends_set_up(
     clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (clone / "src/yumi/robot/collision.cpp").write_text("// another\n")
-    monkeypatch.setattr(installation, "start", commands.start)  # there is no package yumi in this clone
+    monkeypatch.setattr(installation, "start", commands.start)
+    monkeypatch.setenv("CXX", "no-such-compiler")
     for _ in range(2):
         with pytest.raises(commands.InstallationFailed, match="the collision library could not be compiled"):
             installation.install(str(clone), machine)
