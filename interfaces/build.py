@@ -160,7 +160,10 @@ class Build:
         _say(", generating")
         for package in self.packages:
             self._describe(package)
-        self._in_processes(self._generate, [(package, name) for package in self.packages for name in LIBRARIES])
+        # The Python classes of a package are generated together, which takes longest; all else one by one.
+        together = [(package, "rosidl_generator_py", package.definitions) for package in self.packages]
+        others = [(package, name, [path]) for name in LIBRARIES[:-1] for package, path in definitions]
+        self._in_processes(self._generate, together + others)
         _say(", compiling")
         units = [unit for package in self.packages for name in LIBRARIES for unit in self._units(package, name)]
         with ThreadPoolExecutor(_processors()) as pool:  # the compilers are processes of their own
@@ -183,23 +186,23 @@ class Build:
     def _generated(self, package: Package, name: str) -> Path:
         return self.work / name / package.name
 
-    def _arguments(self, package: Package, name: str) -> str:
+    def _arguments(self, package: Package, name: str, definitions: Sequence[Path]) -> str:
         """The file that CMake would give to a generator."""
-        idls = [path.with_suffix(".idl").as_posix() for path in package.definitions]
+        idls = [path.with_suffix(".idl").as_posix() for path in definitions]
         described = self._generated(package, "rosidl_generator_type_description")
         given = {
             "package_name": package.name,
             "output_dir": str(self._generated(package, name)),
             "template_dir": str(PREFIX / "share" / name / "resource"),
             "idl_tuples": [f"{self._definitions(package)}:{idl}" for idl in idls],
-            "ros_interface_files": [str(package.folder / path) for path in package.definitions],
+            "ros_interface_files": [str(package.folder / path) for path in definitions],
             "target_dependencies": [],
             "include_paths": [f"{folder.name}:{folder}" for folder in (PREFIX / "share").glob("*_*")]
             + [f"{each.name}:{self._generated(each, described.parent.name)}" for each in self.packages],
         }
         if name == "rosidl_generator_c":
             given["type_description_tuples"] = [f"{idl}:{described / idl[:-4]}.json" for idl in idls]
-        file = self.work / f"{package.name}-{name}.json"
+        file = self.work / f"{package.name}-{name}-{definitions[0].name}.json"
         file.write_text(json.dumps(given))
         return str(file)
 
@@ -212,15 +215,21 @@ class Build:
         return written, parser.parse_idl_file(locator)
 
     def _describe(self, package: Package) -> None:
+        """Hash the types of a package, and write the headers that CMake would make of a template."""
         name = "rosidl_generator_type_description"
         self._generated(package, name).mkdir(parents=True)
-        import_module(name).generate_type_hash(self._arguments(package, name))
+        import_module(name).generate_type_hash(self._arguments(package, name, package.definitions))
+        for name in WITH_VISIBILITY:
+            template = PREFIX / "share" / name / "resource" / f"{name}__visibility_control.h.in"
+            text = template.read_text().replace("@PROJECT_NAME_UPPER@", package.name.upper())
+            header = self._generated(package, name) / "msg" / f"{name}__visibility_control.h"
+            header.parent.mkdir(parents=True)
+            header.write_text(text.replace("@PROJECT_NAME@", package.name))
 
-    def _generate(self, package: Package, name: str) -> None:
-        arguments, folder = self._arguments(package, name), self._generated(package, name)
-        generator = import_module(name)
+    def _generate(self, package: Package, name: str, definitions: Sequence[Path]) -> None:
+        arguments, generator = self._arguments(package, name, definitions), import_module(name)
         if name == "rosidl_generator_py":
-            folder.mkdir(parents=True)
+            self._generated(package, name).mkdir(parents=True)
             generator.generate_py(arguments, ["rosidl_typesupport_c"])
         elif name == "rosidl_typesupport_c":
             generator.generate_c(arguments, list(TYPE_SUPPORTS))
@@ -228,12 +237,6 @@ class Build:
             generator.generate_typesupport_fastrtps_c(arguments)
         else:
             generator.generate_c(arguments)
-        if name in WITH_VISIBILITY:
-            template = PREFIX / "share" / name / "resource" / f"{name}__visibility_control.h.in"
-            text = template.read_text().replace("@PROJECT_NAME_UPPER@", package.name.upper())
-            header = folder / "msg" / f"{name}__visibility_control.h"
-            header.parent.mkdir(parents=True, exist_ok=True)
-            header.write_text(text.replace("@PROJECT_NAME@", package.name))
 
     def _units(self, package: Package, name: str) -> list[Path]:
         """What is compiled for one library: most files together, which reads the headers once."""
@@ -312,7 +315,7 @@ class Build:
 
 def _parse_no_more(parsed: dict[Path, Any]) -> None:
     """Give each generator, which would read all definitions once more, what has been read."""
-    parser = import_module("rosidl_parser.parser")
+    parser: Any = import_module("rosidl_parser.parser")
     parser.parse_idl_file = lambda locator, *_: parsed[Path(locator.get_absolute_path())]
 
 
