@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import subprocess
 import sys
 import tarfile
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from wheel_hook import RECORD
 
 from yumi.robot import collision_library
@@ -180,3 +184,34 @@ def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine
     python, machine = f"cp{sys.version_info.major}{sys.version_info.minor}", platform.machine()
     assert f"Tag: {python}-{python}-linux_{machine}\n" in tags
     assert "Root-Is-Purelib: false" in tags
+
+
+@pytest.fixture(scope="module")
+def lists(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    """By file that `make wheels` writes beside the wheels: the version of each package, for this Python."""
+    folder = tmp_path_factory.mktemp("lists")
+    printed = run(["make", "--dry-run", "wheels"], ROOT)
+    for command in re.findall(r"^\S*uv (export .*)", printed, re.MULTILINE):
+        run([f"{sys.prefix}/bin/uv", "--offline", *command.replace("dist/", f"{folder}/").split()], ROOT)
+    found: dict[str, dict[str, str]] = {}
+    for file in folder.iterdir():
+        lines = [line for line in file.read_text().replace("\\\n", " ").splitlines() if line]
+        assert [line for line in lines if "--hash=sha256:" not in line] == []
+        requirements = [Requirement(line.partition(" --hash")[0].strip()) for line in lines]
+        wanted = [each for each in requirements if each.marker is None or each.marker.evaluate()]
+        found[file.name] = {canonicalize_name(each.name): str(each.specifier).removeprefix("==") for each in wanted}
+    return found
+
+
+@pytest.mark.parametrize("name", ["requirements.txt", "requirements-ros.txt"])
+def test_each_listed_package_is_what_the_tests_run_with(lists: dict[str, dict[str, str]], name: str) -> None:
+    assert lists[name] == {package: version(package) for package in lists[name]}
+
+
+def test_all_that_the_wheels_need_is_listed_and_no_more(lists: dict[str, dict[str, str]]) -> None:
+    plain, with_ros = lists["requirements.txt"], lists["requirements-ros.txt"]
+    assert {"aiohttp", "multidict", "numpy", "click"} <= plain.keys()
+    assert not {"pytest", "ros-rclpy", "mcap", "mkdocs", "hatchling"} & plain.keys()
+    assert plain.items() < with_ros.items()
+    assert {"ros-rclpy", "ros-rmw-fastrtps-cpp", "mcap"} <= with_ros.keys()  # an extra of one names the second
+    assert not {"lark-parser", "empy", "pytest", "ros-ament-cmake"} & with_ros.keys()
