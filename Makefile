@@ -1,7 +1,7 @@
 # Everything a clone needs, from nothing but Python 3.10 to 3.14, a C++ compiler and make. `make help` lists the targets.
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-real-time soak check docs wheels release constraints clean
+.PHONY: help setup demo test test-real-time soak check docs wheels release lock clean parts-of-tests
 MAKEFLAGS += --no-print-directory
 
 # What ROS, Matplotlib and Python would write into the home folder stays in the clone.
@@ -11,7 +11,8 @@ export MPLCONFIGDIR ?= $(CURDIR)/build/matplotlib
 unexport PYTHONDONTWRITEBYTECODE
 
 help:
-	@echo 'make setup         everything the project needs, into .venv; make demo and make test do it first'
+	@echo 'make setup         what the driver and the virtual controller need, into .venv; the targets below add what they need'
+	@echo '                   WITH="planning data" adds parts that are listed in pyproject.toml'
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
 	@echo 'make test          the check: format, lint, types, layers, spelling, terms, then the tests that need no real time'
 	@echo 'make check         the same without the tests'
@@ -20,60 +21,73 @@ help:
 	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
 	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
 	@echo 'make docs          the documentation as a site, in build/site'
-	@echo 'make constraints   constraints.txt again from pyproject.toml'
+	@echo 'make lock          uv.lock again from pyproject.toml; ARGS=--upgrade takes newer packages'
 	@echo 'make clean         removes .venv, build and the caches'
 	@echo 'PYTHON=python3.12  after any of them chooses the Python'
 
-setup:
-	@python=$$(sh setup/find_python.sh '$(PYTHON)') && exec "$$python" -E -S setup
+# Brings .venv up to date, with the parts of pyproject.toml that are named after it; what is there stays.
+SETUP = python=$$(sh setup/find_python.sh '$(PYTHON)') && "$$python" -E -S setup
+UV = .venv/bin/uv
+WHAT_IS_TYPED = evaluation robotware7
+PARTS_OF_TESTS = check test compare planning plot $(WHAT_IS_TYPED)
 
-demo: setup
+setup:
+	@$(SETUP) $(WITH)
+
+demo:
+	@$(SETUP)
 	@exec .venv/bin/yumi demo $(ARGS)
 
-check: setup
+check:
+	@$(SETUP) check test $(WHAT_IS_TYPED)
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
-	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/installation.py setup/wheel_hook.py interfaces/build.py
+	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/wheel_hook.py interfaces/build.py
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
 	.venv/bin/python setup/check_changes.py
 
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
-test: check
+parts-of-tests:
+	@$(SETUP) $(PARTS_OF_TESTS)
+
+test: parts-of-tests check
 	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
 	.venv/bin/python -m pytest -m smoke tests/ros/test_ros_driver.py $(ARGS)
 
 # What runs in real time has the machine to itself, one by one.
-test-real-time: setup
+test-real-time: parts-of-tests
 	.venv/bin/python -m pytest -m '(ros or real_time) and not soak' $(ARGS)
 
 # The long forms of tests, properties with a thousand examples each, with what they tell meanwhile.
-soak: setup
+soak: parts-of-tests
 	.venv/bin/python -m pytest -m 'soak or hypothesis' --hypothesis-profile long --timeout 1800 --capture=no $(ARGS)
 
 # Both are for this platform and need no compiler; the second one is for this Python and contains the message packages.
-wheels: setup
+wheels:
+	@$(SETUP)
 	@.venv/bin/python -m hatchling build -t wheel -d dist
 	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
-	@.venv/bin/python setup/requirements.py > dist/requirements.txt
-	@.venv/bin/python setup/requirements.py ros record > dist/requirements-ros.txt
+	@$(UV) $(EXPORT) --output-file dist/requirements.txt
+	@$(UV) $(EXPORT) --extra ros --extra record --output-file dist/requirements-ros.txt
 
-release: setup
+# Of empy, which only builds message packages, PyPI has no wheel.
+EXPORT = export --quiet --frozen --no-default-groups --no-emit-project --no-emit-package empy --no-header --no-annotate
+
+release:
+	@$(SETUP) release
 	@exec .venv/bin/python setup/release.py '$(VERSION)'
 
 # Links in the pages and docstrings are checked: a warning ends it.
-docs: setup
+docs:
+	@$(SETUP) docs
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict $(ARGS)
 
-constraints: setup
-	@.venv/bin/python -m venv build/uv
-	@build/uv/bin/pip --quiet install uv
-	@build/uv/bin/uv pip compile pyproject.toml --quiet --all-extras --universal --python-version 3.10 \
-	    --excludes setup/excluded.txt --generate-hashes --no-annotate --no-header --output-file build/constraints.txt
-	@{ echo '# Every package of .venv with its hashes, for Python 3.10 to 3.14; made from pyproject.toml by `make constraints`.'; \
-	    cat build/constraints.txt; } > constraints.txt
+lock:
+	@$(SETUP)
+	@$(UV) lock $(ARGS)
 
 clean:
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache .coverage

@@ -1,5 +1,7 @@
 """`make setup`: refuses with one sentence where the machine lacks something, else brings .venv up to date.
 
+Arguments are parts of pyproject.toml, extras or groups, that .venv gets beside what it has.
+
 Written in the syntax of Python 3.6, like prerequisites.py; the rest is imported once that has found no problem.
 """
 
@@ -27,7 +29,7 @@ def main() -> None:
     from installation import install  # noqa: PLC0415
 
     try:
-        install(ROOT, machine)
+        install(ROOT, machine, sys.argv[1:])
     except InstallationFailed as failure:
         sys.exit(f"setup: {failure}")
     except KeyboardInterrupt:

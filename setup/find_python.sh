@@ -14,7 +14,7 @@ grade() {
 import sys, os
 suitable = (3, 10) <= sys.version_info[:2] <= (3, 14)
 try:
-    import ensurepip, sysconfig, venv
+    import sysconfig
     whole = os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h"))
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(":")
     if set(prefixes) - {"", os.environ.get("VIRTUAL_ENV")}: # a sourced ROS 2, not only an activated .venv

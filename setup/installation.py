@@ -1,4 +1,4 @@
-"""Brings .venv to what constraints.txt, pyproject.toml and interfaces/ say, doing only what has changed since."""
+"""Brings .venv to what uv.lock, pyproject.toml and interfaces/ say, doing only what has changed since."""
 
 from __future__ import annotations
 
@@ -7,19 +7,25 @@ import fcntl
 import hashlib
 import json
 import re
-import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from commands import environment, pip_install, run, say
+import uv
+from commands import InstallationFailed, finish, run, say, start
 from prerequisites import Machine
 
-BROUGHT_BY_ROS = ("ros-", "numpy==", "catkin-pkg==", "cmake==", "empy==", "ninja==")
-"""How the pins begin that a sourced ROS 2 has no need of, or must not get."""
+TABLES = ("project.optional-dependencies", "dependency-groups")
+"""Of pyproject.toml: what is installed by name, beside what all need."""
+
+ALWAYS = ("build", "record")
+"""The parts of every clone: without the second, a stop of the robot leaves no flight record."""
+
+WITHOUT_ROS = ("interfaces", "ros")
+"""The parts where no ROS 2 is sourced."""
 
 COPIED = ("package.xml", "launch/*", "resource/*")
 """What an editable installation copies to the ament index instead of leading to it."""
@@ -76,23 +82,34 @@ class Clone:
         return self.venv / "yumi-setup.json"
 
 
-def install(root: str, machine: Machine) -> None:
-    """Bring .venv up to date; quick where it is. Raises InstallationFailed."""
+def install(root: str, machine: Machine, parts: Sequence[str] = ()) -> None:
+    """Bring .venv up to date; quick where it is. Raises InstallationFailed.
+
+    Args:
+        root: the clone.
+        machine: where it is.
+        parts: the extras and groups of pyproject.toml that are wanted beside those that .venv has.
+    """
     clone = Clone(Path(root))
+    known = {part for table in TABLES for part in parts_of(clone.root / "pyproject.toml", table)}
+    for part in parts:
+        if part not in known:
+            raise InstallationFailed(f"there is no part '{part}'; there are: {', '.join(sorted(known))}")
     clone.logs.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    with _alone(clone):
-        done = [
-            _step(clone, "venv", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
-            _step(clone, "packages", _packages_fingerprint(clone), lambda: _install_packages(clone, machine)),
-            _step(clone, "clone", _clone_fingerprint(clone), lambda: _install_clone(clone)),
-            _step(clone, "library", _library_fingerprint(clone), lambda: _compile_library(clone)),
+    with _alone(clone), _library(clone) as library_is_new:
+        done = [_step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine))]
+        had = set(_recorded(clone).get("parts", "").split()) & known
+        wanted = sorted({*ALWAYS, *([] if machine.sourced else WITHOUT_ROS), *had, *parts})
+        done += [
+            _step(clone, "packages", _packages_fingerprint(clone, wanted), lambda: _install(clone, machine, wanted)),
+            _step(clone, "parts", " ".join(wanted), lambda: None),
             _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
         ]
         if not machine.sourced:
             done.append(_step(clone, "interfaces", _interfaces_fingerprint(clone), lambda: _build_interfaces(clone)))
-        if any(done):
-            say(f"done in {time.monotonic() - started:.0f} s")
+    if library_is_new or any(done):
+        say(f"done in {time.monotonic() - started:.0f} s")
 
 
 @contextlib.contextmanager
@@ -122,27 +139,20 @@ def _recorded(clone: Clone) -> dict[str, str]:
 
 def _venv_fingerprint(machine: Machine) -> str:
     origin = f"the sourced ROS 2 {machine.sourced}" if machine.sourced else "ROS 2 from PyPI"
-    return f"Python {'.'.join(map(str, machine.python))}, {origin}"
+    return f"Python {'.'.join(map(str, machine.python))}, {origin}, uv {uv.VERSION}"
 
 
-def _packages_fingerprint(clone: Clone) -> str:
-    return _digest([clone.root / "constraints.txt"])
-
-
-def _clone_fingerprint(clone: Clone) -> str:
-    """Of what an installation copies and reads, of pyproject.toml some tables: a new lint rule installs nothing."""
+def _packages_fingerprint(clone: Clone, parts: Sequence[str]) -> str:
+    """Of what is installed; of pyproject.toml some tables: a new lint rule installs nothing."""
     wanted, lines = False, []
     for line in (clone.root / "pyproject.toml").read_text().splitlines():
         if line.startswith("["):
-            wanted = line.startswith(("[build-system]", "[project", "[tool.hatch"))
+            wanted = line.startswith(("[build-system]", "[project", "[dependency-groups]", "[tool.hatch", "[tool.uv"))
         if wanted:
             lines.append(line)
     copied = [file for name in COPIED for file in sorted(clone.root.glob(name)) if file.is_file()]
-    return hashlib.sha256("\n".join([*lines, _digest(copied)]).encode()).hexdigest()
-
-
-def _library_fingerprint(clone: Clone) -> str:
-    return _digest(sorted(clone.root.glob("src/yumi/robot/collision*")))
+    files = _digest([clone.root / "uv.lock", *copied])
+    return hashlib.sha256("\n".join([*lines, files, *parts]).encode()).hexdigest()
 
 
 def _activation_fingerprint(machine: Machine) -> str:
@@ -162,49 +172,61 @@ def _digest(files: list[Path]) -> str:
     return digest.hexdigest()
 
 
+def _uv(clone: Clone, program: Path, command: list[str], name: str, complaint: str) -> None:
+    """Run uv for this clone's environment, with the Python that is there and none that uv would fetch."""
+    variables = {
+        "UV_PROJECT_ENVIRONMENT": str(clone.venv),
+        "UV_PYTHON_DOWNLOADS": "never",
+        "VIRTUAL_ENV": str(clone.venv),
+    }
+    run([str(program), *command, "--no-progress"], clone.logs / f"{name}.log", complaint, variables)
+
+
 def _make_venv(clone: Clone, machine: Machine) -> None:
-    shutil.rmtree(clone.venv, ignore_errors=True)
+    """Make the environment, with uv in it: a person installs with uv there, too, since it has no pip."""
+    program = uv.bring(clone.root / "build" / "uv")
     kind = ["--system-site-packages"] if machine.sourced else []
     say(f"making .venv: {_venv_fingerprint(machine)} ({sys.executable})")
-    command = [sys.executable, "-m", "venv", *kind, str(clone.venv)]
-    run(command, clone.logs / "venv.log", "no virtual environment could be made")
+    command = ["venv", "--no-project", "--clear", "--python", sys.executable, *kind, str(clone.venv)]
+    _uv(clone, program, command, "venv", "no virtual environment could be made")
+    (clone.venv / "bin" / "uv").hardlink_to(program)
 
 
-def _install_packages(clone: Clone, machine: Machine) -> None:
-    """Install what constraints.txt pins: nothing is resolved, and pip refuses a file with another hash."""
-    requirements = pins(clone)
-    if machine.sourced:  # it brings ROS, and is built against the NumPy of its own machine
-        say("installing the packages that ROS 2 does not bring")
-        requirements = [each for each in requirements if not each.startswith(BROUGHT_BY_ROS)]
-    else:
-        say(f"installing {len(requirements)} packages: a minute or two the first time")
-        # setuptools goes first, to build empy, which is no wheel.
-        tools = [each for each in requirements if each.startswith("setuptools==")]
-        _install_hashed(clone, tools, "setuptools")
-    _install_hashed(clone, requirements, "packages")
+def _install(clone: Clone, machine: Machine, parts: Sequence[str]) -> None:
+    """Install what uv.lock pins for these parts: nothing is resolved, and uv refuses a file with another hash."""
+    say(f"installing the packages ({', '.join(parts)})")
+    extras = parts_of(clone.root / "pyproject.toml", TABLES[0])
+    selected = [f"--{'extra' if part in extras else 'group'}={part}" for part in parts]
+    # A sourced ROS 2 is built against the NumPy of its own machine.
+    left_out = ["--no-install-package=numpy"] if machine.sourced else []
+    # What a person has installed beside stays.
+    command = ["sync", "--frozen", "--inexact", "--project", str(clone.root), "--no-default-groups", *selected]
+    _uv(clone, clone.venv / "bin" / "uv", [*command, *left_out], "packages", "uv could not install the packages")
 
 
-def _install_hashed(clone: Clone, requirements: list[str], name: str) -> None:
-    file = clone.logs / f"{name}.txt"
-    file.write_text("\n".join(requirements) + "\n")
-    hashed = ["--require-hashes", "--no-deps", "--no-build-isolation", "--requirement", str(file)]
-    pip_install(clone.python, hashed, clone.logs / f"{name}.log")
+def parts_of(file: Path, table: str) -> list[str]:
+    """The names in a table of pyproject.toml, which Python before 3.11 cannot read."""
+    _, _, text = file.read_text().partition(f"\n[{table}]\n")
+    return re.findall(r"^([\w-]+) = ", text.partition("\n[")[0], re.MULTILINE)
 
 
-def pins(clone: Clone) -> list[str]:
-    """The lines of constraints.txt: each a pin with its hashes, which stand on lines of their own there."""
-    lines = (clone.root / "constraints.txt").read_text().replace("\\\n", " ").splitlines()
-    return [" ".join(line.split()) for line in lines if "==" in line]
-
-
-def _install_clone(clone: Clone) -> None:
-    arguments = ["--no-deps", "--no-build-isolation", "--editable", str(clone.root)]
-    pip_install(clone.python, arguments, clone.logs / "clone.log")
-
-
-def _compile_library(clone: Clone) -> None:
-    command = [str(clone.python), "-m", "yumi.robot.collision_library"]
-    run(command, clone.logs / "library.log", "the collision library could not be compiled")
+@contextlib.contextmanager
+def _library(clone: Clone) -> Iterator[bool]:
+    """Compile the collision library while the rest goes on; whether there was something to do."""
+    log = clone.logs / "library.log"
+    done, wanted = clone.logs / "library.done", _digest(sorted(clone.root.glob("src/yumi/robot/collision*")))
+    if done.exists() and done.read_text() == wanted:
+        yield False
+        return
+    # The Python of the machine: the module needs no package, and .venv is being made meanwhile.
+    command = [sys.executable, "-m", "yumi.robot.collision_library"]
+    process = start(command, log, {"PYTHONPATH": str(clone.root / "src")})
+    try:
+        yield True
+        finish(process, log, "the collision library could not be compiled")
+        done.write_text(wanted)
+    finally:
+        process.kill()
 
 
 def _extend_activation(clone: Clone) -> None:
@@ -218,5 +240,5 @@ def _extend_activation(clone: Clone) -> None:
 def _build_interfaces(clone: Clone) -> None:
     log = clone.logs / "interfaces.log"
     command = [str(clone.python), str(clone.root / "interfaces" / "build.py"), "--log", str(log)]
-    if subprocess.run(command, env=environment(), stdin=subprocess.DEVNULL, check=False).returncode != 0:
+    if subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode != 0:
         sys.exit(1)  # build.py has said why

@@ -3,7 +3,6 @@
 Written in the syntax of Python 3.6, so that an old Python says the sentence instead of failing on the file.
 """
 
-import importlib.util
 import os
 import platform
 import shutil
@@ -27,7 +26,6 @@ class Machine(NamedTuple):
 
     python: "tuple[int, int]"
     executable: str
-    has_venv: bool
     has_headers: bool
     system: str
     processor: str
@@ -45,7 +43,6 @@ def inspect_machine(needed_packages: "tuple[str, ...]") -> Machine:
     return Machine(
         python=sys.version_info[:2],
         executable=sys.executable,
-        has_venv=all(importlib.util.find_spec(module) for module in ("venv", "ensurepip")),
         has_headers=os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")),
         system=platform.system(),
         processor=platform.machine(),
@@ -87,8 +84,6 @@ def _python_problem(machine: Machine) -> "str | None":
             f"{machine.executable} is Python {version}, but Python {_dotted(OLDEST_PYTHON)} to "
             f"{_dotted(NEWEST_PYTHON)} is needed; name another: make setup PYTHON=python3.12"
         )
-    if not machine.has_venv:
-        return f"{machine.executable} has no venv module; {_install(f'python{version}-venv')}"
     return None
 
 

@@ -16,36 +16,8 @@ from typing import Any
 from hatchling.builders.config import BuilderConfig
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-RECORDS = Path(sys.prefix) / "share" / "yumi_interface_records"
-"""Which files each message package has installed; see interfaces/build.py."""
-
-INDEX = ("packages", "rosidl_interfaces", "package_run_dependencies")
-"""Resources of the ament index without paths of the machine they were made on."""
-
-DEFINITIONS = (".msg", ".srv", ".action", ".idl", ".json")
-
-
-def destination(file: Path, packages: Path, prefix: Path) -> tuple[str, str] | None:
-    """Where an installed file goes in the wheel; None for what only compiling against the package needs.
-
-    Args:
-        file: as it is installed in `prefix`.
-        packages: the folder of the installed Python packages in `prefix`.
-        prefix: of the environment.
-
-    Returns:
-        "force_include" for the Python packages or "shared_data" for the environment's prefix, and the path there.
-    """
-    if file.is_relative_to(packages):
-        is_loaded = file.suffix in {".py", ".so"} and not file.parts[len(packages.parts)].endswith(".egg-info")
-        return ("force_include", file.relative_to(packages).as_posix()) if is_loaded else None
-    path = file.relative_to(prefix)
-    is_loaded = (
-        (path.parts[0] == "lib" and path.suffix == ".so")
-        or (path.parts[:3] in {("share", "ament_index", "resource_index")} and path.parts[3] in INDEX)
-        or (path.parts[0] == "share" and (path.suffix in DEFINITIONS or path.name == "package.xml"))
-    )
-    return ("shared_data", path.as_posix()) if is_loaded else None
+RECORD = Path(sys.prefix) / "share" / "yumi_message_packages"
+"""The files of the message packages in the environment; see interfaces/build.py."""
 
 
 class CompiledHook(BuildHookInterface[BuilderConfig]):
@@ -77,13 +49,13 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
             build_data["tag"] = f"{python}-{python}-{platform}"
 
     def _add_interfaces(self, build_data: dict[str, Any]) -> None:
-        # Resolved, since .venv may be a link.
-        prefix, packages = Path(sys.prefix).resolve(), Path(sysconfig.get_path("platlib")).resolve()
-        lines = [line for record in sorted(RECORDS.glob("*")) for line in record.read_text().splitlines()[1:]]
-        files = [Path(line).resolve() for line in lines if line]
-        if not files:
-            raise RuntimeError(f"{prefix} has no message packages; run `make setup` first, without a sourced ROS 2.")
-        for file in files:
-            goes = destination(file, packages, prefix)
-            if goes:
-                build_data[goes[0]][str(file)] = goes[1]
+        if not RECORD.exists():
+            raise RuntimeError(
+                f"{sys.prefix} has no message packages; run `make setup` first, without a sourced ROS 2."
+            )
+        packages = Path(sysconfig.get_path("platlib")).relative_to(sys.prefix)
+        for path in map(Path, RECORD.read_text().splitlines()[1:]):
+            if path.is_relative_to(packages):
+                build_data["force_include"][f"{sys.prefix}/{path}"] = path.relative_to(packages).as_posix()
+            else:
+                build_data["shared_data"][f"{sys.prefix}/{path}"] = path.as_posix()

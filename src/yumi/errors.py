@@ -46,6 +46,13 @@ class MissingPrerequisite(YumiError):
     """The machine lacks something yumi needs; the message says what to install."""
 
 
+def missing_extra(sentence: str, extra: str) -> MissingPrerequisite:
+    """What brings the packages of ``extra`` that ``sentence`` names, from an index or in a clone."""
+    return MissingPrerequisite(
+        f"{sentence}: pip install 'yumi-ros2[{extra}]', or `make setup WITH={extra}` in a clone of yumi-ros2."
+    )
+
+
 class CommandRefused(YumiError):
     """A request broke a rule and changed nothing; the message gives the value and the limit."""
 

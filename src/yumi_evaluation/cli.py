@@ -29,7 +29,7 @@ from yumi.cli.options import config_option, limit_discovery, password_options, r
 from yumi.cli.robot import in_shell_words
 from yumi.control.motion import EGM_GAIN
 from yumi.driver.settings import MAX_PORT, read_controllers
-from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError
+from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError, missing_extra
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 
@@ -345,7 +345,7 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
     """
     _demand_extra()
     if find_spec("mcap") is None:
-        raise MissingPrerequisite("Recordings need mcap: pip install 'yumi-ros2[evaluation]'.")
+        raise missing_extra("Recordings need mcap", "evaluation")
     from yumi_evaluation import measurement  # noqa: PLC0415 - a quick --help
 
     settings = measurement.settings_for_measuring(settings_of(config, options))
@@ -600,10 +600,7 @@ def _demand_extra() -> None:
     """
     missing = [name for name in ("numpy", "jinja2", "matplotlib") if find_spec(name) is None]
     if missing:
-        raise MissingPrerequisite(
-            f"This command needs {' and '.join(missing)}: pip install 'yumi-ros2[evaluation]', or run `make setup` "
-            "in a clone of yumi-ros2."
-        )
+        raise missing_extra(f"This command needs {' and '.join(missing)}", "evaluation")
 
 
 def _demand_ros() -> None:
@@ -612,7 +609,7 @@ def _demand_ros() -> None:
             "ROS 2 is missing: install yumi-ros2[ros], run `make setup` in a clone of yumi-ros2, or add --virtual-time."
         )
     if find_spec("mcap") is None:
-        raise MissingPrerequisite("The driver's recording needs mcap: pip install 'yumi-ros2[record]'.")
+        raise missing_extra("The driver's recording needs mcap", "record")
 
 
 @contextmanager

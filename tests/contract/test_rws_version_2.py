@@ -15,7 +15,7 @@ import pytest
 from websockets.sync.client import connect
 
 from rws_examples_2 import BASIC, PASSWORD, SYMBOL, USER
-from yumi.errors import CommandRefused, NoConnection, SettingsError
+from yumi.errors import CommandRefused, MissingPrerequisite, NoConnection
 from yumi.virtual.faults import inject_fault
 from yumi.virtual.server import self_signed_context
 
@@ -212,5 +212,5 @@ def test_connections_break_as_those_of_a_machine_that_goes_down(site: Site) -> N
 
 def test_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "cryptography", None)
-    with pytest.raises(SettingsError, match="robotware7"):
+    with pytest.raises(MissingPrerequisite, match="robotware7"):
         self_signed_context("127.0.0.1")

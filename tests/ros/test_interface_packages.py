@@ -17,7 +17,7 @@ pytestmark = pytest.mark.ros
 rclpy = pytest.importorskip("rclpy")
 
 DOMAIN = 61
-BUILT_HERE = Path(sys.prefix) / "share" / "yumi_interface_records"
+BUILT_HERE = Path(sys.prefix) / "share" / "yumi_message_packages"
 SHARE = Path(sys.prefix) / "share"
 SECONDS = 10.0
 

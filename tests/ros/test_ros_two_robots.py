@@ -297,7 +297,7 @@ def test_frames_of_both_robots_are_apart_and_where_another_forward_kinematics_ha
 
 
 def test_both_fingertips_are_where_pinocchio_has_them(cells: Cells) -> None:
-    pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[checks]")
+    pin = pytest.importorskip("pinocchio", reason="needs yumi-ros2[planning]")
     for cell, prefix in PREFIXES.items():
         value = cells.call(f"/{cell}/robot_state_publisher/get_parameters", GetParameters, names=["robot_description"])
         model = pin.buildModelFromXML(value.values[0].string_value)

@@ -31,9 +31,12 @@ def wheels(tmp_path_factory: pytest.TempPathFactory) -> Path:
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder)]
     for variables in ({}, {"YUMI_WHEEL_INTERFACES": "1"}):
         subprocess.run(command, cwd=ROOT, check=True, env={**os.environ, **variables})
-    for name, extras in (("requirements.txt", []), ("requirements-ros.txt", ["ros", "record"])):
-        with (folder / name).open("w") as file:
-            subprocess.run([sys.executable, "setup/requirements.py", *extras], cwd=ROOT, check=True, stdout=file)
+    listed = subprocess.run(
+        ["make", "--dry-run", "wheels"], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout
+    for command in re.findall(r" (export .*)", listed):
+        exported = command.replace(" dist/", f" {folder}/").split()
+        subprocess.run([f"{sys.prefix}/bin/uv", *exported], cwd=ROOT, check=True)
     return folder
 
 
@@ -51,7 +54,10 @@ class Image:
         (folder / "tools").mkdir()
         for tool in TOOLS:
             (folder / "tools" / tool).symlink_to(which(tool) or "/nonexistent")
-        subprocess.run([sys.executable, "-m", "venv", str(self._venv)], check=True)
+        subprocess.run(
+            [f"{sys.prefix}/bin/uv", "venv", "--no-project", "--seed", "--python", sys.executable, str(self._venv)],
+            check=True,
+        )
         empty = self._size()
         stage = (ROOT / "Containerfile").read_text().replace("\\\n", " ").partition(f" AS {name}\n")[2]
         installation = re.sub(r"--mount=\S+ ", "", re.search(r"^RUN (.*)$", stage, re.MULTILINE)[1])  # type: ignore[index]

@@ -27,7 +27,7 @@ from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
 from yumi.egm.udp import free_port
-from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, YumiError
+from yumi.errors import CommandRefused, RobotNotReady, YumiError, missing_extra
 from yumi.process.supervision import Command
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joint_names
 from yumi.rws.client import RwsClient
@@ -69,9 +69,9 @@ def _can_draw(*, is_asked: bool) -> bool:
     """Whether there can be a picture; raises MissingPrerequisite where there cannot and it was asked for."""
     can_draw = find_spec("matplotlib") is not None
     if is_asked and not can_draw:
-        raise MissingPrerequisite("The picture needs matplotlib; install yumi-ros2[plot], or leave --picture out.")
+        raise missing_extra("The picture needs matplotlib (without --picture there is none)", "plot")
     if not can_draw:
-        click.echo("There will be no picture of the joint paths: it needs matplotlib; yumi-ros2[plot] brings it.")
+        click.echo(f"There will be no picture of the joint paths, which {missing_extra('needs matplotlib', 'plot')}")
     return can_draw
 
 

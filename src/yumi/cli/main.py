@@ -24,7 +24,7 @@ from yumi.cli.options import ROS_ARGUMENTS
 from yumi.cli.rapid import answer, rapid
 from yumi.cli.robot import DRIVER_COMMANDS, GRAPH_COMMANDS, completion, shell
 from yumi.cli.up import record, up, view
-from yumi.errors import MissingPrerequisite, SettingsError, YumiError
+from yumi.errors import SettingsError, YumiError, missing_extra
 
 _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 """A rule of rcl's remapping that gives nodes another namespace or name."""
@@ -105,9 +105,7 @@ def _load(entry_point: EntryPoint) -> click.Command:
     )
     @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
     def missing(arguments: tuple[str, ...]) -> None:
-        raise MissingPrerequisite(
-            f"yumi {entry_point.name} is not installed completely ({reason}); install yumi-ros2[evaluation]."
-        )
+        raise missing_extra(f"yumi {entry_point.name} is not installed completely ({reason})", "evaluation")
 
     return missing
 

@@ -43,7 +43,7 @@ from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
-from yumi.errors import CommandRefused, MissingPrerequisite, PlanNotFound
+from yumi.errors import CommandRefused, PlanNotFound, missing_extra
 from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts, middle_and_size
 from yumi.robot.description import (
     BODY_SHAPES,
@@ -146,7 +146,7 @@ class Planner:
         limits: JointLimits = YUMI_LIMITS,
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
-            raise MissingPrerequisite("Planning needs RoboPlan; install yumi-ros2[planning].")
+            raise missing_extra("Planning needs RoboPlan", "planning")
         self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)

@@ -46,7 +46,7 @@ from yumi.clock import Clock
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import FlightRecorder, Frame
 from yumi.control.shared_state import Event, is_fault
-from yumi.errors import MissingPrerequisite, ProtocolError, SettingsError, YumiError
+from yumi.errors import ProtocolError, SettingsError, YumiError, missing_extra
 from yumi.process.supervision import Failures
 from yumi.robot.description import robot_description
 from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
@@ -309,7 +309,6 @@ BEFORE = 11.0
 AFTER = 2.0
 """A flight record goes on for so long after its event: what the robot did once it was to hold [s]."""
 
-_MISSING = "Recordings need mcap; install yumi-ros2[record]."
 CHUNK = 2**16
 """A recording is written in pieces of this size [bytes]: a process that is killed loses the last second at most."""
 
@@ -371,7 +370,7 @@ class RecordingWriter:
         try:
             from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
         except ImportError as error:
-            raise MissingPrerequisite(_MISSING) from error
+            raise missing_extra("Recordings need mcap", "record") from error
         file.parent.mkdir(parents=True, exist_ok=True)
         self._stream = file.open("wb")
         self._epoch = epoch
@@ -636,7 +635,7 @@ def _messages(file: Path) -> Iterator[tuple[str, str, str, int, bytes] | None]:
         from mcap.stream_reader import MAGIC_SIZE, StreamReader  # noqa: PLC0415
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError as error:
-        raise MissingPrerequisite(_MISSING) from error
+        raise missing_extra("Recordings need mcap", "record") from error
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD)

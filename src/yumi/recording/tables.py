@@ -11,7 +11,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from yumi.control.cycle import Frame
-from yumi.errors import CommandRefused, MissingPrerequisite
+from yumi.errors import CommandRefused, missing_extra
 from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, recorded_messages
 from yumi.robot.joints import CHAIN_AXES, Joints, Side
 
@@ -25,9 +25,7 @@ TableName = Literal["cycles", "events", "grippers", "state"]
 _TABLES: tuple[TableName, ...] = get_args(TableName)
 """The tables of a recording."""
 
-_NEEDS_PANDAS = (
-    "{} needs pandas and pyarrow; install yumi-ros2[data]. CSV needs neither: yumi record export FILE FILE.csv"
-)
+_NEEDS_PANDAS = "{} needs pandas and pyarrow (CSV needs neither: yumi record export FILE FILE.csv)"
 _VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
 
 
@@ -107,7 +105,7 @@ def read_recording(file: Path | str, what: TableName = "cycles") -> pd.DataFrame
     try:
         import pandas  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise MissingPrerequisite(_NEEDS_PANDAS.format("A DataFrame")) from error
+        raise missing_extra(_NEEDS_PANDAS.format("A DataFrame"), "data") from error
     columns: dict[str, list[Any]] = {}
     for count, row in enumerate(rows(Path(file), what)):
         for name, value in row.items():
@@ -143,7 +141,7 @@ def export(file: Path, output: Path, what: TableName = "cycles") -> int:
         try:
             table.to_parquet(output)
         except ImportError as error:
-            raise MissingPrerequisite(_NEEDS_PANDAS.format("Parquet")) from error
+            raise missing_extra(_NEEDS_PANDAS.format("Parquet"), "data") from error
         return len(table)
     count = 0
     with output.open("w", encoding="utf-8", newline="") as stream:
@@ -381,5 +379,5 @@ def _figure(width: float, height: float) -> Any:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise MissingPrerequisite("Pictures need matplotlib; install yumi-ros2[plot].") from error
+        raise missing_extra("Pictures need matplotlib", "plot") from error
     return Figure(figsize=(width, height), layout="constrained")

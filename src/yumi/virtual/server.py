@@ -42,7 +42,7 @@ from aiohttp import WSCloseCode, web
 
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient, is_loopback, resolve
-from yumi.errors import NoConnection, SettingsError
+from yumi.errors import NoConnection, SettingsError, missing_extra
 from yumi.process.realtime import prefer_process, prefer_thread, release_process, short_switch_interval
 from yumi.rapid.parser import LONGEST_MODULE
 from yumi.robot.gripper import GripperModules
@@ -673,16 +673,14 @@ def self_signed_context(host: str) -> ssl.SSLContext:
     """TLS for a server at ``host``, with a new key and a certificate that it has signed itself, as a controller's.
 
     Raises:
-        SettingsError: the package ``cryptography`` is not installed.
+        MissingPrerequisite: the package ``cryptography`` is not installed.
     """
     try:
         from cryptography import x509  # noqa: PLC0415 - of an extra, for this one use
         from cryptography.hazmat.primitives import hashes, serialization  # noqa: PLC0415
         from cryptography.hazmat.primitives.asymmetric import ec  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise SettingsError(
-            'HTTPS needs the package cryptography; install it with `pip install "yumi-ros2[robotware7]"`.'
-        ) from error
+        raise missing_extra("HTTPS needs the package cryptography", "robotware7") from error
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "Virtual controller")])
     hosts: list[x509.GeneralName] = [x509.DNSName("localhost")]

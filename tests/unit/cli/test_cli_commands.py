@@ -32,8 +32,8 @@ def test_command_that_cannot_be_loaded_says_what_to_install(arguments: tuple[str
     result = CliRunner().invoke(cli.main, ["study", *arguments])
     assert (result.exit_code, result.output) == (
         1,
-        "Error: yumi study is not installed completely (No module named 'no_such_package'); install "
-        "yumi-ros2[evaluation].\n",
+        "Error: yumi study is not installed completely (No module named 'no_such_package'): pip install "
+        "'yumi-ros2[evaluation]', or `make setup WITH=evaluation` in a clone of yumi-ros2.\n",
     )
 
 

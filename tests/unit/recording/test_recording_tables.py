@@ -82,7 +82,7 @@ def test_export_refuses_other_endings_and_empty_tables(tmp_path: Path, file: Pat
 
 def test_missing_pandas_is_reported_with_the_extra(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPrerequisite, match=r"install yumi-ros2\[data\]"):
+    with pytest.raises(MissingPrerequisite, match=r"pip install 'yumi-ros2\[data\]', or `make setup WITH=data`"):
         yumi.read_recording(file)
 
 

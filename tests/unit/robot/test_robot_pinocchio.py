@@ -12,7 +12,7 @@ from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures
 from yumi.robot.joints import Joints, Pose, Side, joint_names
 from yumi.robot.kinematics import compose, inverse, matrix, quaternion_of, tool0_to_body
 
-pin = pytest.importorskip("pinocchio", reason="pip install yumi-ros2[checks]")
+pin = pytest.importorskip("pinocchio", reason="needs yumi-ros2[planning]")
 
 TOOL = Pose((0.02, -0.01, 0.15), quaternion_of((0.3, -0.2, 0.5)))
 WORK_OBJECT = Pose((0.4, -0.1, 0.2), quaternion_of((0.1, 0.2, -0.7)))

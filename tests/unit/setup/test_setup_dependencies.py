@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import installation
+import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
@@ -48,3 +51,28 @@ def test_every_package_that_is_imported_at_once_is_a_dependency() -> None:
             if not names & declared():
                 missing.append(f"{path} imports {module}")
     assert missing == []
+
+
+def test_every_extra_that_a_sentence_names_can_be_installed() -> None:
+    named = set()
+    for file in sorted((ROOT / "src").rglob("*.py")):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "missing_extra":
+                (extra,) = (each.value for each in node.args[1:] if isinstance(each, ast.Constant))
+                named.add(extra)
+    assert {"planning", "data", "plot", "record", "robotware7", "evaluation"} <= named
+    assert named <= set(installation.parts_of(ROOT / "pyproject.toml", "project.optional-dependencies"))
+
+
+@pytest.mark.parametrize("target", ["demo", "check", "test", "test-real-time", "soak", "docs", "wheels"])
+def test_every_part_that_make_installs_is_in_pyproject(target: str) -> None:
+    printed = subprocess.run(["make", "--dry-run", target], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    parts = [part for line in re.findall(r"-E -S setup(.*)", printed) for part in line.split()]
+    known = {part for table in installation.TABLES for part in installation.parts_of(ROOT / "pyproject.toml", table)}
+    assert "-E -S setup" in printed
+    assert set(parts) <= known
+
+
+def test_demonstration_installs_no_part_of_its_own() -> None:
+    printed = subprocess.run(["make", "--dry-run", "demo"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    assert re.findall(r"-E -S setup(.*)", printed) == [""]

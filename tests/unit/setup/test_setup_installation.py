@@ -11,8 +11,6 @@ from pathlib import Path
 import commands
 import installation
 import pytest
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 from prerequisites import Machine, inspect_machine
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -21,6 +19,20 @@ ROOT = Path(__file__).resolve().parents[3]
 @pytest.fixture
 def machine() -> Machine:
     return inspect_machine(())._replace(sourced=None, python=(3, 12))
+
+
+class Ended:
+    """A command that has succeeded at once."""
+
+    def wait(self) -> int:
+        return 0
+
+    def kill(self) -> None:
+        pass
+
+
+PACKAGES = "build interfaces record ros"
+"""The parts of every clone where no ROS 2 is sourced."""
 
 
 @pytest.fixture
@@ -35,12 +47,29 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         clone.python.touch()
 
     monkeypatch.setattr(installation, "_make_venv", make_venv)
-    monkeypatch.setattr(installation, "_install_packages", lambda *_: taken.append("packages"))
-    monkeypatch.setattr(installation, "_install_clone", lambda *_: taken.append("clone"))
-    monkeypatch.setattr(installation, "_compile_library", lambda *_: taken.append("library"))
+    monkeypatch.setattr(installation, "_install", lambda _clone, _machine, parts: taken.append(" ".join(parts)))
+    monkeypatch.setattr(installation, "start", lambda command, *_: taken.append("library") or Ended())
     monkeypatch.setattr(installation, "_extend_activation", lambda *_: taken.append("activation"))
     monkeypatch.setattr(installation, "_build_interfaces", lambda *_: taken.append("interfaces"))
     return taken
+
+
+PYPROJECT = """\
+[project]
+name = "x"
+
+[project.optional-dependencies]
+planning = ["pin"]
+record = [
+  "mcap>=1",
+]
+
+[dependency-groups]
+test = ["pytest"]
+
+[tool.ruff]
+line-length = 100
+"""
 
 
 @pytest.fixture
@@ -49,10 +78,10 @@ def clone(tmp_path: Path, machine: Machine, steps: list[str]) -> Path:
     (tmp_path / "interfaces" / "a_msgs" / "msg").mkdir(parents=True)
     (tmp_path / "interfaces" / "a_msgs" / "msg" / "Thing.msg").write_text("float64 value\n")
     (tmp_path / "src" / "yumi" / "robot").mkdir(parents=True)
-    (tmp_path / "constraints.txt").write_text("numpy==2.0\nros-rclpy==7.1.6\n")
-    (tmp_path / "pyproject.toml").write_text('[project]\nname = "x"\n\n[tool.ruff]\nline-length = 100\n')
+    (tmp_path / "uv.lock").write_text("version = 1\n")
+    (tmp_path / "pyproject.toml").write_text(PYPROJECT)
     installation.install(str(tmp_path), machine)
-    assert steps == ["venv", "packages", "clone", "library", "activation", "interfaces"]
+    assert steps == ["library", "venv", PACKAGES, "activation", "interfaces"]
     steps.clear()
     return tmp_path
 
@@ -65,10 +94,10 @@ def test_setup_does_nothing_the_second_time(clone: Path, machine: Machine, steps
 @pytest.mark.parametrize(
     ("file", "text", "expected"),
     [
-        ("constraints.txt", "numpy==2.1\n", ["packages"]),
-        ("pyproject.toml", '[project]\nname = "y"\n', ["clone"]),
-        ("pyproject.toml", '[project]\nname = "x"\n\n[tool.ruff]\nline-length = 120\n', []),
-        ("package.xml", "<package/>\n", ["clone"]),
+        ("uv.lock", "version = 2\n", [PACKAGES]),
+        ("pyproject.toml", PYPROJECT.replace("pytest", "tox"), [PACKAGES]),
+        ("pyproject.toml", PYPROJECT.replace("100", "120"), []),
+        ("package.xml", "<package/>\n", [PACKAGES]),
         ("src/yumi/robot/collision.cpp", "// another\n", ["library"]),
         ("interfaces/a_msgs/msg/Thing.msg", "float32 value\n", ["interfaces"]),
     ],
@@ -86,23 +115,63 @@ def test_setup_starts_anew_for_another_python_or_ros(
     clone: Path, machine: Machine, steps: list[str], change: dict[str, object]
 ) -> None:
     installation.install(str(clone), machine._replace(**change))
-    assert steps[:5] == ["venv", "packages", "clone", "library", "activation"]
+    assert steps[0] == "venv"
+    assert steps[2] == "activation"
 
 
 def test_setup_starts_anew_when_the_venv_is_gone(clone: Path, machine: Machine, steps: list[str]) -> None:
     (clone / ".venv" / "bin" / "python").unlink()
     installation.install(str(clone), machine)
-    assert steps == ["venv", "packages", "clone", "library", "activation", "interfaces"]
+    assert steps == ["venv", PACKAGES, "activation", "interfaces"]
+
+
+def test_parts_that_were_asked_for_stay(clone: Path, machine: Machine, steps: list[str]) -> None:
+    installation.install(str(clone), machine, ["planning"])
+    installation.install(str(clone), machine, ["test"])
+    installation.install(str(clone), machine)
+    with_planning = "build interfaces planning record ros"
+    assert steps == [with_planning, f"{with_planning} test"]
+
+
+def test_part_that_does_not_exist_is_refused_before_anything_is_done(
+    clone: Path, machine: Machine, steps: list[str]
+) -> None:
+    with pytest.raises(commands.InstallationFailed, match=r"no part 'planing'; there are: planning, record, test$"):
+        installation.install(str(clone), machine, ["planing"])
+    assert steps == []
+
+
+def test_part_that_is_no_longer_in_pyproject_is_forgotten(clone: Path, machine: Machine, steps: list[str]) -> None:
+    installation.install(str(clone), machine, ["planning"])
+    (clone / "pyproject.toml").write_text(PYPROJECT.replace("planning =", "plans ="))
+    installation.install(str(clone), machine)
+    assert steps == ["build interfaces planning record ros", PACKAGES]
+
+
+def test_sourced_ros_needs_none_from_the_index(clone: Path, machine: Machine, steps: list[str]) -> None:
+    installation.install(str(clone), machine._replace(sourced="jazzy"))
+    assert steps == ["venv", "build record", "activation"]
+
+
+def test_library_that_cannot_be_compiled_ends_set_up(
+    clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (clone / "src/yumi/robot/collision.cpp").write_text("// another\n")
+    monkeypatch.setattr(installation, "start", commands.start)
+    monkeypatch.setenv("CXX", "no-such-compiler")
+    for _ in range(2):
+        with pytest.raises(commands.InstallationFailed, match="the collision library could not be compiled"):
+            installation.install(str(clone), machine)
 
 
 def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
-        raise commands.InstallationFailed("pip could not install the packages")
+        raise commands.InstallationFailed("uv could not install the packages")
 
-    monkeypatch.setattr(installation, "_install_packages", fail)
-    (clone / "constraints.txt").write_text("numpy==2.1\n")
+    monkeypatch.setattr(installation, "_install", fail)
+    (clone / "uv.lock").write_text("version = 2\n")
     before = json.loads((clone / ".venv" / "yumi-setup.json").read_text())
-    with pytest.raises(commands.InstallationFailed, match="pip could not install"):
+    with pytest.raises(commands.InstallationFailed, match="uv could not install"):
         installation.install(str(clone), machine)
     assert json.loads((clone / ".venv" / "yumi-setup.json").read_text()) == before
 
@@ -110,28 +179,19 @@ def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (
-            "Retrying (Retry(total=0) after connection broken by 'NewConnectionError(",
-            "pip cannot reach the package index",
-        ),
-        ("OSError: [Errno 28] No space left on device", "the disk is full"),
-        ("ERROR: THESE PACKAGES DO NOT MATCH THE HASHES FROM THE REQUIREMENTS FILE.", "is not the one that"),
-        ("ERROR: No matching distribution found for x==1", "it failed; its words are in"),
+        ("error: Failed to fetch: `https://x`\n  Caused by: error sending request for url", "index cannot be reached"),
+        ("  Caused by: failed to write: No space left on device (os error 28)", "the disk is full"),
+        ("error: Hash mismatch for `x==1`", "is not the one that uv.lock has the hash of"),
+        ("error: x==1 has no wheel for this platform", "it failed; its words are in"),
     ],
 )
 def test_failing_command_is_told_in_one_sentence(tmp_path: Path, words: str, sentence: str) -> None:
     log = tmp_path / "step.log"
     command = [sys.executable, "-c", f"print({words!r}); raise SystemExit(1)"]
     with pytest.raises(commands.InstallationFailed, match=sentence) as refusal:
-        commands.run(command, log, "it failed")
+        commands.run(command, log, "it failed", {})
     assert str(log) in str(refusal.value)
     assert words in log.read_text()
-
-
-def test_long_command_tells_how_far_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = [sys.executable, "-c", "print('Collecting x==1\\n' * 81)"]
-    commands.run(command, tmp_path / "step.log", "it failed")
-    assert capsys.readouterr().out == "setup: 40 packages fetched\nsetup: 80 packages fetched\n"
 
 
 def test_setup_tells_when_it_is_done(
@@ -139,7 +199,7 @@ def test_setup_tells_when_it_is_done(
 ) -> None:
     installation.install(str(clone), machine)
     assert steps == []
-    (clone / "constraints.txt").write_text("numpy==2.1\n")
+    (clone / "uv.lock").write_text("version = 2\n")
     capsys.readouterr()
     installation.install(str(clone), machine)
     assert capsys.readouterr().out == "setup: done in 0 s\n"
@@ -149,7 +209,7 @@ def test_setup_tells_when_it_is_done(
 def venv(tmp_path: Path) -> Path:
     """An empty environment whose activation set-up has extended."""
     clone = installation.Clone(tmp_path)
-    run([sys.executable, "-m", "venv", "--without-pip", str(clone.venv)])
+    run([f"{sys.prefix}/bin/uv", "venv", "--no-project", "--python", sys.executable, str(clone.venv)])
     installation._extend_activation(clone)
     return clone.venv
 
@@ -182,71 +242,48 @@ def test_activation_is_extended_once_however_often_set_up_does_it(venv: Path) ->
     assert (venv / "bin" / "activate").read_text() == before
 
 
-def test_pip_is_kept_to_the_virtual_environment(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_variables_of_make_do_not_reach_the_tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("MAKEFLAGS", "-j8")
-    given = commands.environment()
-    assert (given["PIP_REQUIRE_VIRTUALENV"], given["PIP_USER"]) == ("1", "0")
-    assert "MAKEFLAGS" not in given
+    code = "import os; print(os.environ.get('MAKEFLAGS'), os.environ['OTHER'])"
+    commands.run([sys.executable, "-c", code], tmp_path / "log", "it failed", {"OTHER": "here"})
+    assert (tmp_path / "log").read_text() == "None here\n"
 
 
 @pytest.mark.parametrize("sourced", [None, "jazzy"])
-def test_pip_is_given_every_pin_with_its_hashes_and_refuses_others(
+def test_uv_installs_what_is_locked_and_leaves_numpy_to_a_sourced_ros(
     tmp_path: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch, sourced: str | None
 ) -> None:
-    runs: list[tuple[list[str], str]] = []
-
-    def note(_python: Path, arguments: list[str], _log: Path) -> None:
-        runs.append((arguments, Path(arguments[-1]).read_text()))
-
-    monkeypatch.setattr(installation, "pip_install", note)
-    (tmp_path / "constraints.txt").write_text(
-        "# all\nclick==8.5.1 \\\n    --hash=sha256:aa \\\n    --hash=sha256:bb\n"
-        "numpy==2.0 ; python_full_version < '3.11' \\\n    --hash=sha256:cc\n"
-        "ros-rclpy==7.1.6 \\\n    --hash=sha256:dd\n"
-    )
-    clone = installation.Clone(tmp_path)
-    clone.logs.mkdir(parents=True)
-    installation._install_packages(clone, machine._replace(sourced=sourced))
-    arguments, text = runs[-1]
-    assert {"--require-hashes", "--no-deps", "--requirement"} <= set(arguments)
-    expected = ["click==8.5.1 --hash=sha256:aa --hash=sha256:bb"]
-    if sourced is None:
-        expected += ["numpy==2.0 ; python_full_version < '3.11' --hash=sha256:cc", "ros-rclpy==7.1.6 --hash=sha256:dd"]
-    assert text.splitlines() == expected
+    ran: list[list[str]] = []
+    monkeypatch.setattr(installation, "_uv", lambda _clone, _program, command, *_: ran.append(command))
+    (tmp_path / "pyproject.toml").write_text(PYPROJECT)
+    installation._install(installation.Clone(tmp_path), machine._replace(sourced=sourced), ["planning", "test"])
+    (command,) = ran
+    assert command[:2] == ["sync", "--frozen"]
+    assert {"--extra=planning", "--group=test"} < set(command)
+    assert ("--no-install-package=numpy" in command) == (sourced is not None)
 
 
-def test_every_pin_has_hashes() -> None:
-    pins = installation.pins(installation.Clone(ROOT))
-    assert len(pins) > 100
-    assert [pin for pin in pins if "--hash=sha256:" not in pin] == []
+LOCK = (ROOT / "uv.lock").read_text()
 
 
-def pinned() -> dict[str, list[Requirement]]:
-    """Each package of constraints.txt with its pins, one per range of Python versions."""
-    pins: dict[str, list[Requirement]] = {}
-    for line in (ROOT / "constraints.txt").read_text().splitlines():
-        if "==" in line:
-            requirement = Requirement(line.rstrip(" \\"))
-            pins.setdefault(canonicalize_name(requirement.name), []).append(requirement)
-    return pins
+def test_every_file_of_the_lock_has_a_hash() -> None:
+    files = re.findall(r"\{ url = .*", LOCK)
+    assert len(files) > 1000
+    assert [file for file in files if 'hash = "sha256:' not in file] == []
 
 
-def declared() -> list[Requirement]:
-    """What pyproject.toml asks for, without what a clone leaves out (``setup/excluded.txt``)."""
-    excluded = (ROOT / "setup" / "excluded.txt").read_text().split("\n")
-    tables = re.search(r"(?ms)^dependencies = \[.*?^\[tool", (ROOT / "pyproject.toml").read_text())
-    assert tables is not None
-    found = [Requirement(words) for words in re.findall(r'^(?:plot = \[|  )"([^"]+)"', tables[0], re.MULTILINE)]
-    return [requirement for requirement in found if requirement.name not in excluded]
-
-
-@pytest.mark.parametrize("requirement", declared(), ids=lambda requirement: requirement.name)
-def test_every_declared_package_is_pinned_within_its_range(requirement: Requirement) -> None:
-    pins = pinned()[canonicalize_name(requirement.name)]
-    versions = [next(iter(pin.specifier)).version for pin in pins]
-    assert all(requirement.specifier.contains(version) for version in versions)
+def test_lock_is_of_the_pyproject_that_is_here() -> None:
+    """`make lock` writes both; what each names is compared, since uv may not be there."""
+    pyproject = ROOT / "pyproject.toml"
+    own = LOCK.partition('\nname = "yumi-ros2"\n')[2].partition("\n[[package]]\n")[0]
+    for table, kept in zip(
+        installation.TABLES, ("package.optional-dependencies", "package.dev-dependencies"), strict=True
+    ):
+        _, _, text = own.partition(f"[{kept}]\n")
+        names = re.findall(r"^([\w-]+) = \[$", text.partition("\n[")[0], re.MULTILINE)
+        assert sorted(names) == sorted(installation.parts_of(pyproject, table))
 
 
 def test_the_two_larks_are_not_installed_over_each_other() -> None:
-    assert "lark" in pinned()
-    assert "lark-parser" not in pinned()
+    assert '\nname = "lark"\n' in LOCK
+    assert '\nname = "lark-parser"\n' not in LOCK

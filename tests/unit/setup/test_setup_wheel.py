@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import os
 import platform
+import re
 import subprocess
 import sys
 import tarfile
+from importlib.metadata import version
 from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 from release import version
-from wheel_hook import RECORDS, destination
+from wheel_hook import RECORD
 
 from yumi.robot import collision_library
 
@@ -157,16 +161,22 @@ def test_command_for_ros_starts_the_one_of_its_environment(tmp_path: Path) -> No
     assert run([str(tmp_path / "lib" / "yumi_ros2" / "yumi"), "up", "--x"], tmp_path) == "here: up --x\n"
 
 
-@pytest.mark.skipif(not RECORDS.exists(), reason="a sourced ROS 2 brings its own message packages")
+@pytest.mark.skipif(not RECORD.exists(), reason="a sourced ROS 2 brings its own message packages")
 def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine(source: Path, tmp_path: Path) -> None:
     with ZipFile(build_wheel(source, tmp_path, YUMI_WHEEL_INTERFACES="1")) as archive:
         names = set(archive.namelist())
         texts = {name: archive.read(name) for name in names if not name.endswith(".so")}
         tags = archive.read(f"{NAME}.dist-info/WHEEL").decode()
     for package in sorted(path.parent.name for path in (ROOT / "interfaces").glob("*/package.xml")):
-        loaded = {f"{package}_s__rosidl_typesupport_{kind}.so" for kind in ("c", "fastrtps_c", "introspection_c")}
-        assert {f"{package}/{name}" for name in ("__init__.py", *loaded)} <= names
-        assert f"{DATA}lib/lib{package}__rosidl_generator_c.so" in names
+        assert {f"{package}/{name}" for name in ("__init__.py", f"{package}_s__rosidl_typesupport_c.so")} <= names
+        loaded = (
+            "generator_c",
+            "generator_py",
+            "typesupport_c",
+            "typesupport_fastrtps_c",
+            "typesupport_introspection_c",
+        )
+        assert {f"{DATA}lib/lib{package}__rosidl_{kind}.so" for kind in loaded} <= names
         index = f"{DATA}share/ament_index/resource_index"
         assert {f"{index}/packages/{package}", f"{index}/rosidl_interfaces/{package}"} <= names
     assert {f"{DATA}{name}" for name in IN_AMENT_INDEX} <= names
@@ -178,21 +188,32 @@ def test_wheel_of_a_platform_has_the_message_packages_and_nothing_of_the_machine
     assert "Root-Is-Purelib: false" in tags
 
 
-@pytest.mark.parametrize(
-    ("file", "expected"),
-    [
-        ("lib/python/x_msgs/msg/_thing.py", ("force_include", "x_msgs/msg/_thing.py")),
-        ("lib/python/x_msgs/msg/_thing_s.c", None),
-        ("lib/python/x_msgs-1.0.egg-info/PKG-INFO", None),
-        ("lib/libx_msgs__rosidl_generator_c.so", ("shared_data", "lib/libx_msgs__rosidl_generator_c.so")),
-        ("share/x_msgs/msg/Thing.msg", ("shared_data", "share/x_msgs/msg/Thing.msg")),
-        ("share/x_msgs/local_setup.sh", None),
-        ("share/ament_index/resource_index/parent_prefix_path/x_msgs", None),
-        ("include/x_msgs/x_msgs/msg/thing.h", None),
-    ],
-)
-def test_wheel_takes_what_is_loaded_and_leaves_what_is_compiled_against(
-    file: str, expected: tuple[str, str] | None
-) -> None:
-    prefix = Path("/venv")
-    assert destination(prefix / file, prefix / "lib" / "python", prefix) == expected
+@pytest.fixture(scope="module")
+def lists(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]:
+    """By file that `make wheels` writes beside the wheels: the version of each package, for this Python."""
+    folder = tmp_path_factory.mktemp("lists")
+    printed = run(["make", "--dry-run", "wheels"], ROOT)
+    for command in re.findall(r"^\S*uv (export .*)", printed, re.MULTILINE):
+        run([f"{sys.prefix}/bin/uv", "--offline", *command.replace("dist/", f"{folder}/").split()], ROOT)
+    found: dict[str, dict[str, str]] = {}
+    for file in folder.iterdir():
+        lines = [line for line in file.read_text().replace("\\\n", " ").splitlines() if line]
+        assert [line for line in lines if "--hash=sha256:" not in line] == []
+        requirements = [Requirement(line.partition(" --hash")[0].strip()) for line in lines]
+        wanted = [each for each in requirements if each.marker is None or each.marker.evaluate()]
+        found[file.name] = {canonicalize_name(each.name): str(each.specifier).removeprefix("==") for each in wanted}
+    return found
+
+
+@pytest.mark.parametrize("name", ["requirements.txt", "requirements-ros.txt"])
+def test_each_listed_package_is_what_the_tests_run_with(lists: dict[str, dict[str, str]], name: str) -> None:
+    assert lists[name] == {package: version(package) for package in lists[name]}
+
+
+def test_all_that_the_wheels_need_is_listed_and_no_more(lists: dict[str, dict[str, str]]) -> None:
+    plain, with_ros = lists["requirements.txt"], lists["requirements-ros.txt"]
+    assert {"aiohttp", "multidict", "numpy", "click"} <= plain.keys()
+    assert not {"pytest", "ros-rclpy", "mcap", "mkdocs", "hatchling"} & plain.keys()
+    assert plain.items() < with_ros.items()
+    assert {"ros-rclpy", "ros-rmw-fastrtps-cpp", "mcap"} <= with_ros.keys()  # an extra of one names the second
+    assert not {"lark-parser", "empy", "pytest", "ros-ament-cmake"} & with_ros.keys()
