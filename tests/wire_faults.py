@@ -183,7 +183,7 @@ def check_limits(heard: Sequence[Heard], *, stops: bool = False) -> None:
     slack = 1.0 + 1e-3
     before = (0.0,) * 7
     for last, this in pairwise(heard):
-        where = f"in cycle {this.cycle}: {_deg(last.position)} to {_deg(this.position)}"
+        where = f"in cycle {this.cycle} after {last.cycle}: {_deg(last.position)} to {_deg(this.position)}"
         assert limits.outside(this.position) is None, f"out of range {where}"
         step = joints([new - old for old, new in zip(last.position, this.position, strict=True)])
         for change, old, top, gain in zip(step, before, limits.velocity, limits.acceleration, strict=True):
