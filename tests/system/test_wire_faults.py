@@ -30,7 +30,7 @@ STALLED = radians(3.0)
 """How far the swing goes in 60 ms, for which this machine may stand still [rad]."""
 
 ANSWERED = 25
-"""Cycles in a row that get an answer again after an attack, however often this machine stands still."""
+"""Cycles in a row that get an answer again after an attack."""
 
 ON_SOCKETS = {
     "egm-forge-30",
@@ -42,10 +42,13 @@ ON_SOCKETS = {
 """What sockets do that links in memory do not: other senders, other ports, short and doubled datagrams."""
 
 
-def attacks() -> list[object]:
-    """Those run with all other tests, and the rest with ``make soak``."""
-    marks = {True: (), False: pytest.mark.soak}
-    return [pytest.param(each, marks=marks[str(each) in ON_SOCKETS], id=str(each)) for each in (*SINGLE, *LASTING)]
+ATTACKS = [
+    pytest.param(each, id=str(each), marks=() if str(each) in ON_SOCKETS else pytest.mark.soak)
+    for each in (*SINGLE, *LASTING)
+]
+"""Those of :data:`ON_SOCKETS` run with all other tests, the rest with ``make soak``."""
+
+assert {str(each) for each in (*SINGLE, *LASTING)} >= ON_SOCKETS
 
 
 class Rig:
@@ -131,7 +134,7 @@ def rig(connected: Rig) -> Rig:
     return connected
 
 
-@pytest.mark.parametrize("attack", attacks())
+@pytest.mark.parametrize("attack", ATTACKS)
 def test_what_is_sent_keeps_its_limits_and_never_follows_what_is_false(rig: Rig, attack: Attack) -> None:
     begin = {side: rig.passed(side).cycle for side in Side}
     paths = {side: Swing(side, rig.passed(side).heard[-BEFORE:]) for side in Side}

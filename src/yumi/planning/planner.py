@@ -88,7 +88,7 @@ _EVERY = 3  # cycles between two points of the result: a spline between them is 
 _ARM_ANGLES = (0.0, 0.35, -0.35, 0.7, -0.7, 1.2, -1.2, 1.9, -1.9, pi)  # tried for a pose, from that of the start [rad]
 _GOALS = 12  # postures of a pose that are tried
 _SLOWER = (0.85, 0.75, 0.65, 0.55, *(0.45,) * 5)  # than before, where the limiter does not accept a motion
-_IN_VAIN = 2  # times; then the way itself is too narrow for the limiter, and a slower motion only takes longer
+_IN_VAIN = 2  # times slower without fewer cycles refused: then the way is too narrow for the limiter at any speed
 _AROUND = 6  # cycles
 _PLACE = 0.01  # [s] at the joints' speeds, between two places at which a motion is made slower
 _CREEPING = 0.05  # of the joints' speeds: slower would be of no use
@@ -366,7 +366,7 @@ class Planner:
         places = np.linspace(0.0, path.length, int(path.length / _PLACE) + 2)
         ceiling = np.full(len(places), UNLIMITED)
         found: dict[int, _Motion] = {}
-        since = 0  # how often it was made slower without fewer cycles refused
+        in_vain = 0
         for slower in (*_SLOWER, 0.0):
             try:
                 law, positions = fastest_along(path, limits, ceiling)
@@ -374,9 +374,9 @@ class Planner:
                 break
             motion = _of_each_arm(names, _spline_points(positions, limits))
             refused = self._refused(start, motion)
-            since = 0 if not found or len(refused) < min(found) else since + 1
+            in_vain = 0 if not found or len(refused) < min(found) else in_vain + 1
             found.setdefault(len(refused), motion)
-            if not refused or since == _IN_VAIN or time.monotonic() > deadline:
+            if not refused or in_vain == _IN_VAIN or time.monotonic() > deadline:
                 break
             # A little around, too: the time law averages, and would fill a gap.
             last = len(law) - 1

@@ -27,6 +27,7 @@ from yumi.driver.endpoint import (
     HOW_TO_START,
     Answer,
     Arm,
+    Attach,
     Calibrate,
     DriverState,
     EventReport,
@@ -733,7 +734,9 @@ class DriverLink:
             raise RobotNotReady(HOW_TO_START) from error
         except OSError as error:
             raise RobotNotReady(f"The driver behind {path.name} does not answer: {error}.") from error
-        return cls(reader, writer)
+        link = cls(reader, writer)
+        link._write(Attach())  # a page that has taken control may ask for nothing for long
+        return link
 
     async def close(self) -> None:
         """Disconnect; a motion that was asked for over it is stopped."""
@@ -786,13 +789,16 @@ class DriverLink:
         self._number += 1
         number, answers = self._number, asyncio.Queue[Answer | RobotNotReady]()
         self._waiting[number] = answers
-        self._writer.write(msgspec.json.encode(msgspec.structs.replace(request, id=number)) + b"\n")
+        self._write(msgspec.structs.replace(request, id=number))
         try:
             await self._writer.drain()
         except OSError as error:
             del self._waiting[number]
             raise self._lost(error) from error
         return number, answers
+
+    def _write(self, request: Request) -> None:
+        self._writer.write(msgspec.json.encode(request) + b"\n")
 
     async def _next(self, answers: asyncio.Queue[Answer | RobotNotReady]) -> Answer:
         answer = await answers.get()

@@ -260,16 +260,15 @@ def test_motion_is_slowed_only_twice_more_where_that_does_not_help(monkeypatch: 
     refused: list[int] = []
     judge = counted._refused
 
-    def count(*motion: Any) -> list[float]:
+    def counting(*motion: Any) -> list[float]:
         cycles = judge(*motion)
         refused.append(len(cycles))
         return cycles
 
-    monkeypatch.setattr(counted, "_refused", count)
-    counted.plan(start, HOME)
-    best = refused.index(min(refused))
+    monkeypatch.setattr(counted, "_refused", counting)
+    counted.plan(start, HOME, timeout=300.0)  # which a slow machine does not reach
     assert min(refused) > 0
-    assert len(refused) == best + 3
+    assert len(refused) == refused.index(min(refused)) + 1 + 2
 
 
 def test_arm_that_is_there_gets_a_motion_of_one_cycle(planner: Planner) -> None:

@@ -23,7 +23,7 @@ from yumi.control.loop import Commands
 from yumi.control.shared_state import RobotFollows, Snapshot
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver import endpoint_server
-from yumi.driver.endpoint import Surroundings
+from yumi.driver.endpoint import Surroundings, find_driver
 from yumi.errors import SettingsError
 from yumi.planning.planner import Plan, PlanningProcess
 from yumi.robot.collision import Obstacle
@@ -764,6 +764,22 @@ def test_page_that_shows_nothing_gets_no_more_states_and_loses_control(
             assert "did not answer" in message["sentence"]
             assert states <= 1
             await other.until("view", lambda view: view["control"] == "none")
+
+    run(story, may_operate=True)
+
+
+def test_page_that_has_control_may_ask_for_nothing_for_long(
+    driver: FakeDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(endpoint_server, "FIRST_REQUEST", 1.0)
+
+    async def story(site: Site) -> None:
+        async with site.page() as page:
+            await page.take_control()
+            silent, writer = await asyncio.open_unix_connection(find_driver(""))
+            assert b"No request came" in await silent.read()  # and so would it be for the page's connection
+            writer.close()
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
 
     run(story, may_operate=True)
 
