@@ -43,7 +43,7 @@ check:
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
-	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/wheel_hook.py interfaces/build.py
+	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/wheel_hook.py setup/release.py setup/check_changes.py interfaces/build.py
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
