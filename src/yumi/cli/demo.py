@@ -9,6 +9,7 @@ import termios
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
+from importlib import import_module
 from importlib.util import find_spec
 from math import degrees, radians
 from pathlib import Path
@@ -125,7 +126,9 @@ def run_demo(
             ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
             arguments = ("controller", "--rws-port", "0", "--left-object", str(OBJECT_WIDTH), *ports)
             controller = Command("virtual controller", arguments, plan.logs / "controller.log", plan.secrets)
-            address = stack.enter_context(controller).wait_until_ready(_READY_TIMEOUT, check)
+            stack.enter_context(controller)
+            import_module("yumi.ros.move_and_grab")  # takes a second, as the start of the controller does
+            address = controller.wait_until_ready(_READY_TIMEOUT, check)
             progress.note(address)
             host, _, rws_port = address.removeprefix("http://").partition(":")
             where = ("--robot", host, "--rws-port", rws_port, *ports)
