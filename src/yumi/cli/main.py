@@ -5,8 +5,8 @@ Commands of other packages, such as ``yumi evaluate``, come by the entry-point g
 
 from __future__ import annotations
 
-import errno
 import atexit
+import errno
 import gc
 import logging
 import re
