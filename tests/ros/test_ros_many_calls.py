@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 from controller_manager_msgs.srv import ListControllers
 from diagnostic_msgs.msg import DiagnosticStatus
+from process_sizes import settled_sizes
 from rclpy.qos import QoSProfile
 from ros_bench import Client
 from std_srvs.srv import Trigger
 
-from process_sizes import settled_sizes
 from yumi.process.supervision import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]

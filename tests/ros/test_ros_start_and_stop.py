@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from process_sizes import PATIENCE, settled_sizes, sizes
 from ros_bench import Client
 from std_srvs.srv import Trigger
 
-from process_sizes import PATIENCE, settled_sizes, sizes
 from soak import CYCLES, long, short, tell
 from yumi.clock import SystemClock
 from yumi.process.supervision import Command

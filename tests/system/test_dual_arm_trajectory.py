@@ -6,8 +6,8 @@ from itertools import pairwise
 from math import radians
 
 import pytest
-
 from dual_arms import NAME, DualArms
+
 from trajectories import dual_arm_trajectory, swing
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.control.shared_state import Factor

@@ -9,8 +9,8 @@ from typing import Any
 
 import httpx
 import pytest
-
 from commissioning_bench import HERE, Interruption, Site
+
 from soak import long, short
 from yumi.driver.commissioning.doctor import listen, streaming
 from yumi.driver.commissioning.installation import (

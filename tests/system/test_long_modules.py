@@ -10,8 +10,8 @@ from pathlib import Path
 from threading import Event, Thread
 
 import pytest
-
 from held_arm import HeldArm, answer_all
+
 from soak import tell
 from yumi.clock import SystemClock, wait_until
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state

@@ -10,10 +10,10 @@ from math import radians
 
 import pytest
 from script_bench import VirtualRobot
+from wire_faults import center
 
 import yumi
 from soak import MINUTES, long, short, tell
-from wire_faults import center
 from yumi.api.robot import Robot
 from yumi.clock import SystemClock
 from yumi.robot.joints import Joints, Side, joints

@@ -7,11 +7,11 @@ from itertools import accumulate, pairwise
 from math import radians
 
 import pytest
+from tapped_controller import TappedController
+from wire_faults import Tapped, center
 
 import yumi
 from soak import tell
-from tapped_controller import TappedController
-from wire_faults import Tapped, center
 from yumi.api.motion import Motion
 from yumi.api.robot import Robot
 from yumi.cli.controller import fault as fault_command

@@ -14,9 +14,9 @@ from threading import Event, Thread
 from typing import Any, NamedTuple
 
 import pytest
-
 from held_arm import HeldArm, answer_all
 from rws_load import Client, Load
+
 from soak import tell
 from yumi.clock import SystemClock, wait_until
 from yumi.driver.state_machine import MAIN, MachineState, read_machine_state

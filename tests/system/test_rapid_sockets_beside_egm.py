@@ -13,10 +13,10 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
-
-from free_ports import free_tcp_port
 from held_arm import HeldArm
 from rapid_servers import CONNECTIONS
+
+from free_ports import free_tcp_port
 from soak import long, short, tell
 from yumi.egm.udp import free_port
 from yumi.robot.joints import CYCLE

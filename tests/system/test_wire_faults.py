@@ -10,10 +10,10 @@ from dataclasses import replace
 from math import radians
 
 import pytest
-
-import yumi
 from tapped_controller import TappedController
 from wire_faults import LASTING, SINGLE, Attack, Swing, Tapped, check_limits, check_path, swing, swing_velocity
+
+import yumi
 from yumi.api.motion import Motion
 from yumi.api.robot import Robot
 from yumi.cli.controller import fault as fault_command

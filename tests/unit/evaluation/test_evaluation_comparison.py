@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-
 from virtual_logs import HOME, VirtualRobot, motions, times
+
 from yumi.control.controller import MemoryBuffer, SessionGoal, StageTimes, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.cycle import Frame

@@ -7,8 +7,8 @@ from math import degrees, inf, radians
 
 import numpy as np
 import pytest
-
 from virtual_logs import HOME, VirtualRobot, motions, random_robot, times
+
 from yumi.robot.joints import CYCLE
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi_evaluation.identification import Dynamics, Identified, answer, identify, limited

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
 from virtual_logs import HOME
+
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, YumiError

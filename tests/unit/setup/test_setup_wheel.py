@@ -8,7 +8,7 @@ import re
 import subprocess
 import sys
 import tarfile
-from importlib.metadata import version
+from importlib import metadata
 from pathlib import Path
 from shutil import copy, copytree, ignore_patterns
 from zipfile import ZipFile
@@ -207,7 +207,7 @@ def lists(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str]]
 
 @pytest.mark.parametrize("name", ["requirements.txt", "requirements-ros.txt"])
 def test_each_listed_package_is_what_the_tests_run_with(lists: dict[str, dict[str, str]], name: str) -> None:
-    assert lists[name] == {package: version(package) for package in lists[name]}
+    assert lists[name] == {package: metadata.version(package) for package in lists[name]}
 
 
 def test_all_that_the_wheels_need_is_listed_and_no_more(lists: dict[str, dict[str, str]]) -> None:
