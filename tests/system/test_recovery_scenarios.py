@@ -229,7 +229,6 @@ def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: Mo
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
     system.faults.inject(Fault.PROGRAM_STOP)
-    system.wait(0.1)
     assert system.recover().startswith("The robot was stopped by 10125 Program stopped")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -237,7 +236,6 @@ def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: Mo
 
 def test_connection_that_is_reset_in_the_middle_of_a_request_does_not_stop_recovery(system: MovingSystem) -> None:
     system.faults.inject(Fault.PROGRAM_STOP)
-    system.wait(0.1)
     system.http.resets = 1
     system.recover()
     assert system.is_moving_again()

@@ -129,7 +129,6 @@ def test_sign_that_came_while_the_program_stood_hides_no_later_one(system: Movin
     """A signal that is up already has no edge."""
     driver = watchdog(system)
     system.faults.inject(Fault.PROGRAM_STOP)
-    system.wait(0.1)
     driver.beat()
     system.recover()
     driver.arm_robot()

@@ -57,6 +57,9 @@ POSITION_CONTROLLER = "joint_position_controller"
 FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
+_END_WITH_PROGRAM = 1.0
+"""How long after its program an arm may still report that EGM runs [s]; its silence is noticed within 0.1 s."""
+
 BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
 
@@ -159,6 +162,8 @@ class EgmControl:
             YumiError: a step failed; the message says which.
         """
         self._control.check()
+        if not self._bringup.panel.is_running:
+            self._wait_for_end()
         ours = arms if self.desired else ()
         problems = self._problems(arms)
         for side, problem in problems.items():
@@ -217,6 +222,15 @@ class EgmControl:
             self._bringup.step(remark)
         self._bringup.start_egm(arms)
         wait_until(self._clock, lambda: self.is_running(arms), FIRST_DATAGRAM, lambda: self._why_not_running(arms))
+
+    def _wait_for_end(self) -> None:
+        """EGM ends with the program, which the arms' last datagrams may not tell yet."""
+
+        def has_ended() -> bool:
+            return not any(self._control.snapshot(side).is_running for side in Side)
+
+        refusal = "The RAPID program has stopped, yet the arms still report that EGM runs; stop EGM, then start again."
+        wait_until(self._clock, has_ended, _END_WITH_PROGRAM, refusal)
 
     def _activate(self, side: Side) -> None:
         """Activate what commanded the arm before EGM ended by itself, if it still can, or the default."""
