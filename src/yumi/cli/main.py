@@ -5,9 +5,7 @@ Commands of other packages, such as ``yumi evaluate``, come by the entry-point g
 
 from __future__ import annotations
 
-import atexit
 import errno
-import gc
 import logging
 import re
 import sys
@@ -144,7 +142,6 @@ def main() -> None:
       yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
       eval "$(yumi completion bash)"     complete commands and their arguments in this shell
     """
-    atexit.register(gc.freeze)  # all ends with the process: to look for garbage in it once more takes half a second
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     for noisy in ("httpx", "matplotlib"):
         logging.getLogger(noisy).setLevel(logging.WARNING)
