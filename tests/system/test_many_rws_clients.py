@@ -25,7 +25,7 @@ from yumi.rws.client import RwsClient
 from yumi.testing.virtual_yumi import ControllerProcess
 
 pytestmark = pytest.mark.real_time
-SCRIPT = Path(__file__).parents[1] / "rws_load.py"
+SCRIPT = Path(__file__).with_name("rws_load.py")
 RATE = 20.0
 
 

@@ -22,7 +22,7 @@ from yumi.egm.udp import free_port
 from yumi.robot.joints import CYCLE
 
 pytestmark = pytest.mark.real_time
-SCRIPT = Path(__file__).parents[1] / "rapid_servers.py"
+SCRIPT = Path(__file__).with_name("rapid_servers.py")
 
 
 @pytest.mark.parametrize("seconds", [short(4.0), long(60.0, 180.0)])
