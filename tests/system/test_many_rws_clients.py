@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import statistics
 import subprocess
@@ -87,7 +88,8 @@ def load(clients: int, seconds: float, tmp_path: Path) -> Beside:
                 client.pulse_signal(signal)
         counts = [len(arm.numbers) for arm in arms]
         command = [sys.executable, str(SCRIPT), controller.address, str(clients), str(RATE), str(seconds)]
-        done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=seconds + 60.0)
+        helpers = {**os.environ, "PYTHONPATH": str(SCRIPT.parents[1])}
+        done = subprocess.run(command, env=helpers, capture_output=True, text=True, check=True, timeout=seconds + 60.0)
         numbers = [arm.numbers[count:] for arm, count in zip(arms, counts, strict=True)]
         times = [arm.times[count:] for arm, count in zip(arms, counts, strict=True)]
     found = json.loads(done.stdout)
