@@ -16,7 +16,7 @@ help:
 	@echo 'make demo          a virtual YuMi moves both arms and grips; ARGS="--robot <address>" for a real one'
 	@echo 'make test          the check: format, lint, types, layers, spelling, terms, then the tests that need no real time'
 	@echo 'make check         the same without the tests'
-	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 20 minutes'
+	@echo 'make test-real-time  the rest of the tests: ROS, processes, sockets, the pages; wants a quiet machine for 25 minutes'
 	@echo 'make soak          the long tests: motion, starts of EGM, fuzzing; see docs/how-to/soak.md'
 	@echo 'make wheels        wheels in dist/: one for every Python, one for this Python with the message packages built'
 	@echo 'make release VERSION=0.1.0  wheels, sources and notes in dist/, each tried in an empty environment'
@@ -85,9 +85,9 @@ docs:
 	@$(SETUP) docs
 	NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict $(ARGS)
 
+# Without .venv: with an index that lacks what uv.lock names, this comes first.
 lock:
-	@$(SETUP)
-	@$(UV) lock $(ARGS)
+	@python=$$(sh setup/find_python.sh '$(PYTHON)') && exec "$$python" -E -S setup/uv.py lock $(ARGS)
 
 clean:
 	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache .coverage

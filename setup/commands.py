@@ -42,12 +42,15 @@ def finish(process: subprocess.Popen[bytes], log: Path, complaint: str) -> None:
     finally:
         process.kill()  # Ctrl-C has ended the waiting alone
     if code != 0:
-        raise InstallationFailed(f"{_reason(log.read_text(), complaint)}; its words are in {log}")
+        raise InstallationFailed(f"{_reason(log.read_text(), complaint)}; see {log}")
 
 
 def _reason(words: str, complaint: str) -> str:
     if any(sign in words for sign in UNREACHABLE):
-        return "the package index cannot be reached; check the network, the proxy or UV_DEFAULT_INDEX"
+        return (
+            "the package index cannot be reached; check the network and the proxy; with an index of your own, "
+            "UV_DEFAULT_INDEX=… make lock"
+        )
     if "No space left on device" in words:
         return f"{complaint}: the disk is full (about 1 GB is needed)"
     if "Hash mismatch" in words:

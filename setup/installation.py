@@ -97,18 +97,18 @@ def install(root: str, machine: Machine, parts: Sequence[str] = ()) -> None:
             raise InstallationFailed(f"there is no part '{part}'; there are: {', '.join(sorted(known))}")
     clone.logs.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    with _alone(clone), _library(clone) as library_is_new:
-        done = [_step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine))]
-        had = set(_recorded(clone).get("parts", "").split()) & known
+    with _alone(clone), _library(clone):
+        had = set(_recorded(clone).get("parts", "").split()) & known  # the environment may be made anew
         wanted = sorted({*ALWAYS, *([] if machine.sourced else WITHOUT_ROS), *had, *parts})
-        done += [
+        done = [
+            _step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
             _step(clone, "packages", _packages_fingerprint(clone, wanted), lambda: _install(clone, machine, wanted)),
-            _step(clone, "parts", " ".join(wanted), lambda: None),
             _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
         ]
+        _record(clone, "parts", " ".join(wanted))
         if not machine.sourced:
-            done.append(_step(clone, "interfaces", _interfaces_fingerprint(clone), lambda: _build_interfaces(clone)))
-    if library_is_new or any(done):
+            _build_interfaces(clone)
+    if any(done):
         say(f"done in {time.monotonic() - started:.0f} s")
 
 
@@ -129,8 +129,12 @@ def _step(clone: Clone, name: str, fingerprint: str, act: Callable[[], None]) ->
     if clone.python.exists() and _recorded(clone).get(name) == fingerprint:
         return False
     act()
-    clone.record.write_text(json.dumps(_recorded(clone) | {name: fingerprint}, indent=1) + "\n")
+    _record(clone, name, fingerprint)
     return True
+
+
+def _record(clone: Clone, name: str, value: str) -> None:
+    clone.record.write_text(json.dumps(_recorded(clone) | {name: value}, indent=1) + "\n")
 
 
 def _recorded(clone: Clone) -> dict[str, str]:
@@ -158,11 +162,6 @@ def _packages_fingerprint(clone: Clone, parts: Sequence[str]) -> str:
 def _activation_fingerprint(machine: Machine) -> str:
     """Of what is written to the activation, and of the environment, which is made anew with another one."""
     return hashlib.sha256((IN_DEACTIVATE + AT_THE_END + _venv_fingerprint(machine)).encode()).hexdigest()
-
-
-def _interfaces_fingerprint(clone: Clone) -> str:
-    folder = clone.root / "interfaces"
-    return _digest(sorted(file for file in folder.rglob("*") if file.is_file() and "__pycache__" not in file.parts))
 
 
 def _digest(files: list[Path]) -> str:
@@ -211,20 +210,15 @@ def parts_of(file: Path, table: str) -> list[str]:
 
 
 @contextlib.contextmanager
-def _library(clone: Clone) -> Iterator[bool]:
-    """Compile the collision library while the rest goes on; whether there was something to do."""
+def _library(clone: Clone) -> Iterator[None]:
+    """Compile the collision library while the rest goes on, where there is none of this edition of its source."""
     log = clone.logs / "library.log"
-    done, wanted = clone.logs / "library.done", _digest(sorted(clone.root.glob("src/yumi/robot/collision*")))
-    if done.exists() and done.read_text() == wanted:
-        yield False
-        return
     # The Python of the machine: the module needs no package, and .venv is being made meanwhile.
     command = [sys.executable, "-m", "yumi.robot.collision_library"]
     process = start(command, log, {"PYTHONPATH": str(clone.root / "src")})
     try:
-        yield True
+        yield
         finish(process, log, "the collision library could not be compiled")
-        done.write_text(wanted)
     finally:
         process.kill()
 
@@ -238,6 +232,7 @@ def _extend_activation(clone: Clone) -> None:
 
 
 def _build_interfaces(clone: Clone) -> None:
+    """Let the folder's own script build the message packages; it knows what it has built, and from what."""
     log = clone.logs / "interfaces.log"
     command = [str(clone.python), str(clone.root / "interfaces" / "build.py"), "--log", str(log)]
     if subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode != 0:

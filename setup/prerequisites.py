@@ -65,7 +65,7 @@ def sourced_distribution(environment: "os._Environ[str] | dict[str, str]") -> "s
 
 
 def compiler_on_path(environment: "os._Environ[str] | dict[str, str]") -> "str | None":
-    """The C++ compiler that CMake would take, None where there is none."""
+    """The C++ compiler that set-up takes, None where there is none."""
     chosen = environment.get("CXX", "").split()
     candidates = chosen[:1] or ["c++", "g++", "clang++"]
     return next(filter(None, (shutil.which(name) for name in candidates)), None)

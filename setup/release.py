@@ -52,13 +52,6 @@ class ReleaseFailed(Exception):
     """The release was not made."""
 
 
-def version(root: Path = ROOT) -> str:
-    """The version of the sources."""
-    found = _VERSION.search((root / SOURCE).read_text(encoding="utf-8"))
-    assert found is not None
-    return found[1]
-
-
 def write_version(new: str, root: Path = ROOT) -> None:
     """Write the version into the sources and the copies."""
     _replace(root / SOURCE, _VERSION, f'__version__ = "{new}"')

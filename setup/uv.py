@@ -1,7 +1,9 @@
 """Brings uv, which installs everything else, into the clone: one release, checked by its hash.
 
 Written with Python's own library alone, since a machine may have neither pip nor venv. The package index is the one
-that uv or pip is configured with by a variable.
+that uv or pip is configured with by a variable, with a login where its address has one.
+
+    python3 setup/uv.py lock        runs the clone's uv with these arguments, and fetches it first where it is not there
 """
 
 from __future__ import annotations
@@ -11,15 +13,18 @@ import os
 import platform
 import re
 import ssl
+import sys
 import zipfile
+from base64 import b64encode
+from http.client import HTTPException
 from io import BytesIO
 from pathlib import Path
-from urllib.error import URLError
-from urllib.parse import urljoin
-from urllib.request import urlopen
+from urllib.parse import unquote, urljoin, urlsplit
+from urllib.request import Request, urlopen
 
 from commands import InstallationFailed, say
 
+FOLDER = Path(__file__).resolve().parents[1] / "build" / "uv"
 VERSION = "0.13.9"
 WHEELS = {
     "x86_64": (
@@ -38,7 +43,7 @@ PYPI = "https://pypi.org/simple"
 TIMEOUT = 60.0  # [s] without a byte
 
 
-def bring(folder: Path) -> Path:
+def bring(folder: Path = FOLDER) -> Path:
     """The program, fetched where ``folder`` has not got it yet; raises InstallationFailed."""
     program = folder / f"uv-{VERSION}"
     if program.exists():
@@ -59,17 +64,40 @@ def bring(folder: Path) -> Path:
 
 
 def _fetch(name: str) -> bytes:
-    index = next(filter(None, map(os.environ.get, INDEXES)), PYPI).rstrip("/") + "/uv/"
-    context = ssl.create_default_context(cafile=os.environ.get("SSL_CERT_FILE") or os.environ.get("PIP_CERT"))
+    named = next(filter(None, map(os.environ.get, INDEXES)), PYPI).rstrip("/") + "/uv/"
+    index = re.sub("(?<=//).*@", "", named)  # what is printed has no password
     try:
-        with urlopen(index, timeout=TIMEOUT, context=context) as page:
-            link = re.search(rf'href="([^"]*/{re.escape(name)}[^"]*)"', page.read().decode())
+        login, _, host = urlsplit(named).netloc.rpartition("@")
+        link = re.search(rf'href="([^"]*/{re.escape(name)}[^"]*)"', _read(index, host, login).decode())
         if link is None:
             raise InstallationFailed(f"the package index {index} has no {name}")
-        with urlopen(urljoin(index, link[1]), timeout=TIMEOUT, context=context) as file:
-            return bytes(file.read())
-    except (URLError, TimeoutError, ConnectionError) as error:
+        return _read(urljoin(index, link[1]), host, login)
+    except (OSError, HTTPException, ValueError) as error:  # ValueError: what the variable names is no address
         reason = getattr(error, "reason", error)
         raise InstallationFailed(
-            f"{index} cannot be reached ({reason}); check the network, the proxy or UV_DEFAULT_INDEX"
+            f"{index} cannot be reached ({reason}); check the network, the proxy and UV_DEFAULT_INDEX"
         ) from error
+
+
+def _read(address: str, host: str, login: str) -> bytes:
+    """What is at an address; ``login``, user:password, is shown to ``host`` alone."""
+    request = Request(address)
+    if login and urlsplit(address).netloc == host:
+        request.add_header("Authorization", f"Basic {b64encode(unquote(login).encode()).decode()}")
+    context = ssl.create_default_context(cafile=os.environ.get("SSL_CERT_FILE") or os.environ.get("PIP_CERT"))
+    with urlopen(request, timeout=TIMEOUT, context=context) as file:
+        return bytes(file.read())
+
+
+def main() -> None:
+    """Become the clone's uv; one sentence where it cannot be fetched."""
+    try:
+        program = bring()
+    except InstallationFailed as failure:
+        sys.exit(f"setup: {failure}")
+    os.environ.update(UV_PYTHON=sys.executable, UV_PYTHON_DOWNLOADS="never")
+    os.execv(program, [str(program), *sys.argv[1:]])
+
+
+if __name__ == "__main__":
+    main()

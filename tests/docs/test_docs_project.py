@@ -24,13 +24,6 @@ def commands(workflow: Path) -> list[str]:
     return [step["run"] for job in parsed(workflow)["jobs"].values() for step in job["steps"] if "run" in step]
 
 
-def recipe(target: str) -> list[str]:
-    """The commands of a target of the Makefile."""
-    found = re.search(rf"^{target}:.*\n((?:\t.*\n)+)", MAKEFILE, re.MULTILINE)
-    assert found is not None
-    return [line.strip() for line in found[1].splitlines()]
-
-
 @pytest.mark.parametrize("file", WORKFLOWS, ids=lambda file: file.stem)
 def test_target_that_a_workflow_makes_is_there(file: Path) -> None:
     targets = [target for command in commands(file) for target in re.findall(r"\bmake ([\w-]+)", command)]
@@ -76,11 +69,12 @@ def test_form_asks_for_robot_robotware_and_the_report_of_the_doctor() -> None:
     assert {"robot", "robotware", "doctor"} <= set(fields)
 
 
-def test_pre_commit_runs_the_checks_of_the_makefile() -> None:
+def test_what_pre_commit_runs_is_there() -> None:
     (repository,) = parsed(ROOT / ".pre-commit-config.yaml")["repos"]
-    checks = [command for command in recipe("check") if command.startswith(".venv/bin/")]
-    assert [hook["entry"] for hook in repository["hooks"]] == checks
-    assert all(hook["language"] == "system" and hook["pass_filenames"] is False for hook in repository["hooks"])
+    (hook,) = repository["hooks"]
+    target = re.fullmatch(r"make ([\w-]+)", hook["entry"])
+    assert target is not None
+    assert re.search(rf"^{target[1]}:", MAKEFILE, re.MULTILINE)
 
 
 def test_dependabot_looks_at_packages_and_actions() -> None:

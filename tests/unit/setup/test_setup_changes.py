@@ -31,8 +31,8 @@ class Repository:
         self.git("add", "--all")
         self.git("commit", "--quiet", "--message", message)
 
-    def missing(self, base: str = "") -> str:
-        return check_changes.missing_fragment(self.root, base)
+    def missing(self) -> str:
+        return check_changes.missing_fragment(self.root)
 
 
 @pytest.fixture
@@ -87,11 +87,6 @@ def test_removed_fragment_is_none(repository: Repository) -> None:
     (repository.root / "changelog.d/30.added.md").unlink()
     repository.commit("Move faster", {"src/yumi/arm.py": "2"})
     assert "no new fragment" in repository.missing()
-
-
-def test_base_that_is_not_there_is_refused_when_it_is_named(repository: Repository) -> None:
-    with pytest.raises(SystemExit, match="There is no branch origin/other to compare with; fetch it first"):
-        repository.missing("origin/other")
 
 
 def test_archive_without_git_has_nothing_to_compare_with(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ PACKAGES = "build interfaces record ros"
 
 @pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """The steps that set-up took, in place of taking them."""
+    """The steps that set-up took, in place of taking them; what is built is left out: the builders know what is new."""
     taken: list[str] = []
 
     def make_venv(clone: installation.Clone, _machine: Machine) -> None:
@@ -48,9 +48,9 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     monkeypatch.setattr(installation, "_make_venv", make_venv)
     monkeypatch.setattr(installation, "_install", lambda _clone, _machine, parts: taken.append(" ".join(parts)))
-    monkeypatch.setattr(installation, "start", lambda command, *_: taken.append("library") or Ended())
+    monkeypatch.setattr(installation, "start", lambda *_: Ended())
     monkeypatch.setattr(installation, "_extend_activation", lambda *_: taken.append("activation"))
-    monkeypatch.setattr(installation, "_build_interfaces", lambda *_: taken.append("interfaces"))
+    monkeypatch.setattr(installation, "_build_interfaces", lambda *_: None)
     return taken
 
 
@@ -75,13 +75,10 @@ line-length = 100
 @pytest.fixture
 def clone(tmp_path: Path, machine: Machine, steps: list[str]) -> Path:
     """A clone that has been set up."""
-    (tmp_path / "interfaces" / "a_msgs" / "msg").mkdir(parents=True)
-    (tmp_path / "interfaces" / "a_msgs" / "msg" / "Thing.msg").write_text("float64 value\n")
-    (tmp_path / "src" / "yumi" / "robot").mkdir(parents=True)
     (tmp_path / "uv.lock").write_text("version = 1\n")
     (tmp_path / "pyproject.toml").write_text(PYPROJECT)
     installation.install(str(tmp_path), machine)
-    assert steps == ["library", "venv", PACKAGES, "activation", "interfaces"]
+    assert steps == ["venv", PACKAGES, "activation"]
     steps.clear()
     return tmp_path
 
@@ -98,8 +95,6 @@ def test_setup_does_nothing_the_second_time(clone: Path, machine: Machine, steps
         ("pyproject.toml", PYPROJECT.replace("pytest", "tox"), [PACKAGES]),
         ("pyproject.toml", PYPROJECT.replace("100", "120"), []),
         ("package.xml", "<package/>\n", [PACKAGES]),
-        ("src/yumi/robot/collision.cpp", "// another\n", ["library"]),
-        ("interfaces/a_msgs/msg/Thing.msg", "float32 value\n", ["interfaces"]),
     ],
 )
 def test_setup_repeats_only_what_changed(
@@ -122,7 +117,7 @@ def test_setup_starts_anew_for_another_python_or_ros(
 def test_setup_starts_anew_when_the_venv_is_gone(clone: Path, machine: Machine, steps: list[str]) -> None:
     (clone / ".venv" / "bin" / "python").unlink()
     installation.install(str(clone), machine)
-    assert steps == ["venv", PACKAGES, "activation", "interfaces"]
+    assert steps == ["venv", PACKAGES, "activation"]
 
 
 def test_parts_that_were_asked_for_stay(clone: Path, machine: Machine, steps: list[str]) -> None:
@@ -131,6 +126,23 @@ def test_parts_that_were_asked_for_stay(clone: Path, machine: Machine, steps: li
     installation.install(str(clone), machine)
     with_planning = "build interfaces planning record ros"
     assert steps == [with_planning, f"{with_planning} test"]
+
+
+def test_parts_stay_where_the_environment_is_made_anew(clone: Path, machine: Machine, steps: list[str]) -> None:
+    installation.install(str(clone), machine, ["planning"])
+    steps.clear()
+    installation.install(str(clone), machine._replace(python=(3, 13)))
+    assert steps == ["venv", "build interfaces planning record ros", "activation"]
+
+
+def test_library_and_message_packages_are_asked_for_each_time(
+    clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[str] = []
+    monkeypatch.setattr(installation, "start", lambda command, *_: asked.append(command[-1]) or Ended())
+    monkeypatch.setattr(installation, "_build_interfaces", lambda *_: asked.append("interfaces"))
+    installation.install(str(clone), machine)
+    assert asked == ["yumi.robot.collision_library", "interfaces"]
 
 
 def test_part_that_does_not_exist_is_refused_before_anything_is_done(
@@ -156,7 +168,10 @@ def test_sourced_ros_needs_none_from_the_index(clone: Path, machine: Machine, st
 def test_library_that_cannot_be_compiled_ends_set_up(
     clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (clone / "src/yumi/robot/collision.cpp").write_text("// another\n")
+    source = clone / "src" / "yumi"
+    shutil.copytree(ROOT / "src" / "yumi" / "robot", source / "robot", ignore=shutil.ignore_patterns("lib*", "*.dae"))
+    for name in ("__init__.py", "errors.py"):
+        shutil.copy(ROOT / "src" / "yumi" / name, source / name)
     monkeypatch.setattr(installation, "start", commands.start)
     monkeypatch.setenv("CXX", "no-such-compiler")
     for _ in range(2):
@@ -182,7 +197,7 @@ def test_failed_step_is_not_recorded(clone: Path, machine: Machine, monkeypatch:
         ("error: Failed to fetch: `https://x`\n  Caused by: error sending request for url", "index cannot be reached"),
         ("  Caused by: failed to write: No space left on device (os error 28)", "the disk is full"),
         ("error: Hash mismatch for `x==1`", "is not the one that uv.lock has the hash of"),
-        ("error: x==1 has no wheel for this platform", "it failed; its words are in"),
+        ("error: x==1 has no wheel for this platform", "it failed; see"),
     ],
 )
 def test_failing_command_is_told_in_one_sentence(tmp_path: Path, words: str, sentence: str) -> None:

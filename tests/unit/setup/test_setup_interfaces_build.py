@@ -101,6 +101,21 @@ def environment(tmp_path: Path, interfaces: Path, monkeypatch: pytest.MonkeyPatc
     return prefix
 
 
+@pytest.mark.parametrize("name", ["ros_std_msgs", "numpy"])
+def test_other_version_of_what_is_compiled_against_is_another_fingerprint(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    site_packages = tmp_path / build.SITE_PACKAGES
+    (site_packages / f"{name}-1.0.dist-info").mkdir(parents=True)
+    (site_packages / "rich-1.0.dist-info").mkdir()
+    monkeypatch.setattr(build, "PREFIX", tmp_path)
+    before = build._tools(["true"])
+    (site_packages / "rich-1.0.dist-info").rename(site_packages / "rich-2.0.dist-info")
+    assert build._tools(["true"]) == before
+    (site_packages / f"{name}-1.0.dist-info").rename(site_packages / f"{name}-2.0.dist-info")
+    assert build._tools(["true"]) != before
+
+
 def libraries(environment: Path) -> list[str]:
     return sorted(path.name for path in (environment / "lib").iterdir())
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import platform
 import threading
 import zipfile
+from base64 import b64encode
 from collections.abc import Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 import uv
@@ -42,6 +45,12 @@ def index(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
+    logins: ClassVar[list[str | None]] = []
+
+    def do_GET(self) -> None:
+        self.logins.append(self.headers["Authorization"])
+        super().do_GET()
+
     def log_message(self, *_: object) -> None:
         pass
 
@@ -63,6 +72,22 @@ def test_other_file_of_the_name_is_refused(index: Path, tmp_path: Path) -> None:
     with pytest.raises(InstallationFailed, match=r"not the one that setup/uv\.py has the hash of"):
         uv.bring(tmp_path / "here")
     assert not (tmp_path / "here").exists()
+
+
+def test_login_in_the_address_is_shown_to_the_index(
+    index: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UV_DEFAULT_INDEX", os.environ["UV_DEFAULT_INDEX"].replace("//", "//someone:a%2Fword@"))
+    QuietHandler.logins.clear()
+    uv.bring(tmp_path / "here")
+    assert QuietHandler.logins == ["Basic " + b64encode(b"someone:a/word").decode()] * 2
+
+
+@pytest.mark.parametrize("address", ["pypi", "http://[", "http://127.0.0.1:port/simple"])
+def test_address_that_is_none_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, address: str) -> None:
+    monkeypatch.setenv("UV_DEFAULT_INDEX", address)
+    with pytest.raises(InstallationFailed, match=r"cannot be reached \(.*\); check the network, the proxy and UV_DEF"):
+        uv.bring(tmp_path / "here")
 
 
 def test_index_without_the_release_is_named(index: Path, tmp_path: Path) -> None:

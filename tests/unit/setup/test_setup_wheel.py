@@ -16,13 +16,13 @@ from zipfile import ZipFile
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
-from release import version
 from wheel_hook import RECORD
 
+import yumi
 from yumi.robot import collision_library
 
 ROOT = Path(__file__).resolve().parents[3]
-NAME = f"yumi_ros2-{version()}"
+NAME = f"yumi_ros2-{yumi.__version__}"
 
 READ_SETTINGS = (
     "import yumi.driver.settings as s; from yumi.robot.joints import Side; "
