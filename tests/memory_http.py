@@ -23,8 +23,8 @@ class MemoryHttp(MemoryRws):
         resets: so many exchanges from now on end with a reset connection.
     """
 
-    def __init__(self, controller: Irc5, clock: Clock) -> None:
-        super().__init__(controller, clock)
+    def __init__(self, controller: Irc5, clock: Clock, request_interval: float = 0.0) -> None:
+        super().__init__(controller, clock, request_interval)
         self.is_there = True
         self.resets = 0
 

@@ -27,7 +27,6 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi_interfaces.srv import LoadModule
 
-from yumi.clock import Clock, SystemClock
 from yumi.control.motion import DELAY
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver.settings import PASSWORD_VARIABLE
@@ -39,6 +38,7 @@ from yumi.recording.mcap import read_recording
 from yumi.robot.joints import Joints, Side, joint_names, joints
 from yumi.ros.driver import close_ros, open_ros
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER, RwsClient
+from yumi.rws.transport import HttpTransport
 from yumi.settings import Values
 from yumi_evaluation.experiments import (
     AXIS_6,
@@ -63,7 +63,6 @@ from yumi_evaluation.round_trips import (
     LoopCycle,
     RoundTrip,
     SentGoal,
-    Unpaced,
     join_trips,
     machine_trip,
     nudge,
@@ -583,9 +582,8 @@ def join_recorded(goals: Sequence[SentGoal], states: Sequence[HeardState], recor
 
 def state_machine_client(plan: NetworkedPlan, address: str) -> RwsClient:
     """A client without request pacing for a virtual controller, with it for a real one; not connected yet."""
-    clock: Clock = SystemClock()
-    clock = clock if plan.robot else Unpaced(clock)
-    return RwsClient(address, user=plan.user, password=plan.password, clock=clock)
+    transport = address if plan.robot else HttpTransport(address, request_interval=0.0)
+    return RwsClient(transport, user=plan.user, password=plan.password)
 
 
 def service_trips(node: EvaluationNode, count: int) -> tuple[float, ...]:

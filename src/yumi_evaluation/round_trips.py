@@ -22,7 +22,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
-from yumi.clock import Clock, ManualClock
+from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.bringup import Bringup, RapidRoutines
@@ -219,7 +219,7 @@ class VirtualRobot(ManualClock):
         self._world = World()
         self._link = MemoryRws(self._world.controller, self)
         self._due = CYCLE
-        self.client = RwsClient(self._link, clock=Unpaced(self))
+        self.client = RwsClient(self._link, clock=self)
 
     def wait(self, seconds: float) -> None:
         """Let time pass, with every cycle that is due in it."""
@@ -234,19 +234,6 @@ class VirtualRobot(ManualClock):
     def wait_for_cycle(self) -> None:
         """Until the controller has made its next cycle."""
         self.wait(self._due - self.now())
-
-
-class Unpaced:
-    """The clock of a client whose controller takes any number of requests a second, a real one fewer than twenty."""
-
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
-
-    def now(self) -> float:
-        return self._clock.now()
-
-    def wait(self, seconds: float) -> None:
-        """Do not."""
 
 
 def virtual_machine_trips(count: int) -> Mapping[str, tuple[float, ...]]:

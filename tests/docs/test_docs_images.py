@@ -16,7 +16,6 @@ from yumi.robot.kinematics import tool0_to_body
 
 sys.path.append(str(ROOT / "docs" / "images"))
 
-import make_data_flow
 import make_robot
 import make_tool_motions
 
@@ -45,12 +44,6 @@ def test_picture_shows_the_robot_on_a_transparent_background() -> None:
     alpha = np.asarray(make_robot.render(links, 48, 32))[..., 3]
     assert alpha[0].max() == 0
     assert 0.1 < (alpha == 255).mean() < 0.6
-
-
-def test_picture_of_the_data_flow_is_current() -> None:
-    drawn = make_data_flow.picture()
-    assert make_data_flow.FILE.read_text(encoding="utf-8") == drawn, "run: python docs/images/make_data_flow.py"
-    ET.fromstring(drawn)
 
 
 def test_pictures_of_the_tool_show_what_the_examples_do() -> None:

@@ -283,7 +283,7 @@ class Stage:
         arms = self.application.arms
 
         def are_moving() -> bool:
-            if not start or not all(arm.is_commanded for arm in arms.values()):
+            if not start or self._has_stood_still():
                 start.update(self._start_to_move())
             return all(arms[side].error(position) > MOVING for side, position in start.items())
 
@@ -302,7 +302,7 @@ class Stage:
         arms = self.application.arms
 
         def are_there() -> bool:
-            if self.application.listener.has(STOOD_STILL) and not all(arm.is_commanded for arm in arms.values()):
+            if self._has_stood_still():
                 self._guide()
                 self._order(goals)
             return all(arms[side].error(goal) < THERE for side, goal in goals.items())
@@ -341,13 +341,20 @@ class Stage:
 
     def _guide(self) -> None:
         """Start EGM; again where this machine has stood still meanwhile, which ends it."""
+        arms = self.application.arms
+        self.application.manager.start_egm()
 
         def are_commanded() -> bool:
-            if not all(arm.is_commanded for arm in self.application.arms.values()):
+            if self._has_stood_still():
                 self.application.manager.start_egm()
-            return all(arm.is_commanded for arm in self.application.arms.values())
+            return all(arm.is_commanded for arm in arms.values())
 
         self.until(are_commanded, "Controllers that command both arms")
+
+    def _has_stood_still(self) -> bool:
+        """Whether EGM has ended, and the driver has told of a robot that was silent, as it is while its machine is."""
+        arms = self.application.arms
+        return self.application.listener.has(STOOD_STILL) and not all(arm.is_commanded for arm in arms.values())
 
     def _order(self, goals: dict[Side, Joints]) -> None:
         for side, goal in goals.items():

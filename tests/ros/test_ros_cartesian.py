@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from action_msgs.msg import GoalStatus
+from builtin_interfaces.msg import Time
 from controller_manager_bench import Manager, boolean, set_parameter
 from geometry_msgs.msg import PoseStamped, TransformStamped, TwistStamped
 from rclpy.action import ActionClient
@@ -39,7 +40,8 @@ class Tool:
         node.create_subscription(PoseStamped, "/r/tcp_pose", self._take, 10)
         self.target = node.create_publisher(PoseStamped, f"/r/{CARTESIAN}/target_pose", 10)
         self.twist = node.create_publisher(TwistStamped, f"/r/{CARTESIAN}/servo_twist", 10)
-        for publisher in (self.target, self.twist):
+        self.servo = node.create_publisher(PoseStamped, f"/r/{CARTESIAN}/servo_pose", 10)
+        for publisher in (self.target, self.twist, self.servo):
             client.until(lambda own=publisher: own.get_subscription_count() > 0, what="a subscription")
         client.until(lambda: self.pose is not None, what="tcp_pose")
 
@@ -94,6 +96,17 @@ def test_a_stream_of_velocities_moves_the_tool_and_stops(tool: Tool) -> None:
         return tool.height < begin - 0.02
 
     tool.client.until(goes_on, what="the motion")
+
+
+def test_a_stream_of_poses_is_followed(tool: Tool) -> None:
+    target = tool.moved(0.02)
+    target.header.stamp = Time()  # the same message again and again is not old
+
+    def has_arrived() -> bool:
+        tool.servo.publish(target)
+        return abs(tool.height - target.pose.position.z) < 1e-3
+
+    tool.client.until(has_arrived, what="the pose")
 
 
 class Goals:

@@ -1,6 +1,6 @@
 """A virtual controller in real time whose two tasks each serve ten connections while their arms are under EGM.
 
-python tests/rapid_servers.py LEFT_EGM_PORT RIGHT_EGM_PORT LEFT_PORT RIGHT_PORT
+python tests/system/rapid_servers.py LEFT_EGM_PORT RIGHT_EGM_PORT LEFT_PORT RIGHT_PORT
 """
 
 from __future__ import annotations

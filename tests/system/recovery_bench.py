@@ -11,6 +11,7 @@ from yumi.control.cycle import Frame
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import StopNotConfirmed
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
+from yumi.rws.transport import INTERVAL
 from yumi.virtual.faults import Fault
 
 GOALS: dict[Side, Joints] = {
@@ -21,7 +22,7 @@ NEAR = radians(0.5)
 
 
 class MovingSystem(System):
-    """Both arms on their way to :data:`GOALS`, guided by the robot manager.
+    """Both arms on their way to :data:`GOALS`, guided by the robot manager, which asks no faster than a robot bears.
 
     Attributes:
         told: what recovery has told, step by step.
@@ -31,7 +32,7 @@ class MovingSystem(System):
     """
 
     def __init__(self, motion: EgmMotionSettings | None = None) -> None:
-        super().__init__(motion=motion)
+        super().__init__(motion=motion, request_interval=INTERVAL)
         self.told: list[str] = []
         self.manager.start_egm()
         self.go(GOALS)

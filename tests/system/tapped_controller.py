@@ -1,7 +1,7 @@
 """A virtual controller whose EGM sockets write down every datagram that passes; a program of its own, and its reader.
 
-``python tests/tapped_controller.py <folder> <left EGM port> <right EGM port>`` prints its RWS port and serves until its
-standard input ends.
+``python tests/system/tapped_controller.py <folder> <left EGM port> <right EGM port>`` prints its RWS port and serves
+until its standard input ends.
 """
 
 from __future__ import annotations

@@ -166,6 +166,17 @@ def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: Mo
     assert system.largest_jump < NO_JUMP
 
 
+def test_egm_that_goes_on_without_its_program_is_not_started_again(
+    system: MovingSystem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(type(system.bringup.panel), "is_running", property(lambda _: False))
+    begin = system.now()
+    sentence = r"^The RAPID program has stopped, yet the arms still report that EGM runs; stop EGM, then start again\.$"
+    with pytest.raises(RobotNotReady, match=sentence):
+        system.manager.start_egm()
+    assert system.now() - begin == pytest.approx(1.0, abs=0.2)
+
+
 def test_controllers_that_were_active_are_active_again(system: MovingSystem) -> None:
     system.faults.inject(Fault.PROGRAM_STOP)
     system.wait(0.2)

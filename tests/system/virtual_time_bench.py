@@ -123,6 +123,7 @@ class System(ManualClock):
         modules: GripperModules = GripperModules.TWO_VACUUMS,
         are_calibrated: bool = False,
         motion: EgmMotionSettings | None = None,
+        request_interval: float = 0.0,
     ) -> None:
         super().__init__()
         self.is_powered = True
@@ -136,7 +137,7 @@ class System(ManualClock):
         ends = {side: memory_links() for side in Side}
         self._robot_ends = {side: ends[side][1] for side in Side}
         self._driver_ends = {side: ends[side][0] for side in Side}
-        self.http = MemoryHttp(self.world.controller, self)
+        self.http = MemoryHttp(self.world.controller, self, request_interval)
         self.adapter = self.http.adapter
         self.faults = FaultInjection(self.world, self.adapter)
         self.client = RwsClient(self.http, clock=self)

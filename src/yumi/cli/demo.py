@@ -70,9 +70,9 @@ def _can_draw(*, is_asked: bool) -> bool:
     """Whether there can be a picture; raises MissingPrerequisite where there cannot and it was asked for."""
     can_draw = find_spec("matplotlib") is not None
     if is_asked and not can_draw:
-        raise missing_extra("The picture needs matplotlib (without --picture there is none)", "plot")
+        raise missing_extra("The picture needs matplotlib; leave --picture out, or install matplotlib", "plot")
     if not can_draw:
-        click.echo(f"There will be no picture of the joint paths, which {missing_extra('needs matplotlib', 'plot')}")
+        click.echo(f"No picture of the joint paths: {missing_extra('matplotlib is not installed', 'plot')}")
     return can_draw
 
 

@@ -57,8 +57,8 @@ POSITION_CONTROLLER = "joint_position_controller"
 FIRST_DATAGRAM = 5.0
 """How long the arms may take from the start signal until they follow [s]."""
 
-_END_WITH_PROGRAM = 1.0
-"""How long after its program an arm may still report that EGM runs [s]; its silence is noticed within 0.1 s."""
+EGM_END_TIMEOUT = 1.0
+"""How long after its program has stopped an arm may still report that EGM runs [s]; the arm is silent 0.1 s later."""
 
 BEATS_PER_TIMEOUT = 5
 """So many heartbeats come within the time after which the robot stops."""
@@ -163,7 +163,7 @@ class EgmControl:
         """
         self._control.check()
         if not self._bringup.panel.is_running:
-            self._wait_for_end()
+            self._wait_for_egm_end()
         ours = arms if self.desired else ()
         problems = self._problems(arms)
         for side, problem in problems.items():
@@ -223,14 +223,14 @@ class EgmControl:
         self._bringup.start_egm(arms)
         wait_until(self._clock, lambda: self.is_running(arms), FIRST_DATAGRAM, lambda: self._why_not_running(arms))
 
-    def _wait_for_end(self) -> None:
-        """EGM ends with the program, which the arms' last datagrams may not tell yet."""
+    def _wait_for_egm_end(self) -> None:
+        """Wait until both arms report that EGM has ended; the last datagrams before a stop still say that EGM runs."""
 
         def has_ended() -> bool:
             return not any(self._control.snapshot(side).is_running for side in Side)
 
         refusal = "The RAPID program has stopped, yet the arms still report that EGM runs; stop EGM, then start again."
-        wait_until(self._clock, has_ended, _END_WITH_PROGRAM, refusal)
+        wait_until(self._clock, has_ended, EGM_END_TIMEOUT, refusal)
 
     def _activate(self, side: Side) -> None:
         """Activate what commanded the arm before EGM ended by itself, if it still can, or the default."""

@@ -175,7 +175,7 @@ class Transport(Protocol):
 
     @property
     def request_interval(self) -> float:
-        """Mean time between two requests that what answers can bear [s]."""
+        """Shortest mean time between two requests [s]; 0 is no limit."""
 
     def handle_request(self, request: httpx.Request) -> httpx.Response:
         """The complete response; raises ConnectionLost, NoConnection or ProtocolError."""

@@ -95,14 +95,18 @@ class HttpTransport(httpx.BaseTransport):
     connection of its own; safe from any thread. A host name is looked up once: the address stays the same for the
     transport's life, as it does for EGM. No proxy of the environment is used, and no redirect is followed.
 
+    Args:
+        address: of the controller.
+        clock: what timeouts are counted by.
+        request_interval: shortest mean time between two requests [s]; 0 is no limit.
+
     Raises:
         SettingsError: the address is not one.
     """
 
-    request_interval = INTERVAL
-
-    def __init__(self, address: str, clock: Clock | None = None) -> None:
+    def __init__(self, address: str, clock: Clock | None = None, request_interval: float = INTERVAL) -> None:
         self.address = address
+        self.request_interval = request_interval
         _check_address(address)
         self._backend = _Backend(clock or SystemClock(), address)
         self._pool = self._new_pool()

@@ -79,7 +79,8 @@ def test_token_of_the_address_lets_every_tab_of_a_browser_in_and_stands_in_no_co
     ready = "() => document.querySelector('#verdict').innerText.includes('Ready')"
     with browser() as chromium, running(), served() as url:
         base = url.partition("#")[0]
-        context, other = chromium.new_context(), chromium.new_context()
+        small = {"width": 400, "height": 200}  # since three pages are drawn in software
+        context, other = chromium.new_context(viewport=small), chromium.new_context(viewport=small)
         first, second, foreign = context.new_page(), context.new_page(), other.new_page()
         first.goto(url)
         first.wait_for_function(ready, polling=50)
