@@ -81,6 +81,11 @@ stopped them there. The last one is only for a way out from there: measured, the
 sent.
 """
 
+_LEVELS = (*((each, CLEARANCES[0]) for each in CLEARANCES), *((each, each) for each in CLEARANCES[1:]))
+"""Of the arms from each other and from the body, and from boxes [m]: an arm that begins or stands beside the body need
+not come nearer to boxes.
+"""
+
 _STEP = 0.01  # between two postures that are checked [rad]: 3 mm at half the reach of an arm either way
 _CORNER = 0.15  # how far a rounded corner of a path may lie from the sharp one [rad]
 _SHORTCUTS = 10  # that are tried between two looks at the time
@@ -150,8 +155,8 @@ class Planner:
         self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
-        self._scenes: dict[float, Any] = {}
-        self._scene = self._with_clearance(CLEARANCES[0])
+        self._scenes: dict[tuple[float, float], Any] = {}
+        self._scene = self._with_clearance(*_LEVELS[0])
 
     def plan(
         self,
@@ -235,16 +240,21 @@ class Planner:
         known = {n: value for side in Side for n, value in zip(joint_names(side), positions[side], strict=True)}
         return np.array([known[name] for name in self._scene.getJointNames()])
 
-    def _with_clearance(self, clearance: float) -> Any:
+    def _with_clearance(self, clearance: float, to_boxes: float) -> Any:
         """RoboPlan's scene of shapes that are larger; made when it is first needed."""
-        if clearance in self._scenes:
-            return self._scenes[clearance]
+        if (clearance, to_boxes) in self._scenes:
+            return self._scenes[clearance, to_boxes]
         from roboplan import core  # noqa: PLC0415 - an extra; nothing else needs it
 
         urdf = planning_description(
-            self._grippers, tools=self._tools, obstacles=self.obstacles, clearance=clearance, limits=self.limits
+            self._grippers,
+            tools=self._tools,
+            obstacles=self.obstacles,
+            clearance=clearance,
+            to_boxes=to_boxes,
+            limits=self.limits,
         )
-        scene = self._scenes[clearance] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
+        scene = self._scenes[clearance, to_boxes] = core.Scene("yumi", core.loadUrdfSceneDescriptionFromXml(urdf))
         scene.importSrdf(semantic_description(with_fingers=False))
         return scene
 
@@ -252,10 +262,10 @@ class Planner:
         self, start: Mapping[Side, Joints], targets: Sequence[Mapping[Side, Joints]]
     ) -> tuple[float, list[Mapping[Side, Joints]]]:
         """The largest clearance that leaves the start and a target free, and the targets that are."""
-        for clearance in CLEARANCES:
+        for clearance, to_boxes in _LEVELS:
             if clearance < 0.0 and self.is_free(start):
-                break  # a way out is not needed: no plan leads into what the limiter stops the arms at
-            self._scene = self._with_clearance(clearance)
+                continue  # a way out is not needed: no plan leads into what the limiter stops the arms at
+            self._scene = self._with_clearance(clearance, to_boxes)
             free = [each for each in targets if self.is_free({**start, **each})] if self.is_free(start) else []
             if free:
                 return clearance, free
@@ -492,6 +502,7 @@ def planning_description(
     tools: Mapping[Side, Sequence[Part]] | None = None,
     obstacles: Sequence[Obstacle] = (),
     clearance: float,
+    to_boxes: float,
     limits: JointLimits = YUMI_LIMITS,
 ) -> str:
     """A URDF of both arms, whose shapes are larger by ``clearance``: free in it is that far apart in truth.
@@ -500,13 +511,14 @@ def planning_description(
         grippers: the modules of each arm's gripper.
         tools: more parts of an arm.
         obstacles: what stands around the robot.
-        clearance: between any two shapes, at least [m]; half of it is added to each.
+        clearance: of the arms from each other and from the body, at least [m]; half of it is added to each.
+        to_boxes: of the arms from obstacles [m].
         limits: of the joints.
     """
     grown = clearance / 2.0
-    boxes = [middle_and_size(box) for box in BODY_SHAPES]
-    boxes += [(obstacle.centre, obstacle.size) for obstacle in obstacles]
-    parts = [_link(_body_link(), (_box(centre, size, grown) for centre, size in boxes))]
+    boxes = [_box(*middle_and_size(box), grown) for box in BODY_SHAPES]
+    boxes += [_box(obstacle.centre, obstacle.size, to_boxes - grown) for obstacle in obstacles]
+    parts = [_link(_body_link(), boxes)]
     for side in Side:
         own = (*link_parts(), *gripper_parts(grippers[side]), *(tools or {}).get(side, ()))
         names, parent = _link_names(side), _body_link()

@@ -8,7 +8,6 @@ from contextlib import suppress
 from itertools import combinations, cycle, islice, pairwise
 from math import dist
 from statistics import median
-from typing import Any
 
 import numpy as np
 import pytest
@@ -212,6 +211,20 @@ def test_arm_that_the_limiter_has_stopped_at_the_body_is_led_out_from_there(plan
     assert way[-1].distance > 0.0
 
 
+def test_arm_that_stands_beside_the_body_lets_the_other_one_get_no_nearer_to_a_box() -> None:
+    post = Obstacle("post", Pose((0.40, -0.12, 0.06), IDENTITY), (0.08, 0.08, 0.20))
+    start, goal = (
+        joints(np.radians(each).tolist())
+        for each in ((81, -119, -33, 35, -142, 103, -176), (119, -121, -67, 37, -179, 119, -139))
+    )
+    plan = Planner(obstacles=(post,)).plan({**HOME, Side.RIGHT: start}, {Side.RIGHT: goal})
+    assert plan.clearance < CLEARANCES[0]  # the left arm's, which stands at home
+    shapes, way = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(post,)), splines(plan)
+    for time in np.arange(0.0, plan.duration + 0.01, 0.01).tolist():
+        pairs = shapes.nearest({**HOME, Side.RIGHT: way[Side.RIGHT].position(time)}, 10_000)
+        assert min(each.distance for each in pairs if each.other == post.name) > CLEARANCES[0] - 0.002
+
+
 def test_arm_that_is_in_the_body_must_be_moved_away_first(planner: Planner) -> None:
     start = {**HOME, Side.RIGHT: joints(np.array(HOME[Side.RIGHT]) + 2.0 * np.array(TO_BODY))}
     with pytest.raises(CommandRefused, match=r"The start is not free.*; move the arm away from there first"):
@@ -251,24 +264,20 @@ def test_planning_ends_at_its_limit_of_time_with_the_way_that_was_found(
     assert nearest(hurried) > hurried.clearance - 0.002
 
 
-def test_motion_is_slowed_only_twice_more_where_that_does_not_help(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Home is nearer to the body than the limiter's margin: it refuses cycles of any motion there, however slow."""
-    crate = Obstacle("crate", Pose((0.45, -0.20, 0.08), IDENTITY), (0.16, 0.08, 0.16))
-    behind = joints([1.7472710, -1.1893670, -1.4920627, 0.2185945, 0.8892597, -1.3475264, 1.0628512])
-    start = {Side.RIGHT: behind, Side.LEFT: named_pose(Side.LEFT, "ready")}
-    counted = Planner(obstacles=(crate,))
-    refused: list[int] = []
-    judge = counted._refused
+def test_motion_is_slowed_only_twice_more_where_that_does_not_help(
+    planner: Planner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts: list[int] = []
 
-    def counting(*motion: Any) -> list[float]:
-        cycles = judge(*motion)
-        refused.append(len(cycles))
-        return cycles
+    def refused(_start: object, _motion: object) -> list[float]:
+        """Fewer cycles of the second motion, and of no slower one."""
+        counts.append(2 if counts else 5)
+        return [0.1] * counts[-1]
 
-    monkeypatch.setattr(counted, "_refused", counting)
-    counted.plan(start, HOME, timeout=300.0)  # which a slow machine does not reach
-    assert min(refused) > 0
-    assert len(refused) == refused.index(min(refused)) + 1 + 2
+    monkeypatch.setattr(planner, "_refused", refused)
+    goal = {Side.RIGHT: named_pose(Side.RIGHT, "ready")}
+    planner.plan(HOME, goal, timeout=300.0)  # which a slow machine does not reach
+    assert counts == [5, 2, 2, 2]
 
 
 def test_arm_that_is_there_gets_a_motion_of_one_cycle(planner: Planner) -> None:
@@ -304,7 +313,7 @@ def test_way_that_is_not_found_in_time_is_told(planner: Planner, problem) -> Non
 def test_pairs_of_one_arm_that_are_not_checked_never_touch(count: int) -> None:
     """Judged by Pinocchio and Coal in the planner's URDF, without clearance."""
     pin = pytest.importorskip("pinocchio")
-    urdf = planning_description(dict.fromkeys(Side, GripperModules.SERVO), clearance=0.0)
+    urdf = planning_description(dict.fromkeys(Side, GripperModules.SERVO), clearance=0.0, to_boxes=0.0)
     model = pin.buildModelFromXML(urdf)
     shapes = pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.COLLISION)
     links = [model.frames[shape.parentFrame].name for shape in shapes.geometryObjects]
