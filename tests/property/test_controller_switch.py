@@ -25,8 +25,8 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, Joints, Side, joints
 from yumi.settings import Values
 
-SWITCHES = 100
-"""Thirty times as many with ``make soak``."""
+SWITCHES = 300
+"""Ten times as many with ``make soak``."""
 
 TRAJECTORY = "trajectory"
 MAKERS: Mapping[str, tuple[Callable[[Buffer, Buffer], Controller], Values]] = {
@@ -107,7 +107,7 @@ def assert_step(before: Joints, after: Joints, dt: float) -> None:
     assert all(abs(new - old) <= speed * dt * 1.001 + 1e-9 for old, new, speed in steps)
 
 
-@pytest.fixture(scope="module", params=[short(SWITCHES), long(30 * SWITCHES, 600.0)])
+@pytest.fixture(scope="module", params=[short(SWITCHES), long(10 * SWITCHES, 600.0)])
 def loop(request: pytest.FixtureRequest) -> SwitchedLoop:
     """After many switches."""
     loop = SwitchedLoop()

@@ -74,7 +74,7 @@ class Monitored:
 @pytest.fixture
 def monitored() -> Monitored:
     monitored = Monitored(MovingSystem())
-    monitored.wait(0.3)
+    monitored.wait(1.0)  # until the requests of the start no longer delay those that follow
     return monitored
 
 
