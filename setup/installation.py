@@ -218,6 +218,10 @@ def _library(clone: Clone) -> Iterator[None]:
     process = start(command, log, {"PYTHONPATH": str(clone.root / "src")})
     try:
         yield
+        try:
+            process.wait(1.0)
+        except subprocess.TimeoutExpired:
+            say("compiling the collision library")
         finish(process, log, "the collision library could not be compiled")
     finally:
         process.kill()

@@ -309,8 +309,9 @@ def places(positions: np.ndarray) -> np.ndarray:
     return np.array([tool0_to_body(Side.RIGHT, joints(each.tolist())).position for each in positions])
 
 
-@pytest.mark.parametrize(("way", "speed"), [((0.0, -1.0, 0.0), 0.5), ((1.0, -2.0, 0.7), 0.3), ((0.0, 0.0, -1.0), 0.1)])
+@pytest.mark.parametrize("way", [(0.0, -1.0, 0.0), (1.0, -2.0, 0.7), (0.0, 0.0, -1.0)])
 @pytest.mark.parametrize("kind", ["twist", "pose", "far pose"])
+@pytest.mark.parametrize("speed", [0.1, 0.3, 0.5])
 def test_a_stream_stays_behind_a_wall_and_slides_along_it(way: Vector, kind: str, speed: float) -> None:
     begin = tool0_to_body(Side.RIGHT, POSTURE)
     wall = wall_before(begin.position, 0.05, way)

@@ -44,7 +44,7 @@ def test_both_arms_start_in_the_same_cycle_period_and_stay_together(arms: DualAr
         assert ended.skew.worst < CYCLE
 
 
-@pytest.mark.parametrize("phase", [0.0, 0.0015, 0.0039])
+@pytest.mark.parametrize("phase", [0.0, 0.0005, 0.0015, 0.002, 0.0039])
 @pytest.mark.parametrize("is_at_once", [True, False])
 def test_both_arms_start_in_the_first_cycle_after_the_goal_whatever_the_phase_of_their_datagrams(
     arms: DualArms, phase: float, is_at_once: bool

@@ -104,24 +104,6 @@ class Page:
             self.tab.wait_for_timeout(50)
         raise AssertionError(f"the page shows otherwise; it has said: {self.text('#toast')}")
 
-    def plan(self) -> None:
-        self.press("#plan")
-        assert "Nothing moves before Execute" in self.wait("#plan-text", "A motion of")
-
-    def execute(self) -> None:
-        """Execute the plan; where the arm's EGM has begun anew since, as on a machine that stood still, plan again."""
-        for _ in range(3):
-            self.press("#execute")
-            self.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)  # else the toast may be an old one
-            if "give the goal again" not in self.wait("#toast", "The right arm stands at the goal|give the goal again"):
-                return
-            self.tab.evaluate("document.querySelector('#toast').textContent = ''")
-            if self.tab.is_visible("#start") and self.tab.is_enabled("#start"):
-                self.press("#start")
-                self.wait("#verdict", "EGM holds both arms")
-            self.plan()
-        raise AssertionError(f"the plan is refused again and again: {self.text('#toast')}")
-
     def press(self, selector: str) -> None:
         self.tab.click(selector)
 
@@ -417,13 +399,16 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
     for goal in BESIDE:
         for index, angle in enumerate(goal):
             page.tab.locator("#joint-goal input").nth(index).fill(str(angle))
-        page.plan()
+        page.press("#plan")
+        assert "Nothing moves before Execute" in page.wait("#plan-text", "A motion of")
         before = page.angle(0)
         page.tab.focus("#plan-time")  # the slider moves the ghost
         page.tab.keyboard.press("End")
         assert page.angle(0) == before
         with Watch() as watch:
-            page.execute()
+            page.press("#execute")
+            page.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)  # else the toast may be an old one
+            page.wait("#toast", "The right arm stands at the goal")
         assert page.angle(0) == pytest.approx(goal[0], abs=0.3)
         assert not page.tab.is_visible("#plan-box")
     assert least([position for _, position in watch.seen][::5]) > 0.0

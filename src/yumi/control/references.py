@@ -203,14 +203,8 @@ class ReferenceMonitor:
 
     def _bounded(self, speeds: list[float]) -> list[float]:
         """The speeds of joints that are slowed together where one asks for more than its highest speed [rad/s]."""
-        fastest = self._fastest
-        for speed, top in zip(speeds, fastest, strict=True):  # in a loop, since each cycle asks this of every command
-            if abs(speed) > top:
-                break
-        else:
-            return speeds
-        most = max(abs(speed) / top for speed, top in zip(speeds, fastest, strict=True))
-        return [speed / most for speed in speeds]
+        most = max(abs(speed) / top for speed, top in zip(speeds, self._fastest, strict=True))
+        return speeds if most <= 1.0 else [speed / most for speed in speeds]
 
     def _compare_from(self, state: ArmState) -> None:
         self._plan, self._due, self._due_for = state.planned, ZERO, 0.0

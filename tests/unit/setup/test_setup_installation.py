@@ -24,7 +24,7 @@ def machine() -> Machine:
 class Ended:
     """A command that has succeeded at once."""
 
-    def wait(self) -> int:
+    def wait(self, _timeout: float | None = None) -> int:
         return 0
 
     def kill(self) -> None:
