@@ -21,21 +21,22 @@
 
 from __future__ import annotations
 
-_LONGEST_QUOTE = 80
-
-
-def quoted(value: object) -> str:
-    """What a request or a file of others holds, for a sentence: as Python writes it, cut to 80 characters."""
-    return cut(repr(value[: _LONGEST_QUOTE + 1] if isinstance(value, str) else value))
-
-
-def cut(text: str) -> str:
-    """A text that may hold what others have sent, cut to 80 characters."""
-    return text if len(text) <= _LONGEST_QUOTE else f"{text[:_LONGEST_QUOTE]}…"
+from yumi.catalogue import Message, message
 
 
 class YumiError(Exception):
-    """Base of all errors; the message is one sentence for a person."""
+    """Base of all errors; its string is one sentence for a person, in the words of this program's front end.
+
+    Attributes:
+        said: what it says, as a code with values; code that decides by an error looks at its class or at this code.
+    """
+
+    def __init__(self, said: Message | str) -> None:
+        super().__init__(said)
+        self.said = said if isinstance(said, Message) else message("text", text=said)
+
+    def __str__(self) -> str:
+        return str(self.said)
 
 
 class SettingsError(YumiError):
@@ -64,8 +65,8 @@ class TrajectoryRefused(CommandRefused):
         code: the error code of control_msgs/action/FollowJointTrajectory that says so.
     """
 
-    def __init__(self, sentence: str, code: int) -> None:
-        super().__init__(sentence)
+    def __init__(self, said: Message | str, code: int) -> None:
+        super().__init__(said)
         self.code = code
 
 
@@ -80,8 +81,8 @@ class RobotNotReady(YumiError):
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
     """
 
-    def __init__(self, sentence: str, stop: str = "") -> None:
-        super().__init__(sentence)
+    def __init__(self, said: Message | str, stop: str = "") -> None:
+        super().__init__(said)
         self.stop = stop
 
 
@@ -100,8 +101,8 @@ class GoalNotReached(YumiError):
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
     """
 
-    def __init__(self, sentence: str, stop: str = "") -> None:
-        super().__init__(sentence)
+    def __init__(self, said: Message | str, stop: str = "") -> None:
+        super().__init__(said)
         self.stop = stop
 
 
@@ -121,8 +122,8 @@ class ControllerRefused(YumiError):
         code: ABB's return code (reference/rws.md §3.5), or None when the body had none.
     """
 
-    def __init__(self, sentence: str, *, status: int, code: int | None = None) -> None:
-        super().__init__(sentence)
+    def __init__(self, said: Message | str, *, status: int, code: int | None = None) -> None:
+        super().__init__(said)
         self.status = status
         self.code = code
 

@@ -23,7 +23,8 @@ from typing import Any, TypeAlias, TypeVar
 import msgspec
 import yaml
 
-from yumi.errors import CommandRefused, SettingsError, quoted
+from yumi.catalogue import quoted
+from yumi.errors import CommandRefused, SettingsError
 
 
 def bounded(default: float | None, lowest: float, highest: float, unit: str = "") -> Any:

@@ -29,8 +29,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import quoted
 from yumi.control.cycle import Frame
-from yumi.errors import CommandRefused, ProtocolError, quoted
+from yumi.errors import CommandRefused, ProtocolError
 from yumi.recording.mcap import JointMessage, joint_messages, read_recording
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, Side
 

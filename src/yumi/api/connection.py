@@ -20,6 +20,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry, Position
+from yumi.catalogue import quoted
 from yumi.clock import SystemClock
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
@@ -42,7 +43,7 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
-from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError, quoted
+from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.mcap import FullRecorder
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, joints

@@ -22,6 +22,7 @@ from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.api.tool import ToolMotion, pose_from, posture_for, tool_planner
+from yumi.catalogue import quoted
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
@@ -57,7 +58,7 @@ from yumi.control.trajectory import (
     time_to_start,
 )
 from yumi.driver.readiness import Cause, explained, why_arm_does_not_follow
-from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError, quoted
+from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import (
     CHAIN_AXES,
     JOINT_COUNT,

@@ -7,10 +7,11 @@ from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from typing import TYPE_CHECKING, Any, SupportsFloat
 
+from yumi.catalogue import quoted
 from yumi.control.motion import largest_difference
 from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
-from yumi.errors import CommandRefused, GoalNotReached, YumiError, quoted
+from yumi.errors import CommandRefused, GoalNotReached, YumiError
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperGoal, Outcome, go_to, grip

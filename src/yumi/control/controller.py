@@ -17,7 +17,8 @@ from enum import Enum, IntFlag
 from math import degrees, inf, isfinite, isnan, nan, pi, radians, sqrt
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from yumi.errors import CommandRefused, cut, quoted
+from yumi.catalogue import cut, quoted
+from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, ArmState, Joints
 from yumi.settings import Parameter, Value, Values, texts
 

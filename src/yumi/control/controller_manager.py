@@ -19,6 +19,7 @@ from math import inf
 from operator import or_
 from sys import intern
 
+from yumi.catalogue import quoted
 from yumi.control.controller import (
     BEGIN,
     DECODE,
@@ -39,7 +40,7 @@ from yumi.control.controller import (
     allowed,
     find_parameter,
 )
-from yumi.errors import CommandRefused, SwitchFailed, quoted
+from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints, joints
 from yumi.settings import Values
 

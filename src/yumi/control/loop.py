@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
+from yumi.catalogue import quoted
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import AFTER_REPLY, Buffer, ControllerInfo, HardwareInfo, ParameterInfo, StageClock, State
 from yumi.control.controller_manager import ControllerManager, Strictness
@@ -40,7 +41,7 @@ from yumi.control.shared_state import (
     SessionStarted,
     Snapshot,
 )
-from yumi.errors import CommandRefused, SwitchFailed, quoted
+from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values
 

@@ -27,9 +27,10 @@ from operator import sub
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
+from yumi.catalogue import quoted
 from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
-from yumi.errors import TrajectoryRefused, quoted
+from yumi.errors import TrajectoryRefused
 from yumi.robot.joints import ZERO, JointLimits, Joints, Side, joint_names, joints
 
 # ---- polynomials: the sequence of their coefficients, the constant one first

@@ -24,6 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
+from yumi.catalogue import cut
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, Event, JointStates, Snapshot, is_fault
 from yumi.driver.endpoint import (
@@ -74,7 +75,7 @@ from yumi.driver.gripper import Check, Gripper
 from yumi.driver.readiness import Mode, Report
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import Settings
-from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError, cut
+from yumi.errors import CommandRefused, GoalNotReached, ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.gripper import TRAVEL, Direction, GripperState, go_to, grip

@@ -16,13 +16,14 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
+from yumi.catalogue import quoted
 from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
 from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
-from yumi.errors import CommandRefused, SettingsError, quoted
+from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector

@@ -18,7 +18,8 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.errors import CommandRefused, quoted
+from yumi.catalogue import quoted
+from yumi.errors import CommandRefused
 from yumi.robot.collision_library import load
 from yumi.robot.description import (
     BODY_SHAPES,

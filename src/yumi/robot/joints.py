@@ -17,7 +17,8 @@ from math import degrees, radians
 from operator import le
 from typing import NamedTuple
 
-from yumi.errors import CommandRefused, quoted
+from yumi.catalogue import quoted
+from yumi.errors import CommandRefused
 
 Joints = tuple[float, float, float, float, float, float, float]
 """Seven joint values in chain order; [rad] or [rad/s] unless the name says otherwise."""

@@ -38,6 +38,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 from std_msgs.msg import String
 
+from yumi.catalogue import quoted
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State, Statistics
 from yumi.control.controller_manager import Strictness
@@ -45,7 +46,7 @@ from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
 from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
-from yumi.errors import CommandRefused, RobotNotReady, YumiError, quoted
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.process.supervision import Failures
 from yumi.robot.joints import CYCLE, Side, joint_names
 from yumi.ros.messages import (

@@ -20,9 +20,10 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
+from yumi.catalogue import quoted
 from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals
 from yumi.driver.settings import GripperSettings
-from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError, quoted
+from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names, prefixed

@@ -28,6 +28,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
+from yumi.catalogue import quoted
 from yumi.clock import Clock
 from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
@@ -35,7 +36,7 @@ from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedb
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
 from yumi.driver.readiness import EVENT_TEXTS, Mode, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.errors import CommandRefused, quoted
+from yumi.errors import CommandRefused
 from yumi.robot.description import Mass
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.documents import Event

@@ -26,10 +26,11 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter as RosParameter
 
+from yumi.catalogue import cut, quoted
 from yumi.clock import Clock
 from yumi.control.controller import ParameterInfo, find_parameter
 from yumi.control.controller_manager import Strictness
-from yumi.errors import CommandRefused, MissingPrerequisite, YumiError, cut, quoted
+from yumi.errors import CommandRefused, MissingPrerequisite, YumiError
 from yumi.process.supervision import Failures, SupervisedThread, no_thread
 from yumi.settings import Entry, Parameter, ParameterType, Value, Values, read_parameter_file
 

@@ -38,6 +38,7 @@ from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
+from yumi.catalogue import quoted
 from yumi.clock import Clock
 from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.joint_position import FORWARDERS
@@ -47,7 +48,7 @@ from yumi.control.tool_path import checked_pose
 from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import RosSettings
-from yumi.errors import CommandRefused, quoted
+from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import Frame, read_frames
 from yumi.robot.joints import ZERO, Joints, Pose, Side, finger_names, joint_names, prefixed

@@ -16,6 +16,7 @@ from itertools import pairwise
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
+from yumi.catalogue import cut
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
@@ -38,7 +39,7 @@ from yumi.control.trajectory import (
     blend,
     refused,
 )
-from yumi.errors import CommandRefused, cut
+from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values, flag, number, texts
 

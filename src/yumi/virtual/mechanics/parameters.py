@@ -20,7 +20,8 @@ from math import degrees, radians
 from pathlib import Path
 from typing import cast
 
-from yumi.errors import CommandRefused, SettingsError, quoted
+from yumi.catalogue import quoted
+from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.joints import Joints
 from yumi.settings import Parameter, read_mapping
 from yumi.virtual.mechanics.motion import ArmModel

@@ -1,0 +1,29 @@
+"""One text of the catalogue."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Text(NamedTuple):
+    """What a message says, with its values in braces: lower case and without a full stop, as part of a sentence.
+
+    Attributes:
+        what: what happened or is so, why, and what is allowed.
+        remedy: what to do; empty where nothing is to be done or ``what`` says all.
+    """
+
+    what: str
+    remedy: str = ""
+
+
+class Words(NamedTuple):
+    """An action in the words of one front end.
+
+    Attributes:
+        do: as an order.
+        name: what it is called.
+    """
+
+    do: str
+    name: str

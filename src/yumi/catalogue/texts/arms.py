@@ -1,0 +1,87 @@
+"""What happens to an arm: its EGM session, its feedback, and what limits it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from yumi.catalogue.text import Text
+
+ARMS: Mapping[str, Text] = {
+    # ---- why an arm holds whatever it is asked to do
+    "references_ignored": Text(
+        "{arm} arm: the robot does not follow the references: its replies may be lost",
+        "check that this machine's firewall lets UDP out to the controller",
+    ),
+    "feedback_implausible": Text(
+        "{arm} arm: the robot reports positions that the arm cannot have reached: datagrams are old, forged, or "
+        "another arm's, or a joint stands out of its range",
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint "
+        "that is out of its range back",
+    ),
+    "arm_without_egm": Text("EGM is not running on the {arm} arm", "{start_egm}"),
+    # ---- what happened
+    "session_started": Text("{arm} arm: EGM session {session} started"),
+    "session_restarted_in_motion": Text(
+        "{arm} arm: the robot began EGM session {session} in the middle of a motion; {controllers} deactivated. "
+        "{Start_egm} to go on"
+    ),
+    "session_resumed": Text("{arm} arm: EGM feedback is back, session {session} goes on and the arm holds"),
+    "session_ended": Text("{arm} arm: EGM has ended, the robot is silent for {silence:.0ms}"),
+    "feedback_lost": Text(
+        "{arm} arm: EGM feedback lost, the robot has been silent for {silence:.0ms}; {controllers} deactivated. "
+        "{Start_egm} when the controller is back"
+    ),
+    "driver_stood_still": Text(
+        "{arm} arm: the control process stood still for {duration:.2g} s; the arm was not controlled meanwhile"
+    ),
+    "driver_stood_still_in_motion": Text(
+        "{arm} arm: the control process stood still for {duration:.2g} s, the arm was not controlled meanwhile; "
+        "{controllers} deactivated. {Start_egm} to go on"
+    ),
+    "virtual_robot_was_late": Text(
+        "{arm} arm: this machine was too busy for its virtual robot, which sent nothing for {silence:.0ms}; "
+        "{controllers} deactivated. {Start_egm} to go on"
+    ),
+    "robot_follows": Text("{arm} arm: the robot follows commands"),
+    "robot_stopped_following": Text("{arm} arm: the robot follows commands no longer"),
+    "robot_stopped_following_in_motion": Text(
+        "{arm} arm: the robot follows commands no longer; {controllers} deactivated. {Start_egm} to go on"
+    ),
+    "position_not_believed": Text(
+        "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be; the datagram was "
+        "not used (an old, forged or mixed-up one)"
+    ),
+    "position_not_believed_for_long": Text(
+        "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be, the arm "
+        "holds{ended}: {cause}; {cause:remedy}. {Restart_egm} when that is mended"
+    ),
+    "controllers_deactivated": Text("; {controllers} deactivated"),
+    "nothing": Text(""),
+    "positions_of_other_arm": Text(
+        "that is where the other arm is: left and right EGM ports are exchanged?",
+        "check the remote ports of the controller's UDPUC devices ROB_L and ROB_R",
+    ),
+    "positions_implausible": Text(
+        "datagrams are old, forged, or another arm's, or a joint stands out of its range",
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint "
+        "that is out of its range back",
+    ),
+    "arm_holds_ignored": Text("{problem:sentence} The arm holds{ended}"),
+    "references_followed_again": Text("{arm} arm: the robot follows the references again. {Recover} to go on"),
+    "positions_plausible_again": Text("{arm} arm: the reported positions are plausible again. {Recover} to go on"),
+    "motion_limited": Text("{arm} arm: motion limited by {limited}"),
+    "all_kept_apart": Text("all parts are kept apart again, and the arms have their speed"),
+    "may_touch": Text("may touch for a while, slowly: {pairs:list}"),
+    "controller_failed": Text("{arm} arm: {failure}"),
+    "controller_reports": Text("{arm} arm: {controller}: {report}"),
+    "cycle_failed": Text("{arm} arm: a cycle could not be completed: {failure}"),
+    "reports_dropped": Text(
+        "{arm} arm: the driver did not read the control process's reports for a while and {count} were dropped; the "
+        "arms were served meanwhile, and hold now. Was the driver stopped or its machine overloaded? See the state "
+        "for what holds now"
+    ),
+    "control_process_ended": Text(
+        "{arm} arm: the control process has ended (exit code {exit_code}); the robot gets no answers any more and "
+        "keeps its last references. {Recover}, which starts another one"
+    ),
+}

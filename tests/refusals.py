@@ -1,0 +1,40 @@
+"""Refusals by what they are: the class, the code and the values, never the sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import pytest
+
+from yumi.catalogue import Message
+from yumi.errors import YumiError
+
+E = TypeVar("E", bound=YumiError)
+
+
+@contextmanager
+def refused(kind: type[E], code: str, **values: Any) -> Iterator[pytest.ExceptionInfo[E]]:
+    """What is inside must raise ``kind`` with this code, and with these values among its own; numbers to 1e-9."""
+    with pytest.raises(kind) as caught:
+        yield caught
+    assert_says(caught.value.said, code, **values)
+
+
+def assert_says(said: Message, code: str, **values: Any) -> None:
+    """``said`` has this code, and these values among its own; numbers to 1e-9."""
+    assert said.code == code, said
+    for name, value in values.items():
+        is_number = isinstance(value, float)
+        assert said.values[name] == (pytest.approx(value, abs=1e-9) if is_number else value), (name, said.values)
+
+
+def codes_in(said: Message) -> set[str]:
+    """The codes of a message and of all messages in it."""
+    found = {said.code}
+    for value in said.values.values():
+        for each in value if isinstance(value, tuple) else (value,):
+            if isinstance(each, Message):
+                found |= codes_in(each)
+    return found

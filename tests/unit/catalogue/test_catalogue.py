@@ -1,0 +1,125 @@
+"""The catalogue: every message of the program has a text with its values, and every text is said in all words."""
+
+from __future__ import annotations
+
+import ast
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from yumi.catalogue import (
+    Action,
+    FrontEnd,
+    Message,
+    clause,
+    from_wire,
+    is_known,
+    message,
+    remedy_of,
+    sentence,
+    speak_as,
+    to_wire,
+)
+from yumi.catalogue.texts import ACTIONS, SUBJECTS, TEXTS
+
+SOURCES = Path(__file__).parents[3] / "src"
+STOP = message("event_10013", number=10013, title="Emergency stop", detail="")
+
+
+def _called_with_a_code() -> Iterator[tuple[str, str, set[str] | None]]:
+    """Place, code and names of the values of each call ``message("…", …)``; None where some names are dynamic."""
+    for path in sorted(SOURCES.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if (
+                isinstance(node, ast.Call)
+                and isinstance(node.func, ast.Name)
+                and node.func.id == "message"
+                and node.args
+            ):
+                names = {keyword.arg for keyword in node.keywords}
+                for code in ast.walk(node.args[0]):
+                    if isinstance(code, ast.Constant) and isinstance(code.value, str):
+                        where = f"{path.relative_to(SOURCES)}:{node.lineno}"
+                        yield where, code.value, None if None in names else {name for name in names if name}
+
+
+CALLS = tuple(_called_with_a_code())
+
+
+def test_every_message_of_the_program_has_a_text_with_its_values():
+    wrong = [
+        f"{where}: {code} with {sorted(names or ())}"
+        for where, code, names in CALLS
+        if code not in TEXTS or (names is not None and not is_known(Message(code, dict.fromkeys(names))))
+    ]
+    assert len(CALLS) > 0
+    assert wrong == []
+
+
+def test_every_action_is_worded_by_every_front_end():
+    assert set(ACTIONS) == {action.value for action in Action}
+    for words in ACTIONS.values():
+        assert set(words) == {front_end.value for front_end in FrontEnd}
+
+
+def test_no_code_stands_under_two_subjects():
+    assert sum(map(len, SUBJECTS.values())) + 1 == len(TEXTS)  # and that of others' texts
+
+
+@pytest.mark.parametrize("code", [code for code in TEXTS if code != "text"])
+def test_text_begins_small_and_leaves_its_full_stop_to_the_sentence(code):
+    for part in TEXTS[code]:
+        assert not part.endswith(".")
+        assert part == part.strip()
+
+
+def test_sentence_is_what_happened_and_what_to_do_in_the_words_of_the_reader():
+    said = message("arm_without_egm", arm="right")
+    assert sentence(said) == "EGM is not running on the right arm; call start_egm."
+    assert sentence(said, FrontEnd.SHELL) == "EGM is not running on the right arm; run `yumi start`."
+    assert sentence(said, FrontEnd.PAGE) == "EGM is not running on the right arm; press “Start EGM”."
+    assert clause(said) == "EGM is not running on the right arm"
+    assert remedy_of(said, FrontEnd.SCRIPT) == "call robot.recover()"
+
+
+def test_string_of_a_message_is_in_the_words_of_the_program():
+    speak_as(FrontEnd.SHELL)
+    try:
+        assert str(message("motors_off")) == "The motors are off; run `yumi start`."
+    finally:
+        speak_as(FrontEnd.ROS)
+
+
+def test_message_in_a_message_is_part_of_its_sentence():
+    said = message("stopped_by", causes=(STOP, message("motors_off")), stop="10013-7-aa")
+    assert sentence(said, FrontEnd.SCRIPT) == (
+        "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; the motors are off; look at the "
+        "robot, then call robot.recover(confirm='10013-7-aa'). Nothing moves before that."
+    )
+
+
+def test_actions_are_those_of_the_text_and_of_the_messages_in_it():
+    assert message("not_in_auto", mode="MANR").actions == (Action.TURN_TO_AUTO,)
+    assert message("not_ready", reasons=(message("motors_off"), message("system_failure"))).actions == (
+        Action.MOTORS_ON,
+    )
+
+
+def test_values_are_shown_in_the_units_of_people():
+    said = message("position_not_believed", arm="left", joint="yumi_joint_2_l", distance=0.5)
+    assert "is 28.6° from" in sentence(said)
+    assert "silent for 82 ms" in sentence(message("session_ended", arm="left", silence=0.082))
+
+
+def test_message_comes_back_from_the_wire_and_from_another_process():
+    said = message("stopped_by", causes=(STOP, message("motors_off")), stop="10013-7-aa")
+    assert from_wire(to_wire(said)) == said
+    assert pickle.loads(pickle.dumps(said)) == said
+
+
+def test_message_of_another_version_is_not_known():
+    assert not is_known(Message("of_the_next_version"))
+    assert not is_known(Message("not_in_auto"))
+    assert is_known(message("not_in_auto", mode="MANR"))
