@@ -26,7 +26,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from yumi import __version__
 from yumi.cli.options import config_option, limit_discovery, password_options, robot_options, settings_of
-from yumi.cli.robot import in_shell_words
 from yumi.control.motion import EGM_GAIN
 from yumi.driver.settings import MAX_PORT, read_controllers
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError, missing_extra
@@ -392,7 +391,7 @@ def _measured(
         with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
             found = comparison.compare(logs, EGM_GAIN * motion.pos_corr_gain, motion.lp_filter, tick)
     except (YumiError, KeyboardInterrupt, click.Abort, _Ended) as error:
-        sentence = str(in_shell_words(error)) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
+        sentence = str(error) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
         kept = f"What was recorded until then is in {evidence.close(sentence)}."
         if isinstance(error, YumiError):
             error.args = (f"{sentence.rstrip('.')}. {kept}", *error.args[1:])

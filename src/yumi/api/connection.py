@@ -20,7 +20,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry, Position
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, quoted
 from yumi.clock import SystemClock
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
@@ -38,10 +38,11 @@ from yumi.driver.endpoint import (
 )
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
-from yumi.driver.readiness import Report, StopLog, arms_in_words
+from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
 from yumi.driver.state_machine import SpeedSetting
+from yumi.driver.stops import StopLog
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
@@ -144,9 +145,9 @@ class Connection:
         )
         server = EndpointServer(access, log.log)
 
-        def report(level: int, sentence: str) -> None:
-            log.log(level, sentence)
-            server.note(level, sentence)
+        def report(level: int, said: Message | str) -> None:
+            log.log(level, said)
+            server.note(level, said)
 
         self.manager.monitor.log.report = report
         self._note = server.note_event

@@ -22,7 +22,7 @@ from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.api.tool import ToolMotion, pose_from, posture_for, tool_planner
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, message, quoted
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
@@ -38,9 +38,9 @@ from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import (
-    INTERRUPTED,
     ControllerReport,
     Event,
+    Limited,
     RobotStoppedFollowing,
     SessionLost,
     SessionStarted,
@@ -57,7 +57,8 @@ from yumi.control.trajectory import (
     plan_trajectory,
     time_to_start,
 )
-from yumi.driver.readiness import Cause, explained, why_arm_does_not_follow
+from yumi.driver.readiness import why_arm_does_not_follow
+from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, YumiError
 from yumi.robot.joints import (
     CHAIN_AXES,
@@ -261,19 +262,18 @@ class MotionRegistry:
 
     Attributes:
         explain: a fault ends motions with the cause that it calls back with.
-        limited_by: the parts that an arm is kept apart from now, which may be why it does not arrive.
+        limited_by: what an arm is kept apart from now, which may be why it does not arrive.
     """
 
     def __init__(self, *, is_script: bool = True) -> None:
         self.explain: Explain = lambda then: then(Cause())
-        self.limited_by: Callable[[Side], str] = lambda side: ""
+        self.limited_by: Callable[[Side], Limited | None] = lambda side: None
         self._is_script = is_script
-        self._words: Callable[[str], str] = _for_script if is_script else str
         self._log = log.log if is_script else _no_log
         self._recoveries = 0
         self._numbers = count(1 if is_script else _APART_FROM_ROS)
         self._open: dict[int, Motion] = {}
-        self._faults: dict[Side, tuple[str, str]] = {}  # a sentence, and the stop that a person must confirm
+        self._faults: dict[Side, tuple[Message, str]] = {}  # and the stop that a person must confirm
         self._lock = Lock()
 
     def begin(self, side: Side) -> Motion:
@@ -294,14 +294,15 @@ class MotionRegistry:
         with self._lock:
             return any(motion.side is side for motion in self._open.values())
 
-    def fault(self, side: Side) -> str | None:
-        """What stopped the arm, in a sentence; None when nothing did."""
+    def fault(self, side: Side) -> Message | None:
+        """What stopped the arm; None when nothing did."""
         fault = self._faults.get(side) if self._is_script else None
         return fault[0] if fault else None
 
     def stop(self, side: Side) -> str:
         """Id of the stop that a person must confirm before the arm moves again; empty where there is none."""
-        return self._faults.get(side, ("", ""))[1]
+        fault = self._faults.get(side)
+        return fault[1] if fault else ""
 
     def clear_faults(self) -> None:
         """The robot is ready again."""
@@ -315,24 +316,24 @@ class MotionRegistry:
             self._note_report(event)
             return
         if not is_fault(event):
-            self._log(logging.INFO, self._words(str(event)))
+            self._log(logging.INFO, event.said)
             return
         # The motions of the arm have failed: whatever else is reported of them does not count any more.
         with self._lock:
-            self._faults[event.side] = (self._words(str(event)), "")
+            self._faults[event.side] = (event.said, "")
             failed = [motion for motion in self._open.values() if motion.side is event.side]
             for motion in failed:
                 del self._open[motion.identity]
             recoveries = self._recoveries
 
         def end(cause: Cause) -> None:
-            sentence = self._words(explained(event, cause))
-            self._log(logging.WARNING, sentence)
+            said = explained(event, cause)
+            self._log(logging.WARNING, said)
             with self._lock:
                 if self._recoveries == recoveries:
-                    self._faults[event.side] = (sentence, cause.stop)
+                    self._faults[event.side] = (said, cause.stop)
             for motion in failed:
-                motion.future.set_exception(GoalNotReached(sentence, cause.stop))
+                motion.future.set_exception(GoalNotReached(said, cause.stop))
 
         if isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
             self.explain(end)  # EGM's end arrives before the controller's event that says why
@@ -342,13 +343,13 @@ class MotionRegistry:
     def _note_report(self, event: ControllerReport) -> None:
         report = event.report
         if isinstance(report, GoalEnded):
-            self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.sentence)
+            self._end(report.identity, report.outcome is GoalOutcome.REACHED, report.said)
         elif isinstance(report, TrajectoryEnded):
-            self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.sentence)
+            self._end(report.goal, report.outcome is Outcome.SUCCEEDED, report.said)
         elif isinstance(report, ToolLimited):
             self._log(logging.INFO, f"{event.side.word.capitalize()} arm: {report}")
 
-    def _end(self, identity: int, is_reached: bool, sentence: str) -> None:
+    def _end(self, identity: int, is_reached: bool, reason: Message) -> None:
         with self._lock:
             motion = self._open.pop(identity, None)
         if motion is None:
@@ -357,17 +358,15 @@ class MotionRegistry:
             motion.future.set_result(None)
         else:
             held = self.limited_by(motion.side)
-            reason = sentence.rstrip(".") + (f"; it is limited by {held}" if held else "")
-            motion.future.set_exception(GoalNotReached(f"The {motion.side.word} arm did not reach its goal: {reason}."))
+            if held is None:
+                said = message("goal_not_reached", arm=motion.side.word, reason=reason)
+            else:
+                said = message("goal_not_reached_limited", arm=motion.side.word, reason=reason, limited=held.said)
+            motion.future.set_exception(GoalNotReached(said))
 
 
-def _no_log(level: int, sentence: str) -> None:
+def _no_log(level: int, said: Message | str) -> None:
     """Who has the events logs them."""
-
-
-def _for_script(sentence: str) -> str:
-    """In a script the way back is a method, with ROS it is a service."""
-    return sentence.replace("start_egm", "robot.recover()").replace("(recover)", "(robot.recover(confirm=...))")
 
 
 GOAL_CONTROLLER = "joint_goal_controller"
@@ -446,7 +445,7 @@ class MotionExecutor:
         self._control = control
         self._goals = goals
         self._motions = motions
-        motions.limited_by = lambda side: control.snapshot(side).limited_by
+        motions.limited_by = lambda side: control.snapshot(side).limited
         self._streaming: dict[Side, tuple[str, int, int]] = {}  # controller of a stream, its session and activation
         self._jogs: dict[Side, _Jog] = {}
         self._jog_locks = {side: Lock() for side in Side}  # held briefly: the end of a jog waits for it
@@ -475,8 +474,8 @@ class MotionExecutor:
         newest = (buffer.read() for buffer in self._feedback.get(side, ()))
         return [each[1] for each in newest if each is not None]
 
-    def fault(self, side: Side) -> str | None:
-        """What stopped the arm, in a sentence; None when nothing did."""
+    def fault(self, side: Side) -> Message | None:
+        """What stopped the arm; None when nothing did."""
         return self._motions.fault(side)
 
     def move(
@@ -643,7 +642,8 @@ class MotionExecutor:
         check()
         for side, epoch in before.items():  # planning takes a while
             if self._control.snapshot(side).command_epoch != epoch:
-                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(side.word)}")
+                reason = message("interrupted_while_planned", arm=side.word)
+                raise CommandRefused(message("goal_refused", reason=reason))
         most = max(len(each.spline.segments) + 1 for each in plans.values())
         start = self._clock.now() + time_to_start(most) if len(plans) > 1 else None
         motions = {side: self._motions.begin(side) for side in plans}
@@ -879,10 +879,10 @@ class MotionExecutor:
         snapshot, fault = self.snapshot(side), self._motions.fault(side)
         if fault is not None:
             stop = self._motions.stop(side)
-            raise RobotNotReady(f"The {side.word} arm was stopped and waits for robot.recover(). {fault}", stop)
+            raise RobotNotReady(message("arm_waits_for_recovery", arm=side.word, fault=fault), stop)
         reason = why_arm_does_not_follow(side, snapshot)
-        if reason:
-            raise RobotNotReady(f"Goal refused: {reason}; call robot.recover().")
+        if reason is not None:
+            raise RobotNotReady(message("goal_refused", reason=reason))
 
     def _activate(self, sides: Iterable[Side], name: str) -> None:
         """Switch the arms to a controller; what commands one until then is deactivated in the same switch."""

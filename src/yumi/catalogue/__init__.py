@@ -88,11 +88,11 @@ def message(code: str, /, **values: Value) -> Message:
     return Message(code, values)
 
 
-_front_end = FrontEnd.ROS
+_front_end = FrontEnd.SCRIPT
 
 
 def speak_as(front_end: FrontEnd) -> None:
-    """Word the messages of this program for another front end than ROS."""
+    """Word the messages of this program for another front end than a script."""
     global _front_end  # noqa: PLW0603 - one program speaks to one kind of reader
     _front_end = front_end
 
@@ -101,8 +101,7 @@ def sentence(said: Message, front_end: FrontEnd | None = None) -> str:
     """A message as one or more whole sentences."""
     if said.code == "text":  # what others have said, as they said it
         return str(said.values["text"])
-    what, remedy = clause(said, front_end), remedy_of(said, front_end)
-    text = f"{what}; {remedy}" if remedy else what
+    text = _full(said, front_end)
     if _template(said).what.startswith(_BEGINNINGS):  # not where it begins with a file, a name or a number
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?", ":")) else f"{text}."
@@ -116,6 +115,16 @@ def clause(said: Message, front_end: FrontEnd | None = None) -> str:
 def remedy_of(said: Message, front_end: FrontEnd | None = None) -> str:
     """What to do about it, as part of a sentence; empty where nothing is to be done."""
     return _Words(said, front_end or _front_end).vformat(_template(said).remedy, (), said.values)
+
+
+def _full(said: Message, front_end: FrontEnd | None = None) -> str:
+    what, remedy = clause(said, front_end), remedy_of(said, front_end)
+    return f"{what}; {remedy}" if remedy else what
+
+
+def in_words(said: Iterable[Message], front_end: FrontEnd | None = None) -> str:
+    """Several messages, each in sentences of its own."""
+    return " ".join(sentence(each, front_end) for each in said)
 
 
 def said_by(error: BaseException) -> Message:
@@ -202,7 +211,8 @@ class _Words(Formatter):
     """Fills the fields of a text.
 
     Formats beside Python's own: ``.1°`` degrees of rad, ``.0mm``, ``.0ms``, ``quoted``, ``cut``, ``list`` (a, b, c),
-    ``or`` (a, b or c), and for messages ``sentence`` and ``remedy``; without one a message is its clause.
+    ``or`` (a, b or c), and for messages ``sentence``, ``remedy`` and ``full`` (what happened, and what to do, within a
+    sentence); without one a message is its clause.
     """
 
     def __init__(self, said: Message, front_end: FrontEnd) -> None:
@@ -218,7 +228,7 @@ class _Words(Formatter):
         if isinstance(value, _Do):
             return self._action(value, format_spec)
         if isinstance(value, Message):
-            word = {"sentence": sentence, "remedy": remedy_of}.get(format_spec, clause)
+            word = {"sentence": sentence, "remedy": remedy_of, "full": _full}.get(format_spec, clause)
             return word(value, self._front_end)
         if isinstance(value, tuple | list):
             return self._list(value, format_spec)
@@ -239,7 +249,9 @@ class _Words(Formatter):
         texts = [self.format_field(each, "" if is_list else format_spec) for each in values]
         if format_spec in {"or", "and"} and texts:
             return enumerated(texts, format_spec)
-        return ("; " if any(isinstance(each, Message) for each in values) else ", ").join(texts)
+        if format_spec == "sentence":
+            return " ".join(texts)
+        return ("; then " if any(isinstance(each, Message) for each in values) else ", ").join(texts)
 
 
 @dataclass(frozen=True, slots=True)

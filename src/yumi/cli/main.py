@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 from yumi import __version__
+from yumi.catalogue import FrontEnd, speak_as
 from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
 from yumi.cli.install import doctor, install, uninstall
@@ -71,6 +72,7 @@ class _Commands(click.Group):
                         f"{rule!r} would merge both arms, whose nodes differ only in the namespaces r and l; start "
                         "without it, or give all nodes of a robot a namespace with yumi up --namespace."
                     )
+            speak_as(FrontEnd.SHELL)
             return super().invoke(context)
         except YumiError as error:
             click.echo(f"Error: {error}", err=True)

@@ -27,8 +27,9 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 import yumi
 from yumi.api.connection import RunningDriver, attach
+from yumi.catalogue import in_words, message
 from yumi.cli.options import SCALE, Measure, demand_ros, limit_discovery, robot_options
-from yumi.driver.endpoint import HOW_TO_START, Arm, ArmMode, ArmReport, DriverState, MotionReport
+from yumi.driver.endpoint import Arm, ArmMode, ArmReport, DriverState, MotionReport
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
@@ -52,37 +53,14 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
         def report(step: str) -> None:
             click.echo(step, err=True)
 
-        try:
-            with attach(robot, on_step=report) as driver:
-                result = command(driver, *args, **options)
-        except YumiError as error:
-            raise in_shell_words(error) from error
+        with attach(robot, on_step=report) as driver:
+            result = command(driver, *args, **options)
         if is_json:
             click.echo(msgspec.json.encode(result))
         else:
-            click.echo(result if isinstance(result, str) else in_words(result))
+            click.echo(result if isinstance(result, str) else result_in_words(result))
 
     return with_driver
-
-
-def in_shell_words(error: YumiError) -> YumiError:
-    """The same refusal, with the commands of the shell in place of services and methods."""
-    text = str(error)
-    for service, shell in (
-        ("call robot.recover()", "run `yumi start`, or `yumi recover` after a stop"),
-        ("robot.recover(confirm=...)", "yumi recover"),
-        ("Call robot.recover()", "Run `yumi recover`"),
-        ("robot.recover()", "yumi recover"),
-        ("use yumi.degrees(...)", "add --degrees"),
-        ("call recover", "run `yumi recover`"),
-        ("(recover)", "(yumi recover)"),
-        ("Call start_egm", "Run `yumi start`"),
-        ("call start_egm", "run `yumi start`"),
-        ("stop_egm, then start_egm", "yumi stop, then yumi start"),
-    ):
-        text = text.replace(service, shell)
-    error.args = (text, *error.args[1:])
-    return error
 
 
 def _arms(word: str) -> tuple[Arm, ...]:
@@ -111,10 +89,10 @@ def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
             else:
                 if watch and sys.stdout.isatty():
                     click.clear()
-                click.echo(in_words(each))
+                click.echo(result_in_words(each))
 
 
-def in_words(result: object) -> str:
+def result_in_words(result: object) -> str:
     """A result for a person."""
     if isinstance(result, DriverState):
         return "\n".join(_state_lines(result))
@@ -130,11 +108,9 @@ def _state_lines(state: DriverState) -> list[str]:
         )
     if state.allowed_collisions:
         lines.append(f"may touch, slowly: {', '.join(state.allowed_collisions)}")
-    lines.append(f"cannot move: {state.reason}" if state.reason else "can move")
-    if state.cause and state.cause not in state.reason:
+    lines.append(f"cannot move: {state.reason}" if state.reasons else "can move")
+    if state.causes and state.causes != state.reasons:
         lines.append(f"stopped by: {state.cause}")
-    if state.stop:
-        lines.append(f"waits for a person to confirm the stop {state.stop}: yumi recover")
     for word, arm in state.arms.items():
         lines += _arm_lines(word, arm, state)
     for word, gripper in state.grippers.items():
@@ -146,7 +122,7 @@ def _state_lines(state: DriverState) -> list[str]:
         parts += [] if gripper.is_calibrated else ["not calibrated"]
         parts += [f"error {gripper.error}"] if gripper.error else []
         lines.append(f"{word} gripper: {', '.join(parts)}")
-    return lines + [f"{event.level}: {event.sentence}" for event in state.events[-5:]]
+    return lines + [f"{event.level}: {event.said.message}" for event in state.events[-5:]]
 
 
 def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
@@ -159,8 +135,8 @@ def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
     if arm.cycles is not None and arm.cycles.answered:
         parts.append(f"{arm.cycles.answered} cycles, {arm.cycles.missed} missed")
     lines = [f"{word} arm: {', '.join(parts)}"]
-    if arm.problem:
-        lines.append(f"  {arm.problem}")
+    if arm.problem is not None:
+        lines.append(f"  {arm.problem.message}")
     if arm.limited is not None:
         lines.append(f"  motion limited by {arm.limited}")
     if arm.position is not None:
@@ -265,15 +241,13 @@ def recover(driver: RunningDriver, confirm: str) -> object:
     """
     now = driver.state
     if now.stop and not confirm:
+        causes = tuple(each.message for each in now.causes)
         if not _is_at_a_terminal():
-            raise SettingsError(
-                f"{now.cause.rstrip('.')}. Look at the robot; when no person is near it and nothing is in its way, "
-                f"confirm this stop: yumi recover --confirm {now.stop}"
-            )
-        click.echo(f"{now.cause.rstrip('.')}.", err=True)
+            raise SettingsError(message("confirm_by_option", causes=causes, stop=now.stop))
+        click.echo(in_words(causes), err=True)
         question = f"Is no person near the robot, and nothing in its way? Type yes to confirm the stop {now.stop}"
         if click.prompt(question, default="no", err=True).strip() != "yes":
-            raise SettingsError("Not confirmed; nothing was changed.")
+            raise SettingsError(message("not_confirmed"))
         confirm = now.stop
     return driver.recover(confirm)
 
@@ -505,9 +479,9 @@ def shell(**options: Any) -> None:
         try:
             driver = attach()
         except RobotNotReady as error:
-            if str(error) != HOW_TO_START:
+            if error.said.code != "no_driver_runs":
                 raise
-            raise RobotNotReady(f"{error} Or connect the prompt to a robot: yumi shell --robot <address>.") from None
+            raise RobotNotReady(message("no_driver_for_shell", error=error.said)) from None
         with driver:
             prompt({"driver": driver, "yumi": yumi}, f"{driver!r}: driver.state, driver.move_to(right='home') …")
         return

@@ -25,6 +25,7 @@ import click
 import msgspec
 
 from yumi.api.motion import MotionExecutor, MotionRegistry
+from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,
     ROS_ARGUMENTS,
@@ -140,13 +141,15 @@ def up(
     is_over = end_flag(until_stdin_closes)
     end_by_force(is_over)
 
-    def report_ready(reason: str) -> None:
-        if reason:
-            click.echo(f"{DRIVER_RUNNING}{reason} When that is done, call recover.")
+    def report_ready(reason: Message | None) -> None:
+        if reason is not None:
+            click.echo(f"{DRIVER_RUNNING}{message('not_ready_yet', reason=reason)}")
         else:
             click.echo(f"{DRIVER_READY}serving the robot at {address}")
 
     ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
+    if with_ros:
+        speak_as(FrontEnd.ROS)
     run_driver(settings, chosen, is_over, report_ready, record, ros_arguments, with_ros=with_ros)
 
 
@@ -154,7 +157,7 @@ def run_driver(
     settings: Settings,
     controllers: Controllers,
     is_over: Flag,
-    on_ready: Callable[[str], None],
+    on_ready: Callable[[Message | None], None],
     record: Path | None = None,
     ros_arguments: Sequence[str] | None = None,
     *,
@@ -168,7 +171,7 @@ def run_driver(
         settings: where the robot is, and how it moves.
         controllers: what runs on each arm.
         is_over: set when it must end.
-        on_ready: called when it serves and the robot was brought to ready, with the reason why it is not, or "".
+        on_ready: called when it serves and the robot was brought to ready, with the reason why it is not, or None.
         record: file for every cycle of both arms.
         ros_arguments: for rclpy; None: those of this process.
         with_ros: whether it serves ROS 2, too, beside its local endpoint.
@@ -178,9 +181,9 @@ def run_driver(
     """
     clock = SystemClock()
 
-    def log(level: int, sentence: str) -> None:
-        front.log(level, sentence)
-        endpoint.note(level, sentence)
+    def log(level: int, said: Message | str) -> None:
+        front.log(level, said)
+        endpoint.note(level, said)
 
     failures = Failures()
 
@@ -348,11 +351,11 @@ class DriverWithoutRos:
     def info(self, sentence: str) -> None:
         self.log(logging.INFO, sentence)
 
-    def log(self, level: int, sentence: str) -> None:
-        _log.log(level, sentence)
+    def log(self, level: int, said: Message | str) -> None:
+        _log.log(level, said)
 
-    def bring_up(self, *, is_reading_only: bool = False) -> str:
-        """Bring the robot to ready; returns why it is not ready, or nothing."""
+    def bring_up(self, *, is_reading_only: bool = False) -> Message | None:
+        """Bring the robot to ready; returns why it is not ready, or None."""
         return bring_up(
             self._parts.manager,
             self._setup,

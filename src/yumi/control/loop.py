@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from math import inf
 from typing import Concatenate, ParamSpec, Protocol, TypeVar
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, said_by
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import AFTER_REPLY, Buffer, ControllerInfo, HardwareInfo, ParameterInfo, StageClock, State
 from yumi.control.controller_manager import ControllerManager, Strictness
@@ -21,8 +21,7 @@ from yumi.control.cycle import ArmPort, Cycle, FlightRecorder, flight_memory, ru
 from yumi.control.limiter import FULL, Limiter, SpeedScale
 from yumi.control.motion import AT_GOAL, largest_difference
 from yumi.control.shared_state import (
-    CAUSES,
-    INTERRUPTED,
+    PROBLEMS,
     AllowedCollisionsChanged,
     ControllerFailed,
     ControllerReport,
@@ -143,7 +142,8 @@ class ArmLoop:
         """Refuse what the arm could not do because it holds; raises CommandRefused."""
         problem = self._limiter.problem
         if problem is not Problem.NONE:
-            raise CommandRefused(f"Goal refused: {self._side.word} arm: {CAUSES[problem]}.")
+            reason = message(PROBLEMS[problem], arm=self._side.word)
+            raise CommandRefused(message("goal_refused", reason=reason))
 
     @property
     def activation(self) -> int:
@@ -167,12 +167,9 @@ class ArmLoop:
         moves = max(map(abs, last.state.velocity)) >= AT_REST or last.sent.velocity is not ZERO or self._sent_moves
         is_held = beyond > AT_GOAL and (self._limited is not None or not moves)  # it may still go by small steps
         if moves and not is_held:
-            raise CommandRefused(f"the {self._side.word} arm moves; wait until it stands.")
+            raise CommandRefused(message("arm_moves", arm=self._side.word))
         if is_held:
-            raise CommandRefused(
-                f"the {self._side.word} arm is held, and its goal lies {beyond:.3f} rad beyond; stop that motion, or "
-                "send the arm to where it is."
-            )
+            raise CommandRefused(message("arm_held_before_goal", arm=self._side.word, distance=beyond))
 
     @property
     def speed_scale(self) -> float:
@@ -347,7 +344,7 @@ class ArmLoop:
         elif was_running and not state.is_running:
             self._events.append(RobotStoppedFollowing(self._side, self.manager.deactivate_commanding()))
         while self.manager.failures:
-            self._events.append(ControllerFailed(self._side, self.manager.failures.pop(0)))
+            self._events.append(ControllerFailed(self._side, message("text", text=self.manager.failures.pop(0))))
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""
@@ -511,7 +508,7 @@ class Commands:
         for side in sides:
             position = self._arms[side].manager.reference or self._arms[side].position
             if position is None:
-                raise CommandRefused(f"The {side.word} arm has not reported a position yet: start EGM first.")
+                raise CommandRefused(message("no_position_yet", arm=side.word))
             positions[side] = position
         return positions
 
@@ -524,14 +521,13 @@ class Commands:
         # A second command for a controller could rest on what the first changes.
         for (side, name), count in Counter((each.side, each.controller) for each in commands).items():
             if count > 1:
-                raise CommandRefused(
-                    f"Controller {quoted(name)} of {side.value} is sent {count} commands at once; send one."
-                )
+                raise CommandRefused(message("several_commands", controller=name, arm=side.word, count=count))
         for each in commands:
             arm = self._arms[each.side]
             arm.check_follows()
             if each.activation not in (0, arm.activation):
-                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
+                reason = message("interrupted_while_planned", arm=each.side.word)
+                raise CommandRefused(message("goal_refused", reason=reason))
             arm.manager.check(each.controller, each.message, arm.state)
         return {each.side: self._arms[each.side].activation for each in commands}
 
@@ -566,10 +562,12 @@ def serve(
     try:
         return command(commands, *args, **kwargs)
     except (CommandRefused, SwitchFailed) as error:
-        raise CommandRefused(str(error)) from error
+        raise CommandRefused(error.said) from error
     except Exception as error:
         name = getattr(command, "__name__", "")
-        raise CommandRefused(f"The command {name} failed with {type(error).__name__}: {error}.") from error
+        raise CommandRefused(
+            message("command_failed", command=name, kind=type(error).__name__, why=said_by(error))
+        ) from error
 
 
 class CommandPort(Protocol):
@@ -622,21 +620,16 @@ class AllowedCollisions:
                 or is held before its goal.
         """
         if self._collisions is None:
-            raise CommandRefused(
-                "There is nothing to allow: nothing keeps the arms apart, as collision.enabled is false in the "
-                "driver's settings."
-            )
+            raise CommandRefused(message("nothing_to_allow"))
         if not 0.0 < seconds <= LONGEST_CONTACT:  # NaN too
-            raise CommandRefused(
-                f"Collision not allowed: the time is {seconds:g} s; give more than 0, up to {LONGEST_CONTACT:g} s."
-            )
-        _check_parts(self._collisions, part, other, "Collision not allowed")
+            raise CommandRefused(message("contact_time_out_of_range", time=seconds, longest=LONGEST_CONTACT))
+        _check_parts(self._collisions, part, other)
         if not self._until:
             try:
                 for arm in self._arms:
                     arm.check_stands()
             except CommandRefused as why:
-                raise CommandRefused(f"Collision not allowed, since contact is for slow motions: {why}") from why
+                raise CommandRefused(message("contact_is_for_slow_motions", reason=why.said)) from why
             self._running = [arm.is_running for arm in self._arms]
         self._until[_pair(part, other)] = self._now() + seconds
         self._update()
@@ -650,7 +643,7 @@ class AllowedCollisions:
         if self._until.pop(_pair(part, other), None) is not None:
             self._update()
         elif self._collisions is not None:
-            _check_parts(self._collisions, part, other, "Nothing was changed")
+            _check_parts(self._collisions, part, other)
 
     def take_events(self) -> Sequence[AllowedCollisionsChanged]:
         """End what has lasted its time, permit what waits for the arms, and return what has changed since.
@@ -691,12 +684,9 @@ class AllowedCollisions:
         self._events.append(AllowedCollisionsChanged(permitted))
 
 
-def _check_parts(collisions: CollisionLimiter, part: str, other: str, what: str) -> None:
+def _check_parts(collisions: CollisionLimiter, part: str, other: str) -> None:
     if not collisions.pairs_of(part, other):
-        raise CommandRefused(
-            f"{what}: there are no two parts {quoted(part)} and {quoted(other)} that are kept apart; name them as the "
-            "log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a declared box."
-        )
+        raise CommandRefused(message("no_such_parts", part=part, other=other))
 
 
 def _pair(part: str, other: str) -> PartPair:

@@ -18,12 +18,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from itertools import chain
-from math import degrees, isnan, nan
+from math import isnan, nan
 from multiprocessing.sharedctypes import RawArray
 from operator import attrgetter
 from struct import Struct
 from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, get_type_hints
 
+from yumi.catalogue import Message, clause, message
 from yumi.control.controller import Buffer, GoalKind
 from yumi.errors import MissingPrerequisite
 from yumi.process.supervision import PROCESSES
@@ -42,23 +43,8 @@ class Problem(IntEnum):
     IMPLAUSIBLE = 2
 
 
-CAUSES = {
-    Problem.REFERENCES_IGNORED: (
-        "the robot does not follow the references: its replies may be lost; check that this machine's firewall lets "
-        "UDP out to the controller"
-    ),
-    Problem.IMPLAUSIBLE: (
-        "the robot reports positions that the arm cannot have reached: datagrams are old, forged, or another arm's; "
-        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; or a joint stands "
-        "out of its range: jog it back"
-    ),
-}
-"""The likely cause of each problem, for a sentence."""
-
-INTERRUPTED = (
-    "the {} arm was stopped, or another controller took it over, while the motion was planned; give the goal again."
-)
-"""Why a motion is refused that was planned for another EGM session or another activation."""
+PROBLEMS = {Problem.REFERENCES_IGNORED: "references_ignored", Problem.IMPLAUSIBLE: "feedback_implausible"}
+"""The code of each problem in the catalogue; its value is the arm."""
 
 _UNDECIDED = 0.05
 """Parts further apart than this limit an arm only where it was not calculated in time that they do not [m]."""
@@ -78,10 +64,16 @@ class Limited:
     other: str
     distance: float
 
-    def __str__(self) -> str:
+    @property
+    def said(self) -> Message:
+        """The two parts and how near they are."""
+        if self.distance < _UNDECIDED:
+            return message("parts_near", part=self.part, other=self.other, distance=self.distance)
         # What needs more distances than a cycle has counts as too near, wherever it is.
-        how = f"{self.distance * 1e3:.0f} mm" if self.distance < _UNDECIDED else "not compared in time"
-        return f"{self.part} - {self.other}, {how}"
+        return message("parts_not_compared", part=self.part, other=self.other)
+
+    def __str__(self) -> str:
+        return clause(self.said)
 
 
 class Snapshot(NamedTuple):
@@ -486,17 +478,28 @@ def _from_the_system() -> Iterator[None]:
         yield
     except (OSError, MemoryError) as error:
         why = error.strerror if isinstance(error, OSError) else "out of memory"
-        raise MissingPrerequisite(
-            f"The operating system gives no shared memory ({why}); see that /dev/shm exists and has some MB left "
-            "(df /dev/shm), and that the limits of this program are not too low (ulimit -n, ulimit -v)."
-        ) from error
+        raise MissingPrerequisite(message("no_shared_memory", why=why)) from error
 
 
 # ---- events
 
 
+class Happened:
+    """Something that happened to an arm; its string is a sentence for a log."""
+
+    __slots__ = ()
+
+    @property
+    def said(self) -> Message:
+        """What happened, as a message."""
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self.said)
+
+
 @dataclass(frozen=True, slots=True)
-class SessionStarted:
+class SessionStarted(Happened):
     """The robot began to send datagrams for an arm.
 
     Attributes:
@@ -508,30 +511,29 @@ class SessionStarted:
     session: int
     deactivated: tuple[str, ...] = ()
 
-    def __str__(self) -> str:
-        arm = _arm(self.side)
+    @property
+    def said(self) -> Message:
         if not self.deactivated:
-            return f"{arm}: EGM session {self.session} started."
-        return (
-            f"{arm}: the robot began EGM session {self.session} in the middle of a motion; "
-            f"{', '.join(self.deactivated)} deactivated. Call start_egm to go on."
+            return message("session_started", arm=self.side.word, session=self.session)
+        return message(
+            "session_restarted_in_motion", arm=self.side.word, session=self.session, controllers=self.deactivated
         )
 
 
 @dataclass(frozen=True, slots=True)
-class SessionResumed:
+class SessionResumed(Happened):
     """The robot's datagrams arrive again after a silence during which it went on with its session."""
 
     side: Side
     session: int
 
-    def __str__(self) -> str:
-        arm = _arm(self.side)
-        return f"{arm}: EGM feedback is back, session {self.session} goes on and the arm holds."
+    @property
+    def said(self) -> Message:
+        return message("session_resumed", arm=self.side.word, session=self.session)
 
 
 @dataclass(frozen=True, slots=True)
-class SessionLost:
+class SessionLost(Happened):
     """No datagram was received for too long.
 
     Attributes:
@@ -545,36 +547,35 @@ class SessionLost:
     deactivated: tuple[str, ...]
     stood_still: float = 0.0
 
-    def __str__(self) -> str:
-        arm, silence = _arm(self.side), f"silent for {self.silence * 1e3:.0f} ms"
-        if self.stood_still:
-            what = f"{arm}: the control process stood still for {self.stood_still:.2g} s"
-            if not self.deactivated:
-                return f"{what}; the arm was not controlled meanwhile."
-            return (
-                f"{what}, the arm was not controlled meanwhile; {', '.join(self.deactivated)} deactivated. "
-                "Call start_egm to go on."
+    @property
+    def said(self) -> Message:
+        if self.stood_still and self.deactivated:
+            return message(
+                "driver_stood_still_in_motion",
+                arm=self.side.word,
+                duration=self.stood_still,
+                controllers=self.deactivated,
             )
-        if not self.deactivated:
-            return f"{arm}: EGM has ended, the robot is {silence}."
-        return (
-            f"{arm}: EGM feedback lost, the robot has been {silence}; {', '.join(self.deactivated)} deactivated. "
-            "Call start_egm when the controller is back."
-        )
+        if self.stood_still:
+            return message("driver_stood_still", arm=self.side.word, duration=self.stood_still)
+        if self.deactivated:
+            return message("feedback_lost", arm=self.side.word, silence=self.silence, controllers=self.deactivated)
+        return message("session_ended", arm=self.side.word, silence=self.silence)
 
 
 @dataclass(frozen=True, slots=True)
-class RobotFollows:
+class RobotFollows(Happened):
     """The robot began to follow commands."""
 
     side: Side
 
-    def __str__(self) -> str:
-        return f"{_arm(self.side)}: the robot follows commands."
+    @property
+    def said(self) -> Message:
+        return message("robot_follows", arm=self.side.word)
 
 
 @dataclass(frozen=True, slots=True)
-class RobotStoppedFollowing:
+class RobotStoppedFollowing(Happened):
     """The robot still sends datagrams but no longer follows commands.
 
     Attributes:
@@ -584,18 +585,15 @@ class RobotStoppedFollowing:
     side: Side
     deactivated: tuple[str, ...]
 
-    def __str__(self) -> str:
-        arm = _arm(self.side)
+    @property
+    def said(self) -> Message:
         if not self.deactivated:
-            return f"{arm}: the robot follows commands no longer."
-        return (
-            f"{arm}: the robot follows commands no longer; {', '.join(self.deactivated)} deactivated. "
-            "Call start_egm to go on."
-        )
+            return message("robot_stopped_following", arm=self.side.word)
+        return message("robot_stopped_following_in_motion", arm=self.side.word, controllers=self.deactivated)
 
 
 @dataclass(frozen=True, slots=True)
-class ImplausibleFeedback:
+class ImplausibleFeedback(Happened):
     """A position was reported that the arm cannot have reached; it was not used.
 
     Attributes:
@@ -615,23 +613,22 @@ class ImplausibleFeedback:
     is_lost: bool = False
     is_other_arm: bool = False
 
-    def __str__(self) -> str:
-        arm = _arm(self.side)
-        what = f"the reported position of {self.joint} is {degrees(self.distance):.1f}° from where the arm can be"
+    @property
+    def said(self) -> Message:
         if not self.is_lost:
-            return f"{arm}: {what}; the datagram was not used (an old, forged or mixed-up one)."
-        ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
-        cause = CAUSES[Problem.IMPLAUSIBLE]
-        if self.is_other_arm:
-            cause = (
-                "that is where the other arm is: left and right EGM ports are exchanged? Check the remote ports of the "
-                "controller's UDPUC devices ROB_L and ROB_R"
-            )
-        return f"{arm}: {what}, the arm holds{ended}: {cause}. Stop and start EGM when that is mended."
+            return message("position_not_believed", arm=self.side.word, joint=self.joint, distance=self.distance)
+        return message(
+            "position_not_believed_for_long",
+            arm=self.side.word,
+            joint=self.joint,
+            distance=self.distance,
+            ended=_ended(self.deactivated),
+            cause=message("positions_of_other_arm") if self.is_other_arm else message("positions_implausible"),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class ReferencesIgnored:
+class ReferencesIgnored(Happened):
     """The robot plans to stand although it is commanded to move.
 
     Attributes:
@@ -641,27 +638,31 @@ class ReferencesIgnored:
     side: Side
     deactivated: tuple[str, ...] = ()
 
-    def __str__(self) -> str:
-        ended = f"; {', '.join(self.deactivated)} deactivated" if self.deactivated else ""
-        return f"{_arm(self.side)}: {CAUSES[Problem.REFERENCES_IGNORED]}. The arm holds{ended}."
+    @property
+    def said(self) -> Message:
+        return message(
+            "arm_holds_ignored",
+            problem=message("references_ignored", arm=self.side.word),
+            ended=_ended(self.deactivated),
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class ProblemOver:
+class ProblemOver(Happened):
     """What made the arm hold is over; it goes on holding until it is commanded."""
 
     side: Side
     problem: Problem
 
-    def __str__(self) -> str:
-        arm = _arm(self.side)
+    @property
+    def said(self) -> Message:
         if self.problem is Problem.REFERENCES_IGNORED:
-            return f"{arm}: the robot follows the references again. Call recover to go on."
-        return f"{arm}: the reported positions are plausible again. Call recover to go on."
+            return message("references_followed_again", arm=self.side.word)
+        return message("positions_plausible_again", arm=self.side.word)
 
 
 @dataclass(frozen=True, slots=True)
-class KeptApart:
+class KeptApart(Happened):
     """An arm is limited because it would come too near to something; reported about once a second while it lasts.
 
     Attributes:
@@ -671,12 +672,13 @@ class KeptApart:
     side: Side
     limited: Limited
 
-    def __str__(self) -> str:
-        return f"{_arm(self.side)}: motion limited by {self.limited}."
+    @property
+    def said(self) -> Message:
+        return message("motion_limited", arm=self.side.word, limited=self.limited.said)
 
 
 @dataclass(frozen=True, slots=True)
-class AllowedCollisionsChanged:
+class AllowedCollisionsChanged(Happened):
     """Other parts may touch than before, of both arms: see :mod:`yumi.control.loop`.
 
     Attributes:
@@ -687,26 +689,27 @@ class AllowedCollisionsChanged:
     side: ClassVar[Side] = Side.RIGHT
     pairs: tuple[tuple[str, str], ...]
 
-    def __str__(self) -> str:
+    @property
+    def said(self) -> Message:
         if not self.pairs:
-            return "All parts are kept apart again, and the arms have their speed."
-        allowed = ", ".join(f"{part} - {other}" for part, other in self.pairs)
-        return f"May touch for a while, slowly: {allowed}."
+            return message("all_kept_apart")
+        return message("may_touch", pairs=tuple(f"{part} - {other}" for part, other in self.pairs))
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerFailed:
+class ControllerFailed(Happened):
     """A controller raised an error in its update."""
 
     side: Side
-    sentence: str
+    failure: Message
 
-    def __str__(self) -> str:
-        return f"{_arm(self.side)}: {self.sentence}"
+    @property
+    def said(self) -> Message:
+        return message("controller_failed", arm=self.side.word, failure=self.failure)
 
 
 @dataclass(frozen=True, slots=True)
-class ControllerReport:
+class ControllerReport(Happened):
     """Something a controller reports, in the order in which it happened.
 
     Attributes:
@@ -718,23 +721,27 @@ class ControllerReport:
     controller: str
     report: object
 
-    def __str__(self) -> str:
-        return f"{_arm(self.side)}: {self.controller}: {self.report}"
+    @property
+    def said(self) -> Message:
+        said = getattr(self.report, "said", None)
+        report = said if isinstance(said, Message) else message("text", text=str(self.report))
+        return message("controller_reports", arm=self.side.word, controller=self.controller, report=report)
 
 
 @dataclass(frozen=True, slots=True)
-class CycleFailed:
+class CycleFailed(Happened):
     """A cycle could not be completed; reported at most every few seconds."""
 
     side: Side
-    sentence: str
+    failure: str
 
-    def __str__(self) -> str:
-        return f"{_arm(self.side)}: a cycle could not be completed: {self.sentence}."
+    @property
+    def said(self) -> Message:
+        return message("cycle_failed", arm=self.side.word, failure=self.failure)
 
 
 @dataclass(frozen=True, slots=True)
-class ReportsDropped:
+class ReportsDropped(Happened):
     """The driver did not read what the control process reported, and reads again: one event for each arm, which holds.
 
     Attributes:
@@ -744,26 +751,21 @@ class ReportsDropped:
     side: Side
     count: int
 
-    def __str__(self) -> str:
-        return (
-            f"{_arm(self.side)}: the driver did not read the control process's reports for a while and "
-            f"{self.count} were dropped; the arms were served meanwhile, and hold now. Was the driver stopped or its "
-            "machine overloaded? See the state for what holds now."
-        )
+    @property
+    def said(self) -> Message:
+        return message("reports_dropped", arm=self.side.word, count=self.count)
 
 
 @dataclass(frozen=True, slots=True)
-class ControlProcessEnded:
+class ControlProcessEnded(Happened):
     """The control process has ended by itself: one event for each arm."""
 
     side: Side
     exit_code: int | None
 
-    def __str__(self) -> str:
-        return (
-            f"{_arm(self.side)}: the control process has ended (exit code {self.exit_code}); the "
-            "robot gets no answers any more and keeps its last references. Call recover, which starts another one."
-        )
+    @property
+    def said(self) -> Message:
+        return message("control_process_ended", arm=self.side.word, exit_code=self.exit_code)
 
 
 Event = (
@@ -783,7 +785,7 @@ Event = (
     | ReportsDropped
     | ControlProcessEnded
 )
-"""What happened to an arm; its text is a sentence for people."""
+"""What happened to an arm."""
 
 
 def is_fault(event: Event) -> bool:
@@ -795,5 +797,5 @@ def is_fault(event: Event) -> bool:
     return isinstance(event, ReferencesIgnored | ControllerFailed | CycleFailed | ReportsDropped | ControlProcessEnded)
 
 
-def _arm(side: Side) -> str:
-    return f"{side.word.capitalize()} arm"
+def _ended(controllers: tuple[str, ...]) -> Message:
+    return message("controllers_deactivated", controllers=controllers) if controllers else message("nothing")

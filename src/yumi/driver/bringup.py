@@ -14,6 +14,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from math import isfinite
 
+from yumi.catalogue import Message, message
 from yumi.clock import Clock, wait_until
 from yumi.driver.readiness import NO_STOP, Report, Request, RobotState, arms_in_words, check_request, unmet
 from yumi.driver.state_machine import (
@@ -285,10 +286,10 @@ class LaunchChecks:
         system = self._client.system()
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
             version = ".".join(map(str, system.robotware))
-            raise RobotNotReady(f"The controller runs RobotWare {version}; EGM for a YuMi needs 6.09 or newer.")
+            raise RobotNotReady(message("robotware_too_old", version=version, oldest="6.09"))
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
-                raise RobotNotReady(f"The controller lacks the option {option!r}; without it {loss}.")
+                raise RobotNotReady(message("option_missing", option=option, loss=loss))
         if GRIPPER_PRODUCT not in system.options:
             self.remarks.append(f"the controller lacks the product {GRIPPER_PRODUCT!r}; the grippers cannot be used")
         for side in Side:
@@ -301,9 +302,7 @@ class LaunchChecks:
         try:
             self._client.joint_target(side.unit)
         except ControllerRefused as error:
-            raise RobotNotReady(
-                f"The controller has no mechanical unit {side.unit}; it does not move a YuMi's {side.word} arm."
-            ) from error
+            raise RobotNotReady(message("unit_missing", unit=side.unit, arm=side.word)) from error
 
     def check_tasks(self) -> None:
         """See that the program is in both tasks: of all that is checked, this changes without a restart."""
@@ -312,20 +311,20 @@ class LaunchChecks:
 
     def check_task(self, side: Side) -> None:
         """See that an arm's task has the robot-side program, in its version; raises RobotNotReady."""
-        task, remedy = side.task, "load the RAPID modules of this package on it"
+        task = side.task
         try:
             kind = self._client.symbol_type(task, MAIN, "current_state")
         except ControllerRefused as error:
-            raise RobotNotReady(f"Task {task} has no state machine ({MAIN}); {remedy}.") from error
+            raise RobotNotReady(message("state_machine_missing", task=task, module=MAIN)) from error
         if kind != "num":
-            raise RobotNotReady(f"{task}/{MAIN}/current_state has type {kind}, not num; {remedy}.")
+            raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN, kind=kind))
         try:
             version = rapid_values.decode(self._client.symbol(task, MAIN, "VERSION"))
         except ControllerRefused:
             version = "unknown"
         if version != PROGRAM_VERSION:
             raise RobotNotReady(
-                f"Task {task} has version {version} of the state machine, not {PROGRAM_VERSION}; {remedy}."
+                message("state_machine_of_other_version", task=task, version=str(version), expected=PROGRAM_VERSION)
             )
 
     def check_devices(self) -> None:
@@ -336,10 +335,7 @@ class LaunchChecks:
         for side, address in self._addresses.items():
             device = devices.get(side.unit, {})
             if device.get("Type") != "UDPUC":
-                raise RobotNotReady(
-                    f"The controller has no UDPUC device {side.unit} (Communication, Transmission Protocol); load "
-                    "SIO.cfg of this package and restart it."
-                )
+                raise RobotNotReady(message("udpuc_device_missing", device=side.unit))
             host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
             if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
                 self.remarks.append(
@@ -391,17 +387,14 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, or a stop keeps them off.
         """
         state = self.state()
-        check_request(Request.BRING_UP, state, intro="the motors cannot be switched on: ")
+        check_request(Request.BRING_UP, state)
         if state.controller_state is not ControllerState.MOTORS_ON:
             self._client.set_motors(True)
             wait_until(
                 self._clock,
                 lambda: self.are_motors_on,
                 _OBEY_TIMEOUT,
-                lambda: (
-                    f"Motors do not go on, the controller is in {self._client.controller_state().value!r}; "
-                    "release the emergency stop and acknowledge it on the FlexPendant."
-                ),
+                lambda: message("motors_stay_off", state=self._client.controller_state().value),
             )
 
     def switch_motors_off(self) -> None:
@@ -412,8 +405,7 @@ class ControllerPanel:
         """
         if self.are_motors_on:
             self._client.set_motors(False)
-            refusal = "Motors do not go off; use the stop button."
-            wait_until(self._clock, lambda: not self.are_motors_on, _OBEY_TIMEOUT, refusal)
+            wait_until(self._clock, lambda: not self.are_motors_on, _OBEY_TIMEOUT, message("motors_stay_on"))
 
     def start_rapid(self) -> None:
         """Start the program where its pointers are.
@@ -422,7 +414,7 @@ class ControllerPanel:
             RobotNotReady: not in AUTO, motors off, or it does not run.
         """
         state = self.state()
-        check_request(Request.START_RAPID, state, intro="the RAPID program cannot start: ")
+        check_request(Request.START_RAPID, state)
         if state.execution is not ExecutionState.RUNNING:
             self._client.start_rapid()
             self._wait_for(ExecutionState.RUNNING)
@@ -443,7 +435,7 @@ class ControllerPanel:
         Raises:
             RobotNotReady: not in AUTO, or the program runs.
         """
-        check_request(Request.MOVE_PP, self.state(), intro="the program pointers cannot be moved: ")
+        check_request(Request.MOVE_PP, self.state())
         self._client.move_pp_to_main()
 
     def set_speed_ratio(self, percent: int) -> None:
@@ -457,17 +449,14 @@ class ControllerPanel:
         self._client.set_speed_ratio(percent)
         kept = self._client.speed_ratio()
         if kept != percent:
-            raise RobotNotReady(
-                f"The controller keeps a speed ratio of {kept} %, not {percent} %; see the FlexPendant."
-            )
+            raise RobotNotReady(message("speed_ratio_not_kept", kept=kept, asked=percent))
 
     def _wait_for(self, state: ExecutionState) -> None:
         wait_until(
             self._clock,
             lambda: self._client.execution() is state,
             _OBEY_TIMEOUT,
-            f"The RAPID program is not {state.value} after {_OBEY_TIMEOUT:g} s; look at the event log on the "
-            "FlexPendant.",
+            message("program_does_not_obey", state=state.value, duration=_OBEY_TIMEOUT),
         )
 
     def read_signal(self, name: str) -> str:
@@ -485,9 +474,9 @@ class ControllerPanel:
         try:
             number = float(value)
         except ValueError as error:
-            raise CommandRefused(f"{value!r} is not a value for signal {name}; give a number.") from error
+            raise CommandRefused(message("no_number_for_signal", value=value, signal=name)) from error
         if not isfinite(number):
-            raise CommandRefused(f"Signal {name} cannot be {number}; give a finite number.")
+            raise CommandRefused(message("signal_not_finite", signal=name, value=number))
         self._signal(name)
         try:
             self._client.set_signal(name, number)
@@ -496,25 +485,22 @@ class ControllerPanel:
                 self.check_automatic()  # what may be written in AUTO may be forbidden in manual
             if error.status != _BAD_VALUE:
                 raise
-            raise CommandRefused(
-                f"The controller does not take {_signal_text(number)} for signal {name}; a digital signal is 0 or 1, "
-                "another one has the range of its configuration."
-            ) from error
+            raise CommandRefused(message("signal_value_refused", value=_signal_text(number), signal=name)) from error
         kept = self._signal(name)
         if kept != number:
             raise CommandRefused(
-                f"Signal {name} is {_signal_text(kept)} after {_signal_text(number)} was written; see who sets it."
+                message("signal_not_kept", signal=name, kept=_signal_text(kept), written=_signal_text(number))
             )
 
     def _signal(self, name: str) -> float:
         if not _SIGNAL_NAME.fullmatch(name):
-            raise CommandRefused(f"{name!r} is not a name of a signal; give one of the controller's I/O signals.")
+            raise CommandRefused(message("no_signal_name", name=name))
         try:
             return self._client.signal(name).value
         except ControllerRefused as error:
             if error.status != _UNKNOWN:
                 raise
-            raise CommandRefused(f"The controller has no signal {name}; look at its list of I/O signals.") from error
+            raise CommandRefused(message("signal_unknown", signal=name)) from error
 
     def read_variable(self, task: str, module: str, name: str) -> str:
         """The value of a RAPID variable as RAPID writes it; raises CommandRefused when there is none of that name."""
@@ -536,7 +522,9 @@ class ControllerPanel:
             rapid_values.decode(value)
         except ProtocolError as error:
             raise CommandRefused(
-                f"{value!r} is not a RAPID value; {module}/{name} of {task} takes a {kind}, such as {example}."
+                message(
+                    "no_rapid_value", value=value, module=module, variable=name, task=task, kind=kind, example=example
+                )
             ) from error
         try:
             self._client.set_symbol(task, module, name, value)
@@ -544,18 +532,19 @@ class ControllerPanel:
             if error.status != _BAD_VALUE:
                 raise
             raise CommandRefused(
-                f"The controller does not take {value} for {module}/{name} of {task}: it is a {kind}, such as "
-                f"{example}, or a constant, which cannot be written."
+                message(
+                    "variable_refused", value=value, module=module, variable=name, task=task, kind=kind, example=example
+                )
             ) from error
 
     def _type_of(self, task: str, module: str, name: str) -> str:
         for word in (task, module, name):
             if not _RAPID_NAME.fullmatch(word):
-                raise CommandRefused(f"{word!r} is not a RAPID name; give task, module and variable.")
+                raise CommandRefused(message("no_rapid_name", name=word))
         try:
             return self._client.symbol_type(task, module, name)
         except ControllerRefused as error:
-            raise CommandRefused(f"The controller has no {module}/{name} in task {task}; check the names.") from error
+            raise CommandRefused(message("variable_unknown", module=module, variable=name, task=task)) from error
 
 
 def _signal_text(value: float) -> str:
@@ -595,17 +584,12 @@ class RapidRoutines:
             RobotNotReady: the program does not run, the arm is busy, or the routine did not end in time.
         """
         if not _RAPID_NAME.fullmatch(name):
-            raise CommandRefused(f"{name!r} is not a name of a RAPID routine; give one of up to 32 letters and digits.")
+            raise CommandRefused(message("no_routine_name", name=name))
         self._check_free(side, Request.RUN_ROUTINE)
 
-        def why_not_ended() -> str:
-            what = f"Routine {name} of {side.task} has not ended after {LONGEST_ROUTINE:g} s"
-            if self._client.speed_ratio() > 0:
-                return f"{what}; look at the robot."
-            return (
-                f"{what}: the speed ratio is 0 %, with which no RAPID motion goes on; look at the robot, then raise "
-                "the speed ratio (set_speed_ratio, or at the FlexPendant)."
-            )
+        def why_not_ended() -> Message:
+            code = "routine_not_ended" if self._client.speed_ratio() > 0 else "routine_without_speed"
+            return message(code, routine=name, task=side.task, duration=LONGEST_ROUTINE)
 
         self.is_running = True
         try:
@@ -625,7 +609,7 @@ class RapidRoutines:
         except ControllerRefused:  # ABB's own state machine does not report it
             is_unknown = False
         if is_unknown:
-            raise CommandRefused(f"Task {side.task} has no routine {name}; load a module that has it.")
+            raise CommandRefused(message("routine_unknown", task=side.task, routine=name))
 
     def load_module(self, side: Side, file_name: str, text: str) -> None:
         """Write a RAPID module into the controller's HOME folder and load it into one arm's task.
@@ -648,15 +632,11 @@ class RapidRoutines:
         if self._has_module(side, module):
             self._run_with_file(side, "runModuleUnload", path)
             if self._has_module(side, module):
-                raise CommandRefused(
-                    f"Task {side.task} has a module {module} from another file; unload that, or rename yours."
-                )
+                raise CommandRefused(message("module_from_other_file", task=side.task, module=module))
         self._client.upload(path, text)
         self._run_with_file(side, "runModuleLoad", path)
         if not self._has_module(side, module):
-            raise CommandRefused(
-                f"{side.task} did not load {path}; it is not a correct RAPID module, see the event log."
-            )
+            raise CommandRefused(message("module_not_loaded", task=side.task, path=path))
 
     def _run_with_file(self, side: Side, routine: str, path: str) -> None:
         self._write(side, "module_file_path_input", path)
@@ -669,12 +649,12 @@ class RapidRoutines:
         client = self._client
         machines = dict.fromkeys(Side, self._machines.state(side))
         state = RobotState(True, client.operating_mode(), execution=client.execution(), machines=machines)
-        check_request(request, state, (side,), "a routine cannot run: ")
+        check_request(request, state, (side,))
 
     def _is_over(self, side: Side) -> bool:
         """The name is cleared when the routine has ended, in the same step in which the machine becomes idle."""
         if not self._panel.is_running:
-            raise RobotNotReady(f"The RAPID program stopped while {side.task} ran a routine; see the event log.")
+            raise RobotNotReady(message("program_stopped_in_routine", task=side.task))
         if self._client.symbol(side.task, RAPID, "routine_name_input") != '""':
             return False
         return self._machines.state(side) is MachineState.IDLE
@@ -686,10 +666,10 @@ class RapidRoutines:
 def _module_in(file_name: str, text: str) -> str:
     """The name of the module that ``text`` declares."""
     if not _FILE_NAME.fullmatch(file_name):
-        raise CommandRefused(f"{file_name!r} is not a name of a RAPID file; give letters and digits and .mod or .sys.")
+        raise CommandRefused(message("no_rapid_file_name", name=file_name))
     found = _MODULE_DECLARATION.search(text)
     if found is None:
-        raise CommandRefused(f"The text of {file_name} declares no MODULE; give a whole RAPID module.")
+        raise CommandRefused(message("text_without_module", file=file_name))
     if found[1].lower().startswith(_OUR_MODULES):
-        raise CommandRefused(f"Modules TRob... such as {found[1]} belong to the robot-side program; rename yours.")
+        raise CommandRefused(message("module_name_reserved", module=found[1]))
     return found[1]

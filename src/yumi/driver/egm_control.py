@@ -19,10 +19,11 @@ from dataclasses import dataclass
 from threading import Event as Flag
 from typing import Protocol
 
+from yumi.catalogue import Message, clause, message
 from yumi.clock import Clock, wait_until
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import (
-    CAUSES,
+    PROBLEMS,
     Event,
     ImplausibleFeedback,
     Problem,
@@ -33,8 +34,9 @@ from yumi.control.shared_state import (
     Snapshot,
 )
 from yumi.driver.bringup import Bringup
-from yumi.driver.readiness import Report, StopLog, arms_in_words, demand_confirmation, explain
+from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.state_machine import EXTERNAL_STATUS, WATCHDOG, MachineState
+from yumi.driver.stops import StopLog, explain
 from yumi.errors import (
     CommandRefused,
     ControllerRefused,
@@ -167,7 +169,7 @@ class EgmControl:
         ours = arms if self.desired else ()
         problems = self._problems(arms)
         for side, problem in problems.items():
-            self._bringup.step(f"start EGM again: {side.word} arm: {CAUSES[problem]}")
+            self._bringup.step(f"start EGM again: {clause(_problem(side, problem))}")
         if problems or any(self._control.snapshot(side).is_running for side in Side if side not in ours):
             deactivated = dict(self._deactivated)
             self.stop()  # the signal that ends EGM ends it on both
@@ -229,8 +231,7 @@ class EgmControl:
         def has_ended() -> bool:
             return not any(self._control.snapshot(side).is_running for side in Side)
 
-        refusal = "The RAPID program has stopped, yet the arms still report that EGM runs; stop EGM, then start again."
-        wait_until(self._clock, has_ended, EGM_END_TIMEOUT, refusal)
+        wait_until(self._clock, has_ended, EGM_END_TIMEOUT, message("egm_does_not_end"))
 
     def _activate(self, side: Side) -> None:
         """Activate what commanded the arm before EGM ended by itself, if it still can, or the default."""
@@ -245,24 +246,26 @@ class EgmControl:
             self._bringup.step(f"activate {self._default} instead: {error}")
             self._control.call(Commands.switch_controllers, side, default)
 
-    def _why_not_running(self, arms: tuple[Side, ...]) -> str:
+    def _why_not_running(self, arms: tuple[Side, ...]) -> Message:
         for side, problem in self._problems(arms).items():
-            return f"EGM started but the {side.word} arm holds: {CAUSES[problem]}."
+            return message("egm_started_but_holds", problem=_problem(side, problem))
         silent = [side for side in arms if not self._control.snapshot(side).is_streaming]
         if silent:
-            return (
-                f"EGM started on the robot but no datagram came for the {' and '.join(side.word for side in silent)} "
-                "arm; check the remote address and port of the controller's UDPUC device "
-                f"{', '.join(side.unit for side in silent)} and this machine's firewall."
+            return message(
+                "no_datagram_came",
+                arms=tuple(side.word for side in silent),
+                devices=tuple(side.unit for side in silent),
             )
-        words = " and ".join(side.word for side in arms if not self._control.snapshot(side).is_running)
-        return (
-            f"EGM started but the robot does not follow on the {words} arm; look at the event log on the FlexPendant."
-        )
+        words = tuple(side.word for side in arms if not self._control.snapshot(side).is_running)
+        return message("robot_does_not_follow", arms=words)
 
     def _problems(self, arms: Sequence[Side]) -> dict[Side, Problem]:
         snapshots = {side: self._control.snapshot(side) for side in arms}
         return {side: it.problem for side, it in snapshots.items() if it.problem is not Problem.NONE and it.is_running}
+
+
+def _problem(side: Side, problem: Problem) -> Message:
+    return message(PROBLEMS[problem], arm=side.word)
 
 
 class Watchdog:
@@ -400,10 +403,7 @@ class Recovery:
                 is_reported = True
             return False
 
-        refusal = (
-            f"The controller at {self._client.address} has not answered for {_LONGEST_RESTART:g} s; check its power "
-            "and the network cable."
-        )
+        refusal = message("controller_is_gone", address=self._client.address, duration=_LONGEST_RESTART)
         wait_until(self._clock, answers, _LONGEST_RESTART, refusal, check=check)
         return is_reported
 
@@ -414,10 +414,7 @@ class Recovery:
         except AnswerTimeout as error:
             if self._clock.now() < patience:
                 return False
-            raise RobotNotReady(
-                f"{error} The web service of the controller hangs, or the network is too slow for it; check the "
-                "network, or restart the controller, and call recover again."
-            ) from error
+            raise RobotNotReady(message("web_service_hangs", error=error.said)) from error
         except (NoConnection, ProtocolError):
             return False
         except ControllerRefused as error:
@@ -446,10 +443,12 @@ class Recovery:
             self._bringup.step("start the control process again")
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
-            why = f"The robot was stopped by {stop.cause}"
+            why = message("was_stopped_by", causes=stop.causes)
+        elif event is not None:
+            why = message("was_stopped_by", causes=(explain(event),))
         else:
-            why = f"The robot was stopped by {explain(event)}" if event else "No stop cause found in the event log"
-        self._bringup.step(why)
+            why = message("no_stop_cause")
+        self._bringup.step(str(why))
         try:
             if confirmed:
                 self._egm.hold()
@@ -462,12 +461,13 @@ class Recovery:
                 self._stops.check_unchanged(self._client, confirmed)
             stop = self._stops.stop
             if stop is None:
-                raise RobotNotReady(f"{why}. {error}") from error
+                raise RobotNotReady(message("not_brought_back", why=why, error=error.said)) from error
             if stop.id != confirmed:
-                why = f"The robot was stopped by {stop.cause}"
-            raise RobotNotReady(f"{why}. {error}{demand_confirmation(stop.id)}", stop.id) from error
+                why = message("was_stopped_by", causes=stop.causes)
+            said = message("not_brought_back_after_stop", why=why, error=error.said, stop=stop.id)
+            raise RobotNotReady(said, stop.id) from error
         self._stops.close(confirmed)
-        return f"{why}. {done}."
+        return str(message("brought_back", why=why, done=done))
 
     def _bring_back(self, *, is_new: bool) -> str:
         desired = self._egm.desired

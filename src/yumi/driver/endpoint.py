@@ -24,8 +24,9 @@ from typing import Annotated, Any, Literal, TypeVar
 import msgspec
 
 from yumi import errors
+from yumi.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, said_by, sentence, to_wire
 from yumi.control.motion import STANDING
-from yumi.control.shared_state import CAUSES, Limited, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
 from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import lock_folder
@@ -329,7 +330,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
         goal: where the active controller is going [rad], (7,); None when none commands the arm.
         pose: of tool0 in the frame of the body [m], quaternion w first.
         egm: what else the robot reports.
-        problem: why it holds whatever it is commanded to do; empty when nothing is wrong.
+        problem: why it holds whatever it is commanded to do; None when nothing is wrong.
         limited: what it is kept apart from now, or was 0.2 s ago; None while its commands lead it near to nothing.
         cycles: its datagrams.
     """
@@ -345,7 +346,7 @@ class ArmReport(msgspec.Struct, frozen=True, kw_only=True):
     goal: Joints | None = None
     pose: Pose | None = None
     egm: EgmReport | None = None
-    problem: str = ""
+    problem: Said | None = None
     limited: Limited | None = None
     cycles: CycleCounts | None = None
 
@@ -379,13 +380,44 @@ class GripperReport(msgspec.Struct, frozen=True, kw_only=True):
     error: int
 
 
+class Said(msgspec.Struct, frozen=True):
+    """A message for a client: by its code a program decides, and by code and values a client of this version words it.
+
+    Attributes:
+        code: of the catalogue, see the page of all messages.
+        sentence: what it says, in ROS's words, for clients that have no catalogue.
+        values: of its text; SI units.
+        actions: what a person can do about it.
+    """
+
+    code: str
+    sentence: str
+    values: dict[str, Any] = {}
+    actions: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, said: Message | str) -> Said:
+        """A message, or a line of a log that is none."""
+        if isinstance(said, str):
+            return cls("text", said, {"text": said})
+        actions = tuple(action.value for action in said.actions)
+        return cls(said.code, sentence(said, FrontEnd.ROS), to_wire(said)["values"], actions)
+
+    @property
+    def message(self) -> Message:
+        """The message, as far as this version knows it."""
+        said = from_wire({"code": self.code, "values": self.values})
+        assert isinstance(said, Message)
+        return said if is_known(said) else message("text", text=self.sentence)
+
+
 class EventReport(msgspec.Struct, frozen=True):
-    """A line of the driver's log: its number from 1, UNIX time [s], level (info, warning, error) and sentence."""
+    """A line of the driver's log: its number from 1, UNIX time [s], level (info, warning, error) and what it says."""
 
     number: int
     time: float
     level: str
-    sentence: str
+    said: Said
 
 
 class DriverState(msgspec.Struct, frozen=True, kw_only=True):
@@ -403,8 +435,8 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
         egm: off, streaming or running, of each arm.
         speed_scale: factor in force on the speed of every controller.
         speed_ratio: override of the speeds of RAPID motions [%].
-        reason: why EGM can neither be started nor runs, with what to do; empty when it can or does.
-        cause: what stopped the robot, with what to do, while it is stopped; empty while it works.
+        reasons: why EGM can neither be started nor runs, what to do first being the first; empty when it can or does.
+        causes: what stopped the robot, oldest first, while it is stopped; empty while it works.
         stop: id of the stop that a person must confirm before anything moves; empty where there is none.
         arms: both.
         controllers: of each arm.
@@ -424,14 +456,24 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     egm: dict[str, str]
     speed_scale: float
     speed_ratio: int | None
-    reason: str
-    cause: str
+    reasons: tuple[Said, ...]
+    causes: tuple[Said, ...]
     stop: str
     arms: dict[str, ArmReport]
     controllers: dict[str, tuple[ControllerStatus, ...]]
     grippers: dict[str, GripperReport | None]
     events: tuple[EventReport, ...] = ()
     allowed_collisions: tuple[str, ...] = ()
+
+    @property
+    def reason(self) -> str:
+        """The reasons with what to do, in this program's words."""
+        return in_words(each.message for each in self.reasons)
+
+    @property
+    def cause(self) -> str:
+        """The causes with what to do, in this program's words."""
+        return in_words(each.message for each in self.causes)
 
 
 class BoxReport(msgspec.Struct, frozen=True):
@@ -486,10 +528,10 @@ class MotionReport(msgspec.Struct, frozen=True):
 
 
 class Failure(msgspec.Struct, frozen=True):
-    """Why a request was refused or failed: the class in :mod:`yumi.errors`, the sentence, and the stop to confirm."""
+    """Why a request was refused or failed: the class in :mod:`yumi.errors`, what it says, and the stop to confirm."""
 
     kind: str
-    message: str
+    said: Said
     stop: str = ""
 
 
@@ -532,19 +574,19 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         mode = ArmMode.MOVING if max(map(abs, it.velocity)) > STANDING else ArmMode.HOLDING
     planned, egm = None, None
     with suppress(ProtocolError):  # none has come yet
-        message = SensorCodec(axes=7).decode(datagram)
-        planned = message.planned
+        reported = SensorCodec(axes=7).decode(datagram)
+        planned = reported.planned
         egm = EgmReport(
-            time=message.measured_time,
-            planned_time=message.planned_time,
-            motors=message.motors.name.lower(),
-            motion=message.mci.name.lower(),
-            rapid=message.rapid.name.lower(),
-            is_converged=message.is_converged,
-            utilization=message.utilization,
-            torque=message.torque,
-            force=message.force,
-            is_collision=None if message.collision is None else message.collision.is_triggered,
+            time=reported.measured_time,
+            planned_time=reported.planned_time,
+            motors=reported.motors.name.lower(),
+            motion=reported.mci.name.lower(),
+            rapid=reported.rapid.name.lower(),
+            is_converged=reported.is_converged,
+            utilization=reported.utilization,
+            torque=reported.torque,
+            force=reported.force,
+            is_collision=None if reported.collision is None else reported.collision.is_triggered,
         )
     return ArmReport(
         mode=mode,
@@ -557,7 +599,7 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
         goal=it.reference,
         pose=tool0_to_body(side, it.position),
         egm=egm,
-        problem=CAUSES.get(it.problem, ""),
+        problem=Said.of(message(PROBLEMS[it.problem], arm=side.word)) if it.problem is not Problem.NONE else None,
         limited=it.limited,
         cycles=counts,
     )
@@ -581,9 +623,9 @@ def endpoint_folder() -> Path:
         folder.mkdir(mode=0o700, exist_ok=True)
         found = folder.lstat()
     except OSError as error:
-        raise RobotNotReady(f"No local endpoint can be made in {folder}: {error.strerror}.") from error
+        raise RobotNotReady(message("no_endpoint_folder", folder=str(folder), why=error.strerror)) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise RobotNotReady(f"{folder} is not this user's own folder, or open to others; remove it.")
+        raise RobotNotReady(message("endpoint_folder_open_to_others", folder=str(folder)))
     return folder
 
 
@@ -596,16 +638,8 @@ def endpoint_path(robot: str, namespace: str = "") -> Path:
     name = f"{namespace.strip('/')}@{robot}" if namespace.strip("/") else robot
     path = endpoint_folder() / f"{_NO_FILE_NAME.sub('_', name)}{_SUFFIX}"
     if len(os.fsencode(path)) > _LONGEST_PATH:
-        raise RobotNotReady(
-            f"The path of the local endpoint is too long: {path}; set XDG_RUNTIME_DIR to a shorter one."
-        )
+        raise RobotNotReady(message("endpoint_path_too_long", path=str(path)))
     return path
-
-
-HOW_TO_START = (
-    "No driver runs on this machine for this user; start one with: yumi up --robot <address> (a virtual robot first: "
-    "yumi controller, then yumi up --robot 127.0.0.1 --rws-port 8080)."
-)
 
 
 def find_driver(robot: str = "") -> Path:
@@ -618,14 +652,14 @@ def find_driver(robot: str = "") -> Path:
     if len(drivers) > 1:
         drivers = {name: path for name, path in drivers.items() if _is_alive(path)}
     if not drivers:
-        raise RobotNotReady(HOW_TO_START)
+        raise RobotNotReady(message("no_driver_runs"))
     names = {name: {name, *name.split("@"), name.rpartition("@")[2].partition(":")[0]} for name in drivers}
     chosen = [path for name, path in drivers.items() if not robot or robot.strip("/") in names[name]]
     if len(chosen) == 1:
         return chosen[0]
     if not chosen:
-        raise RobotNotReady(f"No driver of {robot!r} runs on this machine; there is one of {', '.join(drivers)}.")
-    raise RobotNotReady(f"Several drivers run on this machine: {', '.join(drivers)}; name one with --robot.")
+        raise RobotNotReady(message("no_driver_of_robot", robot=robot, drivers=tuple(drivers)))
+    raise RobotNotReady(message("several_drivers_run", drivers=tuple(drivers)))
 
 
 def _is_alive(path: Path) -> bool:
@@ -670,9 +704,9 @@ class EndpointClient:
         try:
             self._socket = _connect(path)
         except (ConnectionRefusedError, FileNotFoundError) as error:
-            raise RobotNotReady(HOW_TO_START) from error
+            raise RobotNotReady(message("no_driver_runs")) from error
         except OSError as error:
-            raise RobotNotReady(f"The driver behind {path} does not answer: {error}.") from error
+            raise RobotNotReady(message("driver_does_not_answer", path=str(path), why=said_by(error))) from error
         self._received = b""
         self._number = 0
         self._send(Attach(), ANSWER)
@@ -738,23 +772,23 @@ class EndpointClient:
         for name in request.__struct_fields__:
             value = getattr(request, name)
             if isinstance(value, float) and not isfinite(value):  # JSON has none: it would be taken for left out
-                raise errors.CommandRefused(f"Request refused: {name} is {value}; give a finite number.")
+                raise errors.CommandRefused(message("value_not_finite", name=name, value=value))
         self._socket.settimeout(timeout)
         try:
             self._socket.sendall(msgspec.json.encode(request) + b"\n")
         except (BrokenPipeError, ConnectionResetError):
             return  # why it closed the connection may be there to be read
         except OSError as error:
-            raise self._lost(error) from error
+            raise self._lost(said_by(error)) from error
 
     def _receive(self) -> Answer:
         while b"\n" not in self._received:
             try:
                 data = self._socket.recv(1 << 16)
             except OSError as error:
-                raise self._lost(error) from error
+                raise self._lost(said_by(error)) from error
             if not data:
-                raise self._lost("it closed the connection")
+                raise self._lost(message("driver_closed_connection"))
             self._received += data
         line, _, self._received = self._received.partition(b"\n")
         return self._decode(line, Answer)
@@ -763,30 +797,28 @@ class EndpointClient:
         try:
             return msgspec.json.decode(data, type=kind)
         except msgspec.DecodeError as error:
-            raise ProtocolError(
-                f"The driver's answer cannot be read ({error}); driver and client must be of the same version."
-            ) from error
+            raise ProtocolError(message("driver_of_other_version", why=said_by(error))) from error
 
-    def _lost(self, reason: object) -> RobotNotReady:
-        return RobotNotReady(f"The connection to the driver behind {self.path.name} is lost: {reason}.")
+    def _lost(self, why: Message) -> RobotNotReady:
+        return RobotNotReady(message("driver_connection_lost", name=self.path.name, why=why))
 
 
 def error_of(failure: Failure) -> YumiError:
     """The exception that a driver's failure stands for."""
     kind: Any = getattr(errors, failure.kind, RobotNotReady)
     if issubclass(kind, errors.RobotNotReady | errors.GoalNotReached):
-        error: YumiError = kind(failure.message, failure.stop)
+        error: YumiError = kind(failure.said.message, failure.stop)
         return error
     return (
-        errors.CommandRefused(failure.message)
+        errors.CommandRefused(failure.said.message)
         if issubclass(kind, errors.CommandRefused)
-        else YumiError(failure.message)
+        else YumiError(failure.said.message)
     )
 
 
 def failure_of(error: YumiError) -> Failure:
     """What a client gets of an exception."""
-    return Failure(type(error).__name__, str(error), getattr(error, "stop", ""))
+    return Failure(type(error).__name__, Said.of(error.said), getattr(error, "stop", ""))
 
 
 def sides_of(arms: Sequence[Arm]) -> tuple[Side, ...]:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from yumi.catalogue import cut
+from yumi.catalogue import Message, cut, message, said_by
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, Event, JointStates, Snapshot, is_fault
 from yumi.driver.endpoint import (
@@ -57,6 +57,7 @@ from yumi.driver.endpoint import (
     Position,
     Recover,
     Request,
+    Said,
     SetMode,
     SetSpeedScale,
     StartEgm,
@@ -158,7 +159,7 @@ class Mover(Protocol):
 
     def is_moving(self, side: Side) -> bool: ...
 
-    def fault(self, side: Side) -> str | None: ...
+    def fault(self, side: Side) -> Message | None: ...
 
     def commanding(self, side: Side) -> tuple[str, ...]: ...
 
@@ -243,7 +244,7 @@ class Caller(NamedTuple):
     def check(self) -> None:
         """See that it is there; raises RobotNotReady: what it has asked for ends before its next step."""
         if self.is_gone():
-            raise RobotNotReady("What was asked for was ended before its next step: who asked for it is gone.")
+            raise RobotNotReady(message("asker_is_gone"))
 
     def report(self, step: str) -> None:
         """Take a step that comes next; raises as :meth:`check`."""
@@ -262,12 +263,12 @@ class Handlers:
         self._count = 0
         self._lock = Lock()
 
-    def note(self, level: int, sentence: str) -> None:
+    def note(self, level: int, said: Message | str) -> None:
         """Keep a line of the driver's log, with a level of :mod:`logging`."""
         with self._lock:
             self._count += 1
             word = _LEVELS.get(level, "info")
-            self._events.append(EventReport(self._count, time.time(), word, sentence))
+            self._events.append(EventReport(self._count, time.time(), word, Said.of(said)))
 
     def events_since(self, number: int) -> tuple[EventReport, ...]:
         """The lines after ``number`` that are still there."""
@@ -308,8 +309,8 @@ class Handlers:
             egm={side.word: egm for side, egm in robot.egm.items()},
             speed_scale=robot.speed_scale,
             speed_ratio=robot.speed_ratio,
-            reason=robot.reason,
-            cause=robot.cause,
+            reasons=tuple(map(Said.of, robot.reasons)),
+            causes=tuple(map(Said.of, robot.causes)),
             stop=robot.stop,
             arms={side.word: self._arm(side, is_connected=robot.is_connected) for side in Side},
             controllers=self.controllers(),
@@ -374,7 +375,7 @@ class Handlers:
     def calibrate(self, request: Calibrate, caller: Caller) -> str:
         sides = sides_of(request.arms)
         if not sides:
-            raise CommandRefused("No gripper is named; name right, left or both.")
+            raise CommandRefused(message("no_gripper_named"))
         with ExitStack() as stack:
             for side in sides:
                 stack.enter_context(self._access.grippers[side].alone())
@@ -386,9 +387,9 @@ class Handlers:
         (side,) = sides_of((request.arm,))
         access, opens = self._access, request.action == "open"
         if opens and request.force is not None:
-            raise CommandRefused("A gripper opens without a force; name one only to close it.")
+            raise CommandRefused(message("force_while_opening"))
         if not opens and request.width is not None:
-            raise CommandRefused("A gripper closes on whatever is there; name a width only to open it.")
+            raise CommandRefused(message("width_while_closing"))
         if opens:
             goal = go_to(TRAVEL if request.width is None else request.width / 2.0)
         else:
@@ -398,13 +399,13 @@ class Handlers:
             gripper.begin(goal, access.manager.check_not_stopped)
             outcome = gripper.wait(goal, is_cancelled=caller.is_gone)
         if outcome is None:
-            raise GoalNotReached(f"The {side.word} gripper was stopped: who asked for it is gone.")
+            raise GoalNotReached(message("gripper_stopped_asker_gone", arm=side.word))
         return GripReport(outcome, 2.0 * gripper.last_position)
 
     def switch(self, request: SwitchControllers, caller: Caller) -> str:
         (side,) = sides_of((request.arm,))
         if not request.activate and not request.deactivate:
-            raise CommandRefused("No controller is named; name what to activate or to deactivate.")
+            raise CommandRefused(message("no_controller_named"))
         self._access.check_arms((side,))
         done = self._access.control.call(Commands.switch_controllers, side, request.activate, request.deactivate)
         return done or f"The controllers of the {side.word} arm are switched"
@@ -416,9 +417,9 @@ class Handlers:
         }
         speed_scale, acceleration = request.speed_scale, request.acceleration
         if request.is_pose and request.speed is not None and not request.is_linear:
-            raise CommandRefused("A speed of the tool is for a straight line; ask for one, or leave it out.")
+            raise CommandRefused(message("tool_speed_without_line"))
         if not request.is_pose and (request.is_linear or request.speed is not None):
-            raise CommandRefused("A straight line, and a speed of the tool, are for poses; ask for a pose.")
+            raise CommandRefused(message("line_without_pose"))
 
         def begin() -> Sequence[RunningMotion]:
             if not request.is_pose:
@@ -442,18 +443,17 @@ class Handlers:
         """Move arms, wait until they stand, and give them back to the controllers that commanded them."""
         access = self._access
         if not sides:
-            raise CommandRefused("No arm has a goal; name right, left or both.")
+            raise CommandRefused(message("no_arm_has_goal"))
         access.check_arms(sides)
         if not self._moving.acquire(blocking=False):
-            raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
+            raise CommandRefused(message("another_move_under_way"))
         try:
             before = {side: access.mover.commanding(side) for side in sides}
             for side, names in before.items():
                 if access.mover.is_moving(side):
-                    raise CommandRefused(
-                        f"The {side.word} arm moves, commanded by {', '.join(names) or 'no controller'}; wait until "
-                        "it stands."
-                    )
+                    if not names:
+                        raise CommandRefused(message("arm_moves_without_controller", arm=side.word))
+                    raise CommandRefused(message("arm_moves_commanded_by", arm=side.word, controllers=tuple(names)))
             try:
                 motions = begin()
             except YumiError:  # refused: nothing has moved
@@ -472,7 +472,7 @@ class Handlers:
         (side,) = sides_of((request.arm,))
         self._access.check_arms((side,))
         if not self._moving.acquire(blocking=False):
-            raise CommandRefused("Another move is being carried out; wait for its end, or stop it.")
+            raise CommandRefused(message("another_move_under_way"))
         try:
             caller.check()
             if isinstance(request, Jog):
@@ -523,9 +523,9 @@ class Handlers:
                 with suppress(YumiError):  # how far they are is only shown
                     caller.show_motions({it.side.word: MotionReport(*it.way) for it in motions})
                 if caller.is_gone():
-                    raise GoalNotReached("The motion was stopped: who asked for it is gone.")
+                    raise GoalNotReached(message("motion_stopped_asker_gone"))
                 if deadline is not None and time.monotonic() > deadline:
-                    raise GoalNotReached(f"The motion was stopped: it took longer than {timeout:g} s.")
+                    raise GoalNotReached(message("motion_took_too_long", longest=timeout))
             for future in futures:
                 future.result()
         except BaseException:
@@ -567,8 +567,8 @@ _AT_ONCE = (
     AllowCollision,
 )  # these wait for nothing that others have asked for
 
-_FULL = f"The driver serves {MAX_CLIENTS} clients already; disconnect one. A stop is served all the same."
-_SILENT = f"No request came within {FIRST_REQUEST:g} s; the connection is closed."
+_FULL = message("too_many_clients", most=MAX_CLIENTS)
+_SILENT = message("silent_client", duration=FIRST_REQUEST)
 
 _requests = msgspec.json.Decoder(AnyRequest)
 _log = logging.getLogger(__name__)
@@ -625,7 +625,9 @@ class EndpointServer:
         path: of its socket, while it serves.
     """
 
-    def __init__(self, access: DriverAccess, log: Callable[[int, str], None] = lambda level, sentence: None) -> None:
+    def __init__(
+        self, access: DriverAccess, log: Callable[[int, Message | str], None] = lambda level, said: None
+    ) -> None:
         self.path = Path()
         self._names = access.robot, access.namespace
         self._handlers = Handlers(access)
@@ -645,14 +647,14 @@ class EndpointServer:
         # The end of a jog waits neither for requests nor on the loop's thread, which all clients need.
         self._jog_ends = ThreadPoolExecutor(len(Side), "endpoint-end-jog")
 
-    def note(self, level: int, sentence: str) -> None:
+    def note(self, level: int, said: Message | str) -> None:
         """Keep a line of the driver's log for the clients, with a level of :mod:`logging`; from any thread."""
-        self._handlers.note(level, sentence)
+        self._handlers.note(level, said)
 
     def note_event(self, event: Event) -> None:
         """Keep an event of the control process, unless it is a controller's own."""
         if not isinstance(event, ControllerReport):
-            self._handlers.note(logging.WARNING if is_fault(event) else logging.INFO, str(event))
+            self._handlers.note(logging.WARNING if is_fault(event) else logging.INFO, event.said)
 
     @property
     def client_count(self) -> int:
@@ -764,7 +766,7 @@ class EndpointServer:
             try:
                 line = await reader.readline()
             except ValueError:
-                client.send(_refused(0, f"A request is longer than {MAX_REQUEST} bytes; the connection is closed."))
+                client.send(_refused(0, message("request_too_long", most=MAX_REQUEST)))
                 return
             if not line.endswith(b"\n") or not await self._take(line, client):
                 return
@@ -805,8 +807,7 @@ class EndpointServer:
         is_stop = _is_stop(request)  # never refused
         is_work = not is_stop and not isinstance(request, _AT_ONCE)
         if (client.pending >= MAX_PENDING and not is_stop) or (is_work and self._work >= MAX_WORK):
-            sentence = "The driver carries out too many requests already; wait for their answers."
-            client.send(_refused(request.id, sentence))
+            client.send(_refused(request.id, message("too_many_requests")))
         else:
             self._begin(client, request, is_work=is_work)
 
@@ -897,8 +898,8 @@ def _is_stop(request: Request) -> bool:
     return isinstance(request, StopEgm) or (isinstance(request, SetMode) and request.mode == "motors_off")
 
 
-def _refused(number: int, sentence: str) -> Answer:
-    return Answer(id=number, error=Failure("CommandRefused", sentence))
+def _refused(number: int, said: Message) -> Answer:
+    return Answer(id=number, error=Failure("CommandRefused", Said.of(said)))
 
 
 def _failed(request: Request, error: Exception) -> Answer:
@@ -906,7 +907,7 @@ def _failed(request: Request, error: Exception) -> Answer:
     if isinstance(error, YumiError):
         return Answer(id=request.id, error=failure_of(error))
     _log.error("A request of the local endpoint failed: %s", request, exc_info=error)
-    return _refused(request.id, f"The driver failed with {type(error).__name__}: {error}; its log says more.")
+    return _refused(request.id, message("driver_failed", kind=type(error).__name__, why=said_by(error)))
 
 
 def _not_understood(line: bytes, error: Exception) -> Answer:
@@ -916,7 +917,9 @@ def _not_understood(line: bytes, error: Exception) -> Answer:
     except (ValueError, RecursionError, KeyError, TypeError):
         number = 0
     if isinstance(error, RecursionError):
-        reason = "its lists or objects are nested too deeply"
+        why = message("request_nested_too_deeply")
+    elif isinstance(error, UnicodeDecodeError):
+        why = message("request_not_utf_8")
     else:
-        reason = "it is not in UTF-8" if isinstance(error, UnicodeDecodeError) else cut(str(error))
-    return _refused(number if isinstance(number, int) else 0, f"Request refused: {reason}.")
+        why = message("text", text=cut(str(error)))
+    return _refused(number if isinstance(number, int) else 0, message("request_not_understood", why=why))

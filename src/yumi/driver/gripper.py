@@ -683,7 +683,7 @@ class GripperRoutines:
                 # The task calibrates in a trap, which would hold back every stop of an arm that moves.
                 machine = read_machine_state(self._client.symbol(side.task, MAIN, "current_state"))
                 state = RobotState(True, machines={side: machine})
-                check_request(Request.CALIBRATE, state, (side,), f"the {side.word} gripper cannot be calibrated: ")
+                check_request(Request.CALIBRATE, state, (side,))
             for each in Side:
                 command = SgCommand.CALIBRATE if each in sides else SgCommand.NONE
                 self._write(each, "command_input", float(command))

@@ -20,6 +20,7 @@ from threading import Event as Flag
 from threading import Lock
 from typing import Any, Protocol
 
+from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.shared_state import Event as ArmEvent
 from yumi.control.shared_state import (
@@ -30,20 +31,9 @@ from yumi.control.shared_state import (
     Snapshot,
     is_fault,
 )
-from yumi.driver.readiness import (
-    EGM_OFF,
-    EGM_RUNNING,
-    EGM_STREAMING,
-    Cause,
-    RobotState,
-    Stop,
-    StopLog,
-    demand_confirmation,
-    explain,
-    explained,
-    why_not_ready,
-)
+from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
+from yumi.driver.stops import Cause, Stop, StopLog, explain, explained
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Side, joints
@@ -84,11 +74,11 @@ class StateLog:
         clock: gives the time.
 
     Attributes:
-        report: takes the level of :mod:`logging` and the sentence of each line.
+        report: takes the level of :mod:`logging` and what each line says.
     """
 
     def __init__(self, stops: StopLog, clock: Clock) -> None:
-        self.report: Callable[[int, str], None] = lambda level, sentence: None
+        self.report: Callable[[int, Message | str], None] = lambda level, said: None
         self._stops = stops
         self._clock = clock
         self._requested: frozenset[str] = frozenset()
@@ -147,20 +137,25 @@ class StateLog:
         if state.stop:
             self._logged_stop = state.stop
         if parts or is_new_stop:
-            what = _sentence(parts) if parts else "The robot was stopped"
-            why = f": {state.cause}" if state.cause else ""
-            if state.stop or not state.is_connected or (cause is not None and cause.type is EventType.ERROR):
-                self.report(logging.ERROR, f"{what}{why}.{demand_confirmation(state.stop)}")
-            elif self._is_requested:
-                self.report(logging.INFO, f"{what}, as requested.")
+            what = message("text", text=_sentence(parts)) if parts else message("robot_was_stopped")
+            if state.stop:
+                said = message("changed_by_stop", changes=what, causes=state.causes, stop=state.stop)
+            elif state.causes:
+                said = message("changed_by", changes=what, causes=state.causes)
             else:
-                self.report(logging.WARNING, f"{what}{why}.")
+                said = message("robot_changed", changes=what)
+            if state.stop or not state.is_connected or (cause is not None and cause.type is EventType.ERROR):
+                self.report(logging.ERROR, said)
+            elif self._is_requested:
+                self.report(logging.INFO, message("robot_changed_as_requested", changes=what))
+            else:
+                self.report(logging.WARNING, said)
             self._is_requested = True
             stop = self._stops.stop
-            logged = {*(stop.codes if stop else ()), cause.code if cause else 0}
+            logged = {*(stop.numbers if stop else ()), cause.code if cause else 0}
             events = [event for event in events if event.code not in logged]
         for event in events:
-            self.report(logging.ERROR, f"The controller reports {explain(event)}.")
+            self.report(logging.ERROR, message("controller_reports_event", event=explain(event)))
 
 
 def _changes(before: RobotState, after: RobotState) -> tuple[list[str], list[str]]:
@@ -315,7 +310,7 @@ class RobotMonitor:
             age = self._clock.now() - self._read_at
             if self._state.is_connected and age > STALE:
                 unknown = self._completed(RobotState())
-                return replace(unknown, reason=f"the robot's state is unknown: it was read {age:.0f} s ago")
+                return replace(unknown, reasons=(message("state_is_old", age=age),))
             return self._completed(self._state)
 
     def read(self) -> RobotState:
@@ -359,12 +354,12 @@ class RobotMonitor:
             self._unexplained.append((self._clock.now() + EXPLAINED, then))
         self._wake.set()
 
-    def describe(self, event: ArmEvent, then: Callable[[str], None]) -> None:
+    def describe(self, event: ArmEvent, then: Callable[[Message], None]) -> None:
         """Have ``then`` called with what happened to an arm: with the cause, once it is known, where EGM has ended."""
         if is_fault(event) and isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
             self.explain(lambda cause: then(explained(event, cause)))
         else:
-            then(str(event))
+            then(event.said)
 
     def wait_for_cause(self) -> Cause:
         """What stopped the robot, waiting until it is known as :meth:`explain` does; empty while it works."""
@@ -378,7 +373,7 @@ class RobotMonitor:
     def cause(self) -> Cause:
         """What stopped the robot, as far as it is known now; empty while it works."""
         state = self.state()
-        return Cause(state.cause, state.stop)
+        return Cause(state.causes, state.stop)
 
     # The thread
 
@@ -601,11 +596,16 @@ class RobotMonitor:
         )
         stop, event = self._stops.stop, self._stops.cause
         if stop is not None:
-            live = replace(live, cause=stop.cause, stop=stop.id)
-            return replace(live, reason=why_not_ready(live))
-        reason = why_not_ready(live)
-        cause = "" if not live.is_stopped else reason if event is None or not live.is_connected else explain(event)
-        return replace(live, reason=reason, cause=cause)
+            live = replace(live, causes=stop.causes, stop=stop.id)
+            return replace(live, reasons=why_not_ready(live))
+        reasons = why_not_ready(live)
+        if not live.is_stopped:
+            causes: tuple[Message, ...] = ()
+        elif event is None or not live.is_connected:
+            causes = reasons
+        else:
+            causes = (explain(event),)
+        return replace(live, reasons=reasons, causes=causes)
 
     def _report(self) -> None:
         state = self.state()
@@ -623,7 +623,7 @@ class RobotMonitor:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]
         for _, then in due:
-            self._failures.attempt("Reporting what stopped the robot", then, Cause(state.cause, state.stop))
+            self._failures.attempt("Reporting what stopped the robot", then, Cause(state.causes, state.stop))
 
 
 def changed(state: RobotState, change: Change) -> RobotState:

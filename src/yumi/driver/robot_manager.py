@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 from threading import Lock
 
+from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.loop import Commands
 from yumi.control.shared_state import (
@@ -34,7 +35,8 @@ from yumi.driver.egm_control import (
 )
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.monitor import MOTORS_OFF, PROGRAM_STOPPED, RobotMonitor
-from yumi.driver.readiness import Mode, Report, RobotState, StopLog
+from yumi.driver.readiness import Mode, Report, RobotState
+from yumi.driver.stops import StopLog
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.description import Mass, Tool
 from yumi.robot.gripper import ServoCommand
@@ -167,9 +169,12 @@ class RobotManager:
         if self._egm.is_running(self._arms):
             return "ready, EGM runs"
         state = self.state()
-        if state.reason:
-            cause = f". {state.cause}" if state.cause and state.cause not in state.reason else ""
-            raise RobotNotReady(f"not ready: {state.reason}{cause}", state.stop)
+        if state.reasons:
+            if state.causes and state.causes != state.reasons:
+                said = message("not_ready_after_stop", reasons=state.reasons, causes=state.causes)
+            else:
+                said = message("not_ready", reasons=state.reasons)
+            raise RobotNotReady(said, state.stop)
         return "ready"
 
     def check_not_stopped(self) -> None:
@@ -416,11 +421,7 @@ class RobotManager:
 
         def change(tool: Tool | None) -> Tool:
             if tool is None:
-                raise CommandRefused(
-                    f"The tool of the {side.word} arm is not known: the robot has one load for tool and payload, and "
-                    "an earlier driver may have set it. Set the tool first (set_tool), or name it in the settings "
-                    "(egm_motion.tool)."
-                )
+                raise CommandRefused(message("tool_unknown", arm=side.word))
             return replace(tool, payload=payload)
 
         return self._write_tool(side, change)
@@ -564,7 +565,7 @@ class RobotManager:
 
     def _check_no_stop_since(self, requests: int) -> None:
         if self._stop_requests != requests:
-            raise RobotNotReady("A stop was requested meanwhile; ask again if it is to be done all the same.")
+            raise RobotNotReady(message("stop_requested_meanwhile"))
 
     def _come_to_rest(self) -> None:
         """Gently where that is possible; the stop that was requested follows in any case."""
@@ -580,37 +581,37 @@ class RobotManager:
             except YumiError as error:  # not every robot has two grippers
                 self._log(logging.INFO, f"A jog of the {gripper.side.word} gripper could not be ended: {error}")
 
-    def _log(self, level: int, sentence: str) -> None:
-        self.monitor.log.report(level, sentence)
+    def _log(self, level: int, said: Message | str) -> None:
+        self.monitor.log.report(level, said)
 
 
 def bring_up(
     manager: RobotManager,
     setup: GripperSetup,
     grippers: Mapping[Side, Gripper],
-    log: Callable[[int, str], None],
+    log: Callable[[int, Message | str], None],
     *,
     is_tested: bool = False,
     is_reading_only: bool = False,
-) -> str:
+) -> Message | None:
     """Bring the robot to ready, saying before what will be done to it.
 
     Args:
         manager: of the robot.
         setup: of the grippers.
         grippers: both.
-        log: takes a level of :mod:`logging` and a sentence.
+        log: takes a level of :mod:`logging` and what is to be logged.
         is_tested: whether the grippers are closed once as a test.
         is_reading_only: whether the robot is left as it is.
 
     Returns:
-        Why it is not ready; empty when it is, or is left as it is.
+        Why it is not ready; None when it is, or is left as it is.
     """
     try:
         if is_reading_only:
             manager.report_remarks()
             log(logging.INFO, "The robot is left as it is until start_egm, set_mode or recover is called.")
-            return ""
+            return None
         steps = [*manager.steps_to_ready(), *setup.steps(is_tested=is_tested)]
         if steps:
             log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
@@ -619,9 +620,9 @@ def bring_up(
             close_as_test(grippers, partial(log, logging.INFO), partial(log, logging.ERROR))
         log(logging.INFO, "The robot is ready.")
     except YumiError as error:
-        log(logging.ERROR, str(error))
-        return str(error)
-    return ""
+        log(logging.ERROR, error.said)
+        return error.said
+    return None
 
 
 class RobotConnection:

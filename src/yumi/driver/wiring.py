@@ -51,10 +51,10 @@ from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
-from yumi.driver.readiness import StopLog
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
+from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import UdpServer, address_towards, resolve

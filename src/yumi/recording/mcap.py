@@ -42,6 +42,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from yumi import __version__
+from yumi.catalogue import Message
 from yumi.clock import Clock
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import FlightRecorder, Frame
@@ -348,9 +349,9 @@ def recorded_event(event: Event, time: float) -> RecordedEvent:
     return RecordedEvent(time, event.side, type(event).__name__, str(event), is_fault(event))
 
 
-def _described(event: RecordedEvent, sentence: Future[str]) -> RecordedEvent:
+def _described(event: RecordedEvent, sentence: Future[Message]) -> RecordedEvent:
     """``event`` with what is said of it, as far as that is known by now."""
-    return replace(event, sentence=sentence.result()) if sentence.done() else event
+    return replace(event, sentence=str(sentence.result())) if sentence.done() else event
 
 
 class RecordingWriter:
@@ -721,12 +722,12 @@ SOURCE_PERIOD = 0.1
 Source = Callable[[], object | None]
 """What is known now: a value class; None, or a YumiError, while nothing is."""
 
-Describe = Callable[[Event, Callable[[str], None]], None]
+Describe = Callable[[Event, Callable[[Message], None]], None]
 """Calls back with what is said of an event: at once, or on another thread when its cause is known."""
 
 
-def _say_at_once(event: Event, then: Callable[[str], None]) -> None:
-    then(str(event))
+def _say_at_once(event: Event, then: Callable[[Message], None]) -> None:
+    then(event.said)
 
 
 _NAME = "flight_"
@@ -792,7 +793,7 @@ class Recorder:
             now: monotonic clock [s].
             time_of_day: at the same moment [s since 1970].
         """
-        sentence: Future[str] = Future()
+        sentence: Future[Message] = Future()
         if is_fault(event):
             memory = self._recorders[event.side].copy()
             try:
@@ -812,7 +813,7 @@ class Recorder:
             self._full.close()
 
     def _write(
-        self, event: RecordedEvent, sentence: Future[str], side: Side, memory: FlightRecorder, time_of_day: float
+        self, event: RecordedEvent, sentence: Future[Message], side: Side, memory: FlightRecorder, time_of_day: float
     ) -> None:
         """Write what led to the event; this process may end meanwhile."""
         moment = datetime.fromtimestamp(time_of_day)
@@ -844,7 +845,7 @@ class Recorder:
     def _go_on(
         self,
         event: RecordedEvent,
-        sentence: Future[str],
+        sentence: Future[Message],
         side: Side,
         newest: int,
         file: Path,
@@ -919,7 +920,7 @@ class FullRecorder:
         self._report = report
         self._last = {side: recorder.newest for side, recorder in recorders.items()}
         self._written = self._lost = 0
-        self._events: deque[tuple[RecordedEvent, Future[str]]] = deque()
+        self._events: deque[tuple[RecordedEvent, Future[Message]]] = deque()
         self._failures = Failures()
         self._is_over = Flag()
         self._thread = Thread(target=self._run, name="full-recorder", daemon=True)
@@ -928,7 +929,7 @@ class FullRecorder:
         """Begin; without a call of close the thread ends with the process."""
         self._thread.start()
 
-    def on_event(self, event: Event, now: float, sentence: Future[str]) -> None:
+    def on_event(self, event: Event, now: float, sentence: Future[Message]) -> None:
         """Record ``event``, which happened at ``now`` on the monotonic clock [s], once its sentence is known."""
         self._events.append((recorded_event(event, now), sentence))
 

@@ -57,7 +57,7 @@ from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreach
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
 from yumi.ros.controller_manager import MakeInterface
-from yumi.ros.messages import SERVICES, nanoseconds, pose_of
+from yumi.ros.messages import SERVICES, nanoseconds, pose_of, say_why
 from yumi.ros.nodes import is_cancelled
 from yumi.ros.topics import CommandTopic, RobotFrames
 from yumi.settings import number
@@ -417,7 +417,7 @@ class _LineAction(ABC):
             result.message = "Cancelled before the arm moved."
             self._end_cancelled(handle)
         except YumiError as error:
-            result.message = str(error)
+            say_why(result, error)
             self._log.warning(result.message)
             handle.abort()
         finally:
@@ -639,7 +639,7 @@ class KinematicsServices:
         response.success = bool(found)
         if not found:
             reason = f"No posture of the {side.word} arm has this pose with this arm angle; try others."
-            response.message = str(unreachable(side, tool0, reason, now))
+            say_why(response, unreachable(side, tool0, reason, now))
 
     def _jacobian(self, request: Any, response: Any) -> None:
         position = request.position if len(request.position) else self._now()
@@ -655,7 +655,7 @@ def _answered(answer: Callable[[Any, Any], None], request: Any, response: Any) -
     try:
         answer(request, response)
     except YumiError as error:
-        response.message = str(error)
+        say_why(response, error)
     return response
 
 

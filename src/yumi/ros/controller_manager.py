@@ -44,8 +44,8 @@ from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo,
 from yumi.control.controller_manager import Strictness
 from yumi.control.loop import CommandPort, Commands
 from yumi.control.shared_state import ControllerReport, ControlProcessEnded, Event, ReportsDropped, is_fault
-from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
+from yumi.driver.stops import Cause, explained
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.process.supervision import Failures
 from yumi.robot.joints import CYCLE, Side, joint_names
@@ -183,7 +183,7 @@ class ArmManager:
         elif explain is None:
             self._log.error(str(event))
         else:
-            explain(lambda cause: self._log.error(explained(event, cause)))
+            explain(lambda cause: self._log.error(str(explained(event, cause))))
         self.update()
 
     def update(self) -> None:

@@ -37,6 +37,7 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
+from yumi.catalogue import Message
 from yumi.clock import Clock
 from yumi.control.controller import State
 from yumi.control.shared_state import Event, RobotStoppedFollowing, SessionLost, SessionStarted
@@ -276,9 +277,9 @@ class RosDriver:
         """Log one line of the robot manager that a person should do something about."""
         self.log(logging.WARNING, sentence)
 
-    def log(self, level: int, sentence: str) -> None:
+    def log(self, level: int, said: Message | str) -> None:
         """Log one line of the robot manager, with a level of :mod:`logging`."""
-        log = self._node.get_logger()
+        log, sentence = self._node.get_logger(), str(said)
         if level >= logging.ERROR:  # a line for each: rclpy refuses another severity from the same line
             log.error(sentence)
         elif level >= logging.WARNING:
@@ -286,14 +287,14 @@ class RosDriver:
         else:
             log.info(sentence)
 
-    def bring_up(self, *, is_reading_only: bool = False) -> str:
+    def bring_up(self, *, is_reading_only: bool = False) -> Message | None:
         """Bring the robot to ready.
 
         Args:
             is_reading_only: whether the robot is left as it is.
 
         Returns:
-            Why it is not ready; empty when it is, or is left as it is.
+            Why it is not ready; None when it is, or is left as it is.
         """
         return bring_up(
             self._manager,

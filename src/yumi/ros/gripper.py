@@ -27,7 +27,7 @@ from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
 from yumi.process.supervision import SupervisedThread
 from yumi.robot.gripper import GripperGoal, GripperState, Outcome, ServoState, gripper_goal
 from yumi.robot.joints import Side, finger_names, prefixed
-from yumi.ros.messages import LATCHED, SERVICES, stamp
+from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
 from yumi.ros.nodes import TimerThread
 
 WhyNot = Callable[[], str | None]
@@ -259,7 +259,8 @@ class GripperServices:
                 response.success = True
             except YumiError as error:
                 self._log.error(f"{name}: {error}")
-                response.message, response.success = str(error), False
+                response.success = False
+                say_why(response, error)
             return response
 
         self._node.create_service(kind, f"~/{name}", answer, qos_profile=SERVICES, callback_group=self._group)

@@ -28,15 +28,17 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from yumi.catalogue import quoted
+from yumi.catalogue import clause, message, quoted, remedy_of
+from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
 from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
 from yumi.control.controllers.joint_trajectory import DEFAULT, UNLIMITED, Tolerances
-from yumi.control.shared_state import CAUSES, Problem, Snapshot, TrajectoryFeedback
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, TrajectoryFeedback
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, check_count, refused
-from yumi.driver.readiness import EVENT_TEXTS, Mode, RobotState
+from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import MachineState
-from yumi.errors import CommandRefused
+from yumi.driver.stops import explain
+from yumi.errors import CommandRefused, YumiError
 from yumi.robot.description import Mass
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, Joints, Pose, Side, joint_names, joints
 from yumi.rws.documents import Event
@@ -118,7 +120,7 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
     """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``; off is OK unless it ``is_desired``."""
     level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
     if snapshot.problem is not Problem.NONE:
-        level, sentence = DiagnosticStatus.ERROR, CAUSES[snapshot.problem]
+        level, sentence = DiagnosticStatus.ERROR, str(message(PROBLEMS[snapshot.problem], arm=side.word))
     elif snapshot.is_running and not snapshot.is_streaming:
         level, sentence = DiagnosticStatus.WARN, "running, feedback is interrupted"
     elif snapshot.is_running:
@@ -513,9 +515,11 @@ def robot_state(state: RobotState, time_ns: int, frame: str = "") -> RobotStateM
     return RobotStateMessage(
         header=Header(stamp=stamp(time_ns), frame_id=frame),
         is_connected=state.is_connected,
-        is_ready=not state.reason,
+        is_ready=not state.reasons,
         reason=state.reason,
+        reason_codes=[each.code for each in state.reasons],
         cause=state.cause,
+        cause_codes=[each.code for each in state.causes],
         stop=state.stop,
         speed_scale=state.speed_scale,
         operating_mode=_word(state.operating_mode),
@@ -536,7 +540,8 @@ def controller_event(event: Event | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
-    text = EVENT_TEXTS.get(event.code)
+    said = explain(event)
+    is_known = event.code in KNOWN_NUMBERS
     try:  # the controller's local time, without a zone
         local = datetime.strptime(event.time, _TIME).replace(tzinfo=timezone.utc)
         seconds = min(max(int(local.timestamp()), 0), _LAST_SECOND)
@@ -547,15 +552,15 @@ def controller_event(event: Event | None) -> ControllerEvent:
         type=_TYPES[event.type],
         title=event.title,
         stamp=Time(sec=seconds),
-        cause="" if text is None else text.cause,
-        remedy="" if text is None else text.remedy,
+        cause=clause(said) if is_known else "",
+        remedy=remedy_of(said) if is_known else "",
     )
 
 
 def robot_status(state: RobotState) -> DiagnosticStatus:
     """The state for ``/diagnostics``: an error without a connection, a warning while it is not ready."""
     event, level = controller_event(state.last_event), DiagnosticStatus.OK
-    if state.reason:
+    if state.reasons:
         level = DiagnosticStatus.WARN if state.is_connected else DiagnosticStatus.ERROR
     values: Mapping[str, str] = {
         "operating_mode": _word(state.operating_mode),
@@ -574,7 +579,7 @@ def robot_status(state: RobotState) -> DiagnosticStatus:
     return DiagnosticStatus(
         level=level,
         name="yumi: robot",
-        message=f"not ready: {state.reason}" if state.reason else "ready",
+        message=f"not ready: {state.reason}" if state.reasons else "ready",
         hardware_id="IRC5",
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
@@ -593,6 +598,13 @@ def mass_of(message: Any) -> Mass:
     """The body in a geometry_msgs/Inertia [kg, m, kg m²]."""
     inertia = (message.ixx, message.ixy, message.ixz, message.iyy, message.iyz, message.izz)
     return Mass(message.m, (message.com.x, message.com.y, message.com.z), inertia)
+
+
+def say_why(answer: Any, error: YumiError) -> None:
+    """Why a request was refused or failed, into the fields ``message`` and, where the type has it, ``code``."""
+    answer.message = str(error)
+    if hasattr(answer, "code"):  # the types of std_srvs have none
+        answer.code = error.said.code
 
 
 def pose_of(message: Any) -> Pose:

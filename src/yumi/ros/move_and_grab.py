@@ -24,7 +24,7 @@ from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
-from yumi.driver.readiness import demand_confirmation
+from yumi.catalogue import message
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed, YumiError
 from yumi.robot.gripper import Outcome, outcome_of
 from yumi.robot.joints import Joints, Side, joint_names, joints
@@ -72,6 +72,13 @@ _DISCOVERY = 10.0  # [s]
 _ANSWER = 30.0  # [s]
 _STATE = 5.0  # [s]
 _RECOVERY = 120.0  # [s]; a controller that restarts does not answer for some twenty
+_NAMING_A_STOP = {
+    "stopped_by",
+    "stopped_by_and_active",
+    "another_stop_open",
+    "still_stopped",
+    "not_brought_back_after_stop",
+}
 _EXPLAINED = 1.5  # [s] after EGM's end the driver knows what stopped the robot
 _FAILURE = 1.0  # [s] for the reason of a gripper's failure, which is on another topic than the result
 
@@ -460,9 +467,9 @@ class MoveAndGrab:
         stop = ""
         if self._is_stopped():
             stop = str(self._state.stop)
-            sentence = f"The robot stands. Cause: {self._state.cause}.{demand_confirmation(stop)}"
-            if not self._confirm(sentence):
-                raise RobotNotReady(f"{error} {sentence} Not confirmed by a person.", stop) from error
+            cause = message("text", text=str(self._state.cause))
+            if not self._confirm(str(message("robot_stands", cause=cause))):
+                raise RobotNotReady(message("robot_stands_unconfirmed", error=error.said, cause=cause), stop) from error
         while True:
             try:
                 self._progress.note(self._request_recovery(stop))
@@ -485,12 +492,11 @@ class MoveAndGrab:
         except BaseException:
             handle.cancel_goal_async()
             raise
-        message, stop = str(result.message), str(result.state.stop)
         if result.success:
-            return message
-        if stop and stop in message:  # a stop that only the newer state has was not shown to a person
-            raise StopNotConfirmed(message, stop)
-        raise RobotNotReady(message)
+            return str(result.message)
+        if result.code in _NAMING_A_STOP:  # a stop that only the newer state has was not shown to a person
+            raise StopNotConfirmed(str(result.message), str(result.state.stop))
+        raise RobotNotReady(str(result.message))
 
     def _is_stopped(self) -> bool:
         """Whether something known keeps the robot stopped."""
@@ -498,7 +504,7 @@ class MoveAndGrab:
 
     def _is_explained(self) -> bool:
         """Whether the driver knows more than that the robot is stopped."""
-        return self._is_stopped() and (bool(self._state.stop) or self._state.cause != self._state.reason)
+        return self._is_stopped() and (bool(self._state.stop) or self._state.cause_codes != self._state.reason_codes)
 
     def _take_state(self, message: Any) -> None:
         self._state = message

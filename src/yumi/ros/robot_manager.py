@@ -51,6 +51,7 @@ from yumi.ros.messages import (
     mode_of,
     pose_of,
     robot_state,
+    say_why,
     side_of,
 )
 from yumi.ros.nodes import TimerThread
@@ -153,7 +154,8 @@ class RobotManagerServices:
                 setattr(response, answer_field, call(request))
                 response.success = True
             except YumiError as error:
-                response.message, response.success = str(error), False
+                response.success = False
+                say_why(response, error)
                 if group is not _Group.READ:
                     self._log.error(f"{name}: {error}")
             if group is not _Group.READ:
@@ -228,7 +230,7 @@ class RobotManagerActions:
                 result.message = str(cancelled)
                 handle.canceled()
             except YumiError as error:
-                result.message = str(error)
+                say_why(result, error)
                 self._log.error(f"{name}: {error}")
                 handle.abort()
             finally:
@@ -345,5 +347,5 @@ class SpeedScaleInterface:
             self._node.set_parameters([Parameter(NAME, value=self._speed.value)])
             self._log.info(response.message)
         except CommandRefused as error:
-            response.message = str(error)
+            say_why(response, error)
         return response

@@ -38,16 +38,17 @@ from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, quoted
 from yumi.clock import Clock
 from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.joint_position import FORWARDERS
 from yumi.control.loop import Commands
-from yumi.control.shared_state import CAUSES, JointStates, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, JointStates, Problem, Snapshot
 from yumi.control.tool_path import checked_pose
 from yumi.driver.control_process import ArmBuffers, ControlProcess
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import RosSettings
+from yumi.driver.stops import Cause, because
 from yumi.errors import CommandRefused
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.description import Frame, read_frames
@@ -138,7 +139,7 @@ class CommandTopic(ABC):
         self._snapshot = snapshot
         self._now = now
         self._given_in = (0, 0)  # session and activation
-        self.why_stopped: Callable[[], object] = lambda: ""  # a sentence with a blank before it, or nothing
+        self.why_stopped: Callable[[], Cause] = Cause
         self._subscription = node.create_subscription(self.type, self.name, self._receive, _COMMAND_QOS)
 
     def destroy(self) -> None:
@@ -193,11 +194,11 @@ class CommandTopic(ABC):
         """See that a matching controller commands the arm; what is known of it. Raises CommandRefused."""
         snapshot, arm = self._snapshot(), f"{self._side.word} arm"
         if not snapshot.is_running:
-            raise CommandRefused(
-                f"{self.noun} refused: EGM is not running on the {arm}; call start_egm first.{self.why_stopped()}"
-            )
+            said = message("goal_refused", reason=message("arm_without_egm", arm=self._side.word))
+            raise CommandRefused(because(said, self.why_stopped()))
         if snapshot.problem is not Problem.NONE:
-            raise CommandRefused(f"{self.noun} refused: {arm}: {CAUSES[snapshot.problem]}.")
+            reason = message(PROBLEMS[snapshot.problem], arm=self._side.word)
+            raise CommandRefused(message("goal_refused", reason=reason))
         if not self.is_for(snapshot.goal_kind):
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
             raise CommandRefused(

@@ -41,6 +41,7 @@ from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Traje
 from yumi.control.trajectory import ArmPlan, ResultCode, SplineSampler, plan_trajectory, timed
 from yumi.control.trajectory import JointTrajectory as Trajectory
 from yumi.driver.control_process import ENDED
+from yumi.driver.stops import Cause, because
 from yumi.errors import CommandRefused, YumiError
 from yumi.robot.joints import CYCLE, ZERO, JointLimits, Side, joint_names
 from yumi.ros.controller_manager import MakeInterface
@@ -132,12 +133,12 @@ _POLL_PERIOD = 0.01  # [s] the controllers' state is published at most so often
 
 
 class Causes(Protocol):
-    """Knows what stopped the robot; as text it is a sentence with a blank before it, or nothing."""
+    """Knows what stopped the robot."""
 
-    def cause(self) -> object:
+    def cause(self) -> Cause:
         """As far as it is known now."""
 
-    def wait_for_cause(self) -> object:
+    def wait_for_cause(self) -> Cause:
         """Waiting until it is known."""
 
 
@@ -251,7 +252,7 @@ class TrajectoryAction:
         with self._lock:
             goal = self._open.get(event.goal)
             if goal is None:
-                self._log.info(event.sentence)
+                self._log.info(str(event.said))
                 return
             goal.ends[side] = event
             self._query.forget(event.goal)
@@ -278,7 +279,8 @@ class TrajectoryAction:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
             self._send(request.trajectory, tolerances, _OpenGoal(request))
         except YumiError as error:
-            self._log.warning(f"{error}{self._advice()}{self._causes.cause() if self._causes else ''}")
+            said = because(error.said, self._causes.cause()) if self._causes else error.said
+            self._log.warning(f"{said}{self._advice()}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
 
@@ -391,9 +393,10 @@ class TrajectoryAction:
             handle.abort()
             return result
         end = goal.end
-        result.error_code, result.error_string = int(end.code), end.sentence
-        if end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL:  # deactivated: EGM may have ended
-            result.error_string += str(self._causes.wait_for_cause() if self._causes else "")
+        result.error_code, result.error_string = int(end.code), str(end.said)
+        is_deactivated = end.outcome is Outcome.ABORTED and end.code is ResultCode.INVALID_GOAL  # EGM may have ended
+        if is_deactivated and self._causes is not None:
+            result.error_string = str(because(end.said, self._causes.wait_for_cause()))
         if end.outcome is Outcome.SUCCEEDED:
             handle.succeed()
         elif end.outcome is Outcome.CANCELED and is_cancelled(handle, self._clock):

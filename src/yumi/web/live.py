@@ -11,7 +11,7 @@ import asyncio
 import logging
 import time
 from collections import deque
-from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from math import inf
@@ -21,17 +21,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 import msgspec
 
 from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
+from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
 from yumi.control.shared_state import Limited
 from yumi.driver.endpoint import (
     ANSWER,
-    HOW_TO_START,
     Answer,
     Arm,
     Attach,
     Calibrate,
     DriverState,
     EventReport,
-    Failure,
     Follow,
     GetState,
     GetSurroundings,
@@ -43,6 +42,7 @@ from yumi.driver.endpoint import (
     Position,
     Recover,
     Request,
+    Said,
     SetSpeedScale,
     StartEgm,
     StopEgm,
@@ -50,7 +50,6 @@ from yumi.driver.endpoint import (
     Surroundings,
     SwitchControllers,
     error_of,
-    failure_of,
     find_driver,
 )
 from yumi.egm.udp import is_loopback
@@ -87,7 +86,7 @@ STALE = 0.05
 OLDEST_SEEN = 0.8
 """A page that was shown no state since this time jogs nothing [s]: its messages may come late, and all at once."""
 
-_LOOKED_FOR = "The driver is being looked for."
+_LOOKED_FOR = message("driver_looked_for")
 _STATES_PER_DISTANCE = 3
 _SHOWN_FOR = 0.5  # [s] what limited an arm is shown for so long: several parts may do so in turn
 _PLAN_POINTS = 120  # points of a plan that the page gets, about
@@ -105,25 +104,32 @@ Send = Callable[[dict[str, Any]], None]
 class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it; of several states a slow page gets the newest one only.
 
-    ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
-    :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest to each other.
+    ``time`` is when it came, on this machine's monotonic clock [s]; ``reasons`` and ``causes`` are those of the state,
+    and ``problems`` those of its arms, in the page's words, see :func:`words_for_page`; ``limited`` are the arms that
+    something limits, as :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest of all.
     """
 
     time: float
     state: msgspec.Raw
+    reasons: tuple[Mapping[str, object], ...]
+    causes: tuple[Mapping[str, object], ...]
+    problems: dict[str, Mapping[str, object]]
     limited: dict[str, Limited]
     nearest: Distance | None
 
 
-class _ArmPlace(msgspec.Struct, frozen=True):
+class _ArmPart(msgspec.Struct, frozen=True):
     position: Joints | None
+    problem: Said | None
     limited: Limited | None = None
 
 
-class _ArmPlaces(msgspec.Struct, frozen=True):
-    """What is needed of a state for distances."""
+class _StatePart(msgspec.Struct, frozen=True):
+    """What is needed of a state for distances and words."""
 
-    arms: dict[str, _ArmPlace]
+    arms: dict[str, _ArmPart]
+    reasons: tuple[Said, ...]
+    causes: tuple[Said, ...]
 
 
 class ShownLimits:
@@ -161,7 +167,7 @@ class LiveRobot:
         on_change: called when a driver was found or lost.
 
     Attributes:
-        why_not: why there is no state; empty while there is one.
+        why_not: why there is no state; None while there is one.
         address: of the robot; empty while it is unknown.
         is_virtual: whether it is a virtual one on this machine.
         events: the newest lines of the driver's log.
@@ -177,7 +183,7 @@ class LiveRobot:
         on_change: Callable[[], None],
     ) -> None:
         self.robot = robot
-        self.why_not = _LOOKED_FOR
+        self.why_not: Message | None = _LOOKED_FOR
         self.address, self.is_virtual = "", False
         self.events: deque[EventReport] = deque(maxlen=_EVENTS)
         self.surroundings = Surroundings()
@@ -201,7 +207,7 @@ class LiveRobot:
             RobotNotReady: there is none, or it is old.
         """
         if self._state is None or time.monotonic() - self._state[0] > 1.0:
-            raise RobotNotReady(self.why_not or "The driver has sent no state for a second.")
+            raise RobotNotReady(self.why_not or message("driver_sent_no_state", duration=1.0))
         return msgspec.json.decode(self._state[1], type=DriverState)
 
     async def run(self) -> None:
@@ -215,9 +221,9 @@ class LiveRobot:
                 finally:
                     await link.close()
             except Exception as error:
-                sentence, self.is_virtual = _failure(error).message, False
-                if sentence != self.why_not:
-                    self.why_not, self._state = sentence, None
+                why_not, self.is_virtual = _said(error), False
+                if why_not != self.why_not:
+                    self.why_not, self._state = why_not, None
                     self.jogged.clear()  # the next driver begins anew
                     self._on_change()
                 await asyncio.sleep(_SEARCH)
@@ -247,7 +253,16 @@ class LiveRobot:
             finally:
                 await link.close()
         except Exception as error:  # the driver has ended, or EGM has: no controller commands there; what is our fault
-            _failure(error)  # is logged
+            _said(error)  # is logged
+
+    def _words(self, said: Said) -> Mapping[str, object]:
+        return words_for_page(said.message, is_virtual=self.is_virtual)
+
+    def words_of_events(self, events: Iterable[EventReport]) -> list[Mapping[str, object]]:
+        """Lines of the driver's log in the page's words."""
+        return [
+            {"number": each.number, "time": each.time, "level": each.level, **self._words(each.said)} for each in events
+        ]
 
     async def _follow(self, link: DriverLink) -> None:
         self.events.clear()
@@ -264,9 +279,10 @@ class LiveRobot:
             if is_new:
                 self.address = self.state().robot
                 self.is_virtual = await _is_virtual(self.address)
-                self.why_not = ""
+                self.why_not = None
                 self._on_change()
-            arms = msgspec.json.decode(raw, type=_ArmPlaces).arms
+            part = msgspec.json.decode(raw, type=_StatePart)
+            arms = part.arms
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
             if count % _STATES_PER_DISTANCE == 0 or held != before:
@@ -274,7 +290,9 @@ class LiveRobot:
                 positions = {side: position for side, position in known.items() if position is not None}
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, limited, nearest)))
+            problems = {name: self._words(arm.problem) for name, arm in arms.items() if arm.problem is not None}
+            words = tuple(map(self._words, part.reasons)), tuple(map(self._words, part.causes))
+            self._on_state(msgspec.json.encode(StateMessage(now, raw, *words, problems, limited, nearest)))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return
@@ -367,8 +385,7 @@ class Operator:
         """Take a jog message: the newest one counts, unless the page sent it so long ago that it stands no more."""
         now = time.monotonic()
         if not now - jog.seen <= OLDEST_SEEN and jog.request != jog.at_rest:
-            sentence = "Jog refused: the connection to the page is too slow now; press again when it is better."
-            self._refuse_jog(jog.hold, CommandRefused(sentence))
+            self._refuse_jog(jog.hold, CommandRefused(message("page_too_slow_to_jog")))
             return
         self._newest_jog = _ReceivedJog(jog, now)
         self._has_jog.set()
@@ -376,25 +393,30 @@ class Operator:
     def _refuse_jog(self, hold: int, error: Exception) -> None:
         if hold != self._refused:
             self._refused = hold
-            self._send({"type": "jog_refused", "hold": hold, "error": _failure(error)})
+            self._send({"type": "jog_refused", "hold": hold, "error": self._failure(error)})
 
-    def _execute(self, message: ExecutePlan) -> None:
+    def _execute(self, request: ExecutePlan) -> None:
         """Have the arms follow the plan that the page shows."""
-        plan = self._plan if message.plan == self._plans else None
+        plan = self._plan if request.plan == self._plans else None
         if plan is None:
-            sentence = "This plan is not the one that was made last, or was followed already; plan again."
-            self._send({"type": "failed", "id": message.id, "error": failure_of(CommandRefused(sentence))})
+            self._fail(request.id, CommandRefused(message("plan_is_old")))
             return
         self._plan = None
         ways = {side.word: tuple(tuple(point) for point in points) for side, points in plan.points.items()}
         start = {side.word: position for side, position in plan.start.items()}
-        request = msgspec.convert({"method": "follow", "start": start, **ways}, Follow)
-        self._begin(self.carry_out(message.id, request))
+        order = msgspec.convert({"method": "follow", "start": start, **ways}, Follow)
+        self._begin(self.carry_out(request.id, order))
 
     def _begin(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+
+    def _fail(self, number: int, error: Exception) -> None:
+        self._send({"type": "failed", "id": number, "error": self._failure(error)})
+
+    def _failure(self, error: Exception) -> Mapping[str, object]:
+        return failure_for_page(error, is_virtual=self._live.is_virtual)
 
     async def carry_out(self, number: int, request: Request) -> None:
         """Have the driver carry out a request, and wait for its end."""
@@ -407,30 +429,30 @@ class Operator:
 
         try:
             if self._link is None:
-                raise RobotNotReady("Control was given back before this was asked for.")
+                raise RobotNotReady(message("control_given_back"))
             result = await self._link.ask(request, on_step, on_motion)
             self._send({"type": "done", "id": number, "result": result})
         except Exception as error:
-            self._send({"type": "failed", "id": number, "error": _failure(error)})
+            self._fail(number, error)
 
-    async def _make_plan(self, message: PlanMotion) -> None:
+    async def _make_plan(self, request: PlanMotion) -> None:
         try:
             self._plan = None
             arms, start = self._live.state().arms, {}
             for side in Side:
                 position = arms[side.word].position
                 if position is None:
-                    raise RobotNotReady(f"Where the {side.word} arm is is not known; start EGM, then plan.")
+                    raise RobotNotReady(message("position_unknown_for_plan", arm=side.word))
                 start[side] = position
             goals: dict[Side, Joints | Pose] = {}
-            for side, goal in ((Side.RIGHT, message.right), (Side.LEFT, message.left)):
+            for side, goal in ((Side.RIGHT, request.right), (Side.LEFT, request.left)):
                 if goal is None:
                     continue
-                if not message.is_pose:
+                if not request.is_pose:
                     goals[side] = checked_goal(side, goal, start[side])
                     continue
                 if not isinstance(goal, tuple) or len(goal) != JOINT_COUNT:
-                    raise CommandRefused("A pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z.")
+                    raise CommandRefused(message("no_pose_of_fingertips"))
                 goals[side] = compose(Pose(goal[:3], goal[3:]), inverse(FINGERTIPS))  # type: ignore[arg-type]
             surroundings = self._live.surroundings
             grippers, tools, obstacles = shapes_of(surroundings)
@@ -460,20 +482,20 @@ class Operator:
                 "clearance": plan.clearance,
                 "arms": shown,
             }
-            self._send({"type": "done", "id": message.id, "result": result})
+            self._send({"type": "done", "id": request.id, "result": result})
         except Exception as error:
-            self._send({"type": "failed", "id": message.id, "error": _failure(error)})
+            self._fail(request.id, error)
 
-    async def _inject(self, message: Inject) -> None:
+    async def _inject(self, request: Inject) -> None:
         try:
             if not self._live.is_virtual:
-                raise CommandRefused("Only a virtual robot takes faults.")
-            await asyncio.to_thread(inject_fault, self._live.address, message.name, message.form)
-            known = fault_named(message.name)
-            meaning = message.name if known is None else known.value.meaning
-            self._send({"type": "done", "id": message.id, "result": f"Done: {meaning}"})
+                raise CommandRefused(message("faults_only_virtual"))
+            await asyncio.to_thread(inject_fault, self._live.address, request.name, request.form)
+            known = fault_named(request.name)
+            meaning = request.name if known is None else known.value.meaning
+            self._send({"type": "done", "id": request.id, "result": f"Done: {meaning}"})
         except Exception as error:
-            self._send({"type": "failed", "id": message.id, "error": _failure(error)})
+            self._fail(request.id, error)
 
     async def _jog_on(self) -> None:
         """Carry out the newest jog message again and again; one request to the driver is under way at a time."""
@@ -525,12 +547,27 @@ def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
     )
 
 
-def _failure(error: Exception) -> Failure:
-    """What a page gets of an exception; what is no refusal is a fault of ours, which the log shows whole."""
+def _said(error: Exception) -> Message:
+    """What an exception says; what is no refusal is a fault of ours, which the log shows whole."""
     if isinstance(error, YumiError):
-        return failure_of(error)
+        return error.said
     log.error("What a page has asked for failed with %s: %s", type(error).__name__, error, exc_info=error)
-    return failure_of(CommandRefused(f"yumi view failed with {type(error).__name__}: {error}; its output says more."))
+    return message("view_failed", kind=type(error).__name__, why=said_by(error))
+
+
+def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:
+    """A message in the page's words, with the first thing that a person can do about it."""
+    if is_virtual and said.code == "feedback_lost":  # a virtual robot falls silent where its machine has no time for it
+        said = Message("virtual_robot_was_late", said.values)
+    front_end = FrontEnd.VIRTUAL_PAGE if is_virtual else FrontEnd.PAGE
+    action = said.actions[0].value if said.actions else None
+    return {"code": said.code, "sentence": sentence(said, front_end), "action": action}
+
+
+def failure_for_page(error: Exception, *, is_virtual: bool) -> Mapping[str, object]:
+    """What a page gets of an exception."""
+    stop = getattr(error, "stop", "")
+    return {"kind": type(error).__name__, "stop": stop, **words_for_page(_said(error), is_virtual=is_virtual)}
 
 
 # ---- what a page sends
@@ -731,9 +768,9 @@ class DriverLink:
         except (ConnectionRefusedError, FileNotFoundError) as error:
             if isinstance(error, ConnectionRefusedError):
                 path.unlink(missing_ok=True)  # of a driver that was killed
-            raise RobotNotReady(HOW_TO_START) from error
+            raise RobotNotReady(message("no_driver_runs")) from error
         except OSError as error:
-            raise RobotNotReady(f"The driver behind {path.name} does not answer: {error}.") from error
+            raise RobotNotReady(message("driver_does_not_answer", path=path.name, why=said_by(error))) from error
         link = cls(reader, writer)
         link._write(Attach())  # a page that has taken control may ask for nothing for long
         return link
@@ -777,7 +814,7 @@ class DriverLink:
                 try:
                     answer = await asyncio.wait_for(self._next(answers), ANSWER)
                 except asyncio.TimeoutError as error:
-                    raise RobotNotReady(f"The driver has sent no state for {ANSWER:g} s.") from error
+                    raise RobotNotReady(message("driver_sent_no_state", duration=ANSWER)) from error
                 if answer.state:
                     yield answer.state, answer.events
         finally:
@@ -785,7 +822,7 @@ class DriverLink:
 
     async def _send(self, request: Request) -> tuple[int, asyncio.Queue[Answer | RobotNotReady]]:
         if self._reading.done():
-            raise self._lost("it closed the connection")
+            raise self._lost(message("driver_closed_connection"))
         self._number += 1
         number, answers = self._number, asyncio.Queue[Answer | RobotNotReady]()
         self._waiting[number] = answers
@@ -794,7 +831,7 @@ class DriverLink:
             await self._writer.drain()
         except OSError as error:
             del self._waiting[number]
-            raise self._lost(error) from error
+            raise self._lost(said_by(error)) from error
         return number, answers
 
     def _write(self, request: Request) -> None:
@@ -809,7 +846,7 @@ class DriverLink:
         return answer
 
     async def _read(self) -> None:
-        reason: object = "it closed the connection"
+        why = message("driver_closed_connection")
         try:
             while line := await self._reader.readline():
                 answer = _answer_decoder.decode(line)
@@ -818,11 +855,11 @@ class DriverLink:
                     if number in self._waiting:
                         self._waiting[number].put_nowait(answer)
         except (OSError, ValueError, msgspec.DecodeError) as error:
-            reason = error
+            why = said_by(error)
         finally:
             for each in self._waiting.values():
-                each.put_nowait(self._lost(reason))
+                each.put_nowait(self._lost(why))
 
     @staticmethod
-    def _lost(reason: object) -> RobotNotReady:
-        return RobotNotReady(f"The connection to the driver is lost: {reason}.")
+    def _lost(why: Message) -> RobotNotReady:
+        return RobotNotReady(message("connection_to_driver_lost", why=why))

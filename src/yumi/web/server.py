@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import platform
-import re
 import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
@@ -30,17 +29,9 @@ import msgspec
 from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
+from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
 from yumi.control.cycle import Frame
-from yumi.driver.endpoint import EventReport, StopEgm, failure_of
-from yumi.driver.readiness import (
-    AUTOMATIC,
-    CONFIRMED,
-    IDLE_OR_IN_EGM,
-    MOTORS_ON,
-    NEEDED,
-    NO_EMERGENCY_STOP,
-    PROGRAM_RUNS,
-)
+from yumi.driver.endpoint import EventReport, StopEgm
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.planning.planner import PlanningProcess
@@ -60,6 +51,7 @@ from yumi.web.live import (
     PlanMotion,
     Seen,
     TakeControl,
+    failure_for_page,
 )
 
 MAX_PAGES = 8
@@ -109,11 +101,9 @@ class ViewSettings:
 
     def __post_init__(self) -> None:
         if not is_loopback(self.host) and not self.token:
-            raise SettingsError(f"On {self.host} other machines reach the page; it needs a token.")
+            raise SettingsError(message("page_needs_token", host=self.host))
         if self.may_operate and not self.token:
-            raise SettingsError(
-                "Every user of this machine reaches the page; to operate a real robot it needs a token."
-            )
+            raise SettingsError(message("operating_page_needs_token"))
 
 
 class ViewServer:
@@ -170,7 +160,9 @@ class ViewServer:
         except (OSError, OverflowError) as error:
             await self._runner.cleanup()
             reason = (isinstance(error, OSError) and error.strerror) or error
-            raise SettingsError(f"Port {self.port} on {self._settings.host} cannot be opened ({reason}).") from error
+            raise SettingsError(
+                message("port_cannot_be_opened", port=self.port, host=self._settings.host, why=str(reason))
+            ) from error
         self.port = self._runner.addresses[0][1]
         if self._settings.recording is None:
             self._following = asyncio.create_task(self._live.run())
@@ -178,7 +170,7 @@ class ViewServer:
     async def stop(self) -> None:
         """Give control back, close all pages and end."""
         self._cancel_giving_back()
-        await self._release(None, "yumi view has ended.")
+        await self._release(None, message("view_has_ended"))
         if self._tasks:  # such as a Stop EGM
             await asyncio.wait(self._tasks, timeout=_ANSWER)
         self._planning.close()
@@ -259,14 +251,14 @@ class ViewServer:
         self._introduce(page)
         sending = asyncio.create_task(page.send_all())
         try:
-            async for message in socket:
-                if message.type is WSMsgType.TEXT:
-                    await self._take(page, message.data)
+            async for received in socket:
+                if received.type is WSMsgType.TEXT:
+                    await self._take(page, received.data)
         finally:
             self._pages.discard(page)
             self._live.watch(bool(self._pages))
             sending.cancel()
-            await self._release(page, "The page that had control was closed.")
+            await self._release(page, message("page_closed"))
             with suppress(asyncio.CancelledError, ConnectionError):
                 await sending
         return socket
@@ -274,43 +266,44 @@ class ViewServer:
     async def _take(self, page: _Page, data: str) -> None:
         """Carry out a message of a page, or have its operator do so."""
         try:
-            message = _message_decoder.decode(data)
+            request = _message_decoder.decode(data)
         except (msgspec.DecodeError, RecursionError) as error:
-            reason = "it is nested too deeply" if isinstance(error, RecursionError) else error
-            page.send({"type": "refused", "sentence": f"Message refused: {reason}."})
+            is_nested = isinstance(error, RecursionError)
+            why = message("request_nested_too_deeply") if is_nested else said_by(error)
+            self._refuse(page, message("request_not_understood", why=why))
             return
-        if isinstance(message, Seen):
+        if isinstance(request, Seen):
             page.seen()
             return
-        if isinstance(message, TakeControl):
+        if isinstance(request, TakeControl):
             await self._take_control(page)
             return
-        if isinstance(message, GiveBack):
-            if await self._release(page, ""):  # the rest may take seconds: a Stop EGM must be read meanwhile
+        if isinstance(request, GiveBack):
+            if await self._release(page, None):  # the rest may take seconds: a Stop EGM must be read meanwhile
                 self._giving_back = asyncio.create_task(self._live.give_back())
             return
         why_not = self._why_not_operated(page)
         operator = self._operator[1] if self._operator is not None and self._operator[0] is page else None
         may_stop = operator is not None or not why_not
-        if may_stop and isinstance(message, Ask) and isinstance(message.request, StopEgm):
+        if may_stop and isinstance(request, Ask) and isinstance(request.request, StopEgm):
             self._cancel_giving_back()
-            self._begin(self._stop_egm(page, message))  # who may operate may stop at any time
+            self._begin(self._stop_egm(page, request))  # who may operate may stop at any time
         elif operator is None or why_not:
-            sentence = why_not or "Take control first."
-            failure = failure_of(CommandRefused(sentence))
-            if isinstance(message, Ask | Inject | PlanMotion | ExecutePlan):
-                page.send({"type": "failed", "id": message.id, "error": failure})
+            refusal = CommandRefused(why_not or message("control_not_taken"))
+            failure = failure_for_page(refusal, is_virtual=self._live.is_virtual)
+            if isinstance(request, Ask | Inject | PlanMotion | ExecutePlan):
+                page.send({"type": "failed", "id": request.id, "error": failure})
             else:
-                page.send({"type": "jog_refused", "hold": message.hold, "error": failure})
+                page.send({"type": "jog_refused", "hold": request.hold, "error": failure})
         else:
-            operator.take(message)
+            operator.take(request)
 
     async def _take_control(self, page: _Page) -> None:
         why_not = self._why_not_operated(page)
-        if why_not:
-            page.send({"type": "refused", "sentence": why_not})
+        if why_not is not None:
+            self._refuse(page, why_not)
             return
-        await self._release(None, "Another page has taken control.", unless=page)
+        await self._release(None, message("control_taken_by_other"), unless=page)
         async with self._switching:
             if self._operator is not None or page not in self._pages:
                 return  # it has it already, another one was faster, or it is gone
@@ -319,33 +312,39 @@ class ViewServer:
             try:
                 await operator.open()
             except YumiError as error:
-                page.send({"type": "refused", "sentence": str(error)})
+                self._refuse(page, error.said)
                 return
             self._operator = page, operator
         self._introduce_all()
 
-    async def _release(self, page: _Page | None, reason: str, unless: _Page | None = None) -> bool:
+    async def _release(self, page: _Page | None, why: Message | None, unless: _Page | None = None) -> bool:
         """Take control from a page, or from the one that has it; what moves for it is stopped. Whether it had it."""
         async with self._switching:
             if self._operator is None or self._operator[0] is unless or page not in (None, self._operator[0]):
                 return False
             holder, operator = self._operator
             self._operator = None
-            if reason and holder in self._pages:
-                holder.send({"type": "refused", "sentence": reason})
+            if why is not None and holder in self._pages:
+                self._refuse(holder, why)
             await operator.close()
         self._introduce_all()
         return True
 
-    async def _stop_egm(self, page: _Page, message: Ask) -> None:
+    async def _stop_egm(self, page: _Page, request: Ask) -> None:
         """Over a connection of its own: that of a page that has control may be to a driver that has ended."""
         async with page.stopping:
             operator = Operator(self._live, page.send, self._planning)
             try:
                 await operator.open()
-                await operator.carry_out(message.id, message.request)
+                await operator.carry_out(request.id, request.request)
             except YumiError as error:
-                page.send({"type": "failed", "id": message.id, "error": failure_of(error)})
+                page.send(
+                    {
+                        "type": "failed",
+                        "id": request.id,
+                        "error": failure_for_page(error, is_virtual=self._live.is_virtual),
+                    }
+                )
             finally:
                 await operator.close()
 
@@ -358,17 +357,26 @@ class ViewServer:
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
 
-    def _why_not_operated(self, page: _Page) -> str:
-        """Why a page may only look; empty when it may operate the robot."""
+    def _why_not_operated(self, page: _Page) -> Message | None:
+        """Why a page may only look; None when it may operate the robot."""
         if self._settings.recording is not None:
-            return "This is a recording."
-        if self._live.why_not:
+            return message("is_a_recording")
+        if self._live.why_not is not None:
             return self._live.why_not
         if self._live.is_virtual:
-            return ""
+            return None
         if not self._settings.may_operate:
-            return "This page only shows the robot; to operate a real one, start `yumi view --operate`."
-        return "" if page.is_local else "A real robot is operated from the machine on which `yumi view` runs only."
+            return message("page_only_shows")
+        return None if page.is_local else message("operated_from_its_machine_only")
+
+    def _words(self, said: Message | None) -> str:
+        """In the page's words; empty where there is nothing to say."""
+        if said is None:
+            return ""
+        return sentence(said, FrontEnd.VIRTUAL_PAGE if self._live.is_virtual else FrontEnd.PAGE)
+
+    def _refuse(self, page: _Page, said: Message) -> None:
+        page.send({"type": "refused", "sentence": self._words(said)})
 
     def _publish(self, state: bytes) -> None:
         for page in self._pages:
@@ -379,19 +387,19 @@ class ViewServer:
     def _publish_events(self, events: tuple[EventReport, ...]) -> None:
         """Apart from the states, of which a slow page gets only some."""
         for page in self._pages:
-            page.send({"type": "events", "events": events})
+            page.send({"type": "events", "events": self._live.words_of_events(events)})
 
     async def _take_from_silent(self, page: _Page) -> None:
         try:
-            await self._release(page, "This page did not answer for a while, and has lost control.")
+            await self._release(page, message("page_was_silent"))
         finally:
             self._taking = None
 
     def _note_driver(self) -> None:
         """A driver was found or lost: the page that has control loses it together with the driver."""
         self._introduce_all()
-        if self._live.why_not:
-            self._begin(self._release(None, "The driver has ended."))
+        if self._live.why_not is not None:
+            self._begin(self._release(None, message("driver_has_ended")))
 
     def _introduce_all(self) -> None:
         for page in self._pages:
@@ -404,11 +412,11 @@ class ViewServer:
             {
                 "type": "view",
                 "is_recording": self._settings.recording is not None,
-                "why_no_robot": "" if self._settings.recording is not None else self._live.why_not,
+                "why_no_robot": "" if self._settings.recording is not None else self._words(self._live.why_not),
                 "is_virtual": self._live.is_virtual,
-                "why_not_operated": self._why_not_operated(page),
+                "why_not_operated": self._words(self._why_not_operated(page)),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
-                "events": tuple(self._live.events),
+                "events": self._live.words_of_events(self._live.events),
                 "surroundings": self._live.surroundings,
                 "faults": [_fault_for_page(each) for each in Fault] if self._live.is_virtual else [],
             }
@@ -490,37 +498,6 @@ def _host_of(url: str) -> str:
 
 # ---- what a page draws
 
-_ON_PAGE = {
-    MOTORS_ON: "“Recover…” switches them on",
-    PROGRAM_RUNS: "“Recover…” starts it",
-    CONFIRMED: "look at the robot, then press “Recover…”",
-    IDLE_OR_IN_EGM: "wait for the end of the RAPID routine, or press “Recover…”",
-}
-"""Remedies that are the page's button “Recover…”."""
-
-_ON_VIRTUAL = {
-    AUTOMATIC: ("press “Turn the key to AUTO”", "key"),
-    NO_EMERGENCY_STOP: ("press “Release the emergency stop”", "release-stop"),
-}
-"""Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
-
-_BUTTONS = (
-    (r"call robot\.recover\(\)", "press “Start EGM”, or “Recover…” after a stop"),
-    (r"robot\.recover\(\)", "“Recover…”"),
-    (r"call recover( with the id [\w-]+)?", "press “Recover…”"),
-    (r"Call recover", "Press “Recover…”"),
-    (r"\(recover\)", "(“Recover…”)"),
-    (r", then recover( with the id of the stop)?", ", then press “Recover…”"),
-    (r", or recover\b", ", or press “Recover…”"),
-    (r"\b[Rr]ecover(?= (?:switches|starts) |; if )", "“Recover…”"),
-    (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
-    (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
-    (r"end EGM, or wait", "press “Stop EGM”, or wait"),
-    (r"Call start_egm", "Press “Start EGM”"),
-    (r"call start_egm", "press “Start EGM”"),
-)
-"""What the driver's sentences say to call, as regular expressions, and the button of the page that does it."""
-
 
 def robot_model() -> dict[str, Any]:
     """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
@@ -547,24 +524,8 @@ def robot_model() -> dict[str, Any]:
             for side in Side
         },
         "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
-        "remedies": [
-            {
-                "pattern": _pattern(each.reason),
-                "remedy": _ON_PAGE.get(each, each.remedy),
-                "button": "recover" if each in _ON_PAGE else "",
-                "on_virtual": _ON_VIRTUAL.get(each, ("", ""))[0],
-                "button_on_virtual": _ON_VIRTUAL.get(each, ("", ""))[1],
-            }
-            for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
-        ],
-        "buttons": _BUTTONS,
         "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
     }
-
-
-def _pattern(reason: str) -> str:
-    """A regular expression of the page for a reason, whose fields may be anything."""
-    return re.sub(r"\\\{\w+\\\}", ".*", re.escape(reason))
 
 
 def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:

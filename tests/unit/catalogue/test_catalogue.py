@@ -77,7 +77,7 @@ def test_text_begins_small_and_leaves_its_full_stop_to_the_sentence(code):
 
 def test_sentence_is_what_happened_and_what_to_do_in_the_words_of_the_reader():
     said = message("arm_without_egm", arm="right")
-    assert sentence(said) == "EGM is not running on the right arm; call start_egm."
+    assert sentence(said, FrontEnd.ROS) == "EGM is not running on the right arm; call start_egm."
     assert sentence(said, FrontEnd.SHELL) == "EGM is not running on the right arm; run `yumi start`."
     assert sentence(said, FrontEnd.PAGE) == "EGM is not running on the right arm; press “Start EGM”."
     assert clause(said) == "EGM is not running on the right arm"
@@ -89,14 +89,15 @@ def test_string_of_a_message_is_in_the_words_of_the_program():
     try:
         assert str(message("motors_off")) == "The motors are off; run `yumi start`."
     finally:
-        speak_as(FrontEnd.ROS)
+        speak_as(FrontEnd.SCRIPT)
 
 
 def test_message_in_a_message_is_part_of_its_sentence():
-    said = message("stopped_by", causes=(STOP, message("motors_off")), stop="10013-7-aa")
+    said = message("stopped_by", causes=(STOP, message("event_50204", number=50204, title="Collision")), stop="10013-7-aa")
     assert sentence(said, FrontEnd.SCRIPT) == (
-        "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; the motors are off; look at the "
-        "robot, then call robot.recover(confirm='10013-7-aa'). Nothing moves before that."
+        "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; then 50204 Collision: an arm has "
+        "collided, or moves against a force; see what it touched and free it; look at the robot, then call "
+        "robot.recover(confirm='10013-7-aa'); nothing moves before that."
     )
 
 

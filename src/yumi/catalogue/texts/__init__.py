@@ -7,13 +7,21 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 from yumi.catalogue.texts.actions import ACTIONS as ACTIONS
 from yumi.catalogue.texts.arms import ARMS
+from yumi.catalogue.texts.command_line import COMMAND_LINE
+from yumi.catalogue.texts.controller import CONTROLLER
+from yumi.catalogue.texts.endpoint import ENDPOINT
 from yumi.catalogue.texts.events import EVENTS
+from yumi.catalogue.texts.page import PAGE
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
     "Events of the controller": EVENTS,
+    "The controller": CONTROLLER,
     "Arms": ARMS,
+    "Requests to a driver": ENDPOINT,
+    "Page": PAGE,
+    "Command line": COMMAND_LINE,
 }
 """All texts by subject, as the documentation lists them."""
 

@@ -15,8 +15,8 @@ ARMS: Mapping[str, Text] = {
     "feedback_implausible": Text(
         "{arm} arm: the robot reports positions that the arm cannot have reached: datagrams are old, forged, or "
         "another arm's, or a joint stands out of its range",
-        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint "
-        "that is out of its range back",
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint that "
+        "is out of its range back",
     ),
     "arm_without_egm": Text("EGM is not running on the {arm} arm", "{start_egm}"),
     # ---- what happened
@@ -63,12 +63,54 @@ ARMS: Mapping[str, Text] = {
     ),
     "positions_implausible": Text(
         "datagrams are old, forged, or another arm's, or a joint stands out of its range",
-        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint "
-        "that is out of its range back",
+        "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint that "
+        "is out of its range back",
     ),
     "arm_holds_ignored": Text("{problem:sentence} The arm holds{ended}"),
     "references_followed_again": Text("{arm} arm: the robot follows the references again. {Recover} to go on"),
     "positions_plausible_again": Text("{arm} arm: the reported positions are plausible again. {Recover} to go on"),
+    "parts_near": Text("{part} - {other}, {distance:.0mm}"),
+    "parts_not_compared": Text(
+        "{part} - {other}, whose distance was not calculated in this cycle (it counts as too near)"
+    ),
+    "no_shared_memory": Text(
+        "the operating system gives no shared memory ({why})",
+        "see that /dev/shm exists and has some MB left (df /dev/shm), and that the limits of this program are not too "
+        "low (ulimit -n, ulimit -v)",
+    ),
+    "interrupted_while_planned": Text(
+        "the {arm} arm was stopped, or another controller took it over, while the motion was planned",
+        "give the goal again",
+    ),
+    "goal_refused": Text("goal refused: {reason}", "{reason:remedy}"),
+    "arm_moves": Text("the {arm} arm moves", "wait until it stands"),
+    "arm_held_before_goal": Text(
+        "the {arm} arm is held, and its goal lies {distance:.1°} beyond",
+        "stop that motion, or send the arm to where it is",
+    ),
+    "no_position_yet": Text("the {arm} arm has not reported a position yet", "{start_egm}"),
+    "several_commands": Text(
+        "controller {controller:quoted} of the {arm} arm is sent {count} commands at once", "send one"
+    ),
+    "command_failed": Text("the command {command} failed with {kind}: {why}"),
+    "nothing_to_allow": Text(
+        "there is nothing to allow: nothing keeps the arms apart, as collision.enabled is false in the driver's "
+        "settings"
+    ),
+    "contact_time_out_of_range": Text(
+        "collision not allowed: the time is {time:g} s; allowed is more than 0, up to {longest:g} s"
+    ),
+    "contact_is_for_slow_motions": Text(
+        "collision not allowed, since contact is for slow motions: {reason}", "{reason:remedy}"
+    ),
+    "no_such_parts": Text(
+        "there are no two parts {part:quoted} and {other:quoted} that are kept apart; nothing was changed",
+        "name them as the log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a "
+        "declared box",
+    ),
+    "arm_waits_for_recovery": Text("the {arm} arm was stopped and waits: {fault}", "{recover}"),
+    "goal_not_reached": Text("the {arm} arm did not reach its goal: {reason}"),
+    "goal_not_reached_limited": Text("the {arm} arm did not reach its goal: {reason}; the arm is limited by {limited}"),
     "motion_limited": Text("{arm} arm: motion limited by {limited}"),
     "all_kept_apart": Text("all parts are kept apart again, and the arms have their speed"),
     "may_touch": Text("may touch for a while, slowly: {pairs:list}"),

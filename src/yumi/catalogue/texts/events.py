@@ -11,10 +11,10 @@ from yumi.catalogue.text import Text
 
 _BY_NUMBER: Mapping[int, tuple[str, str]] = {
     10010: ("the motors were switched off", "{motors_on}"),
-    10012: ("a guard stop switched the motors off", "close the guard, then {recover}"),
-    10013: ("an emergency stop was pressed", "{recover} when the button is released"),
-    10014: ("the controller went into system failure", "restart the controller, then {recover}"),
-    10015: ("the mode switch was turned to manual", "{turn_to_auto}, then {recover}"),
+    10012: ("a guard stop switched the motors off", ""),
+    10013: ("an emergency stop was pressed", ""),
+    10014: ("the controller went into system failure", "{recover} when it has been restarted"),
+    10015: ("the mode switch was turned to manual", "{recover} when it is in AUTO again"),
     10016: ("AUTO was chosen and waits to be confirmed", "confirm AUTO on the FlexPendant, then {recover}"),
     10045: ("the controller was restarted", "{recover}"),
     10125: ("the RAPID program was stopped, on the FlexPendant or by another client", "{recover}"),
@@ -37,8 +37,8 @@ _BY_NUMBER: Mapping[int, tuple[str, str]] = {
         "check the UDPUC device's remote address and the cable, and restart the controller after a change",
     ),
     50027: ("a joint left its range", "bring the arm back into range, jogging if need be, then {recover}"),
-    50056: ("a joint met a resistance, as in a collision", "see what the arm touched and free it, then {recover}"),
-    50204: ("an arm has collided, or moves against a force", "see what it touched and free it, then {recover}"),
+    50056: ("a joint met a resistance, as in a collision", "see what the arm touched and free it"),
+    50204: ("an arm has collided, or moves against a force", "see what it touched and free it"),
     50375: (
         "the references asked for more torque than an arm has",
         "lower acceleration, or set the tool's load, then {recover}",

@@ -29,21 +29,71 @@ ROBOT_STATE: Mapping[str, Text] = {
     "machine": Text("{arm} arm: {machine}"),
     "stop_open": Text("a person must confirm the stop {stop}", "{confirm_stop}"),
     # ---- what is refused for it
-    "not_ready": Text("not ready: {reasons}"),
-    "not_ready_after": Text("not ready: {reasons}. {causes}"),
-    "refused": Text("{request} refused: {reason}", "{reason:remedy}"),
-    "stopped_by": Text("the robot was stopped by {causes}", "{confirm_stop}. Nothing moves before that"),
+    "not_ready": Text("the robot is not ready. {reasons:sentence}"),
+    "not_ready_after_stop": Text("the robot is not ready. {reasons:sentence} It was stopped by {causes}"),
+    "cannot_bring_up": Text("the robot cannot be brought to ready: {reason}", "{reason:remedy}"),
+    "cannot_start_rapid": Text("the RAPID program cannot start: {reason}", "{reason:remedy}"),
+    "cannot_run_routine": Text("a RAPID routine cannot run: {reason}", "{reason:remedy}"),
+    "cannot_load_module": Text("a RAPID module cannot be loaded: {reason}", "{reason:remedy}"),
+    "cannot_move_pp": Text("the program pointers cannot be moved: {reason}", "{reason:remedy}"),
+    "cannot_write": Text("nothing can be written: {reason}", "{reason:remedy}"),
+    "cannot_move_gripper": Text("the gripper cannot be moved: {reason}", "{reason:remedy}"),
+    "cannot_calibrate": Text("the gripper cannot be calibrated: {reason}", "{reason:remedy}"),
+    "cannot_be_ready": Text("the robot is not ready: {reason}", "{reason:remedy}"),
+    "stopped_by": Text("the robot was stopped by {causes:full}", "{confirm_stop}; nothing moves before that"),
     "still_stopped": Text(
-        "the stop {stop} cannot be confirmed yet: {reason}. The robot was stopped by {causes}",
-        "{reason:remedy}, then {confirm_stop}",
+        "the stop {stop} cannot be confirmed yet: {reason}. The robot was stopped by {causes:full}",
+        "{reason:remedy}; then {confirm_stop}",
     ),
-    "stopped_and_active": Text(
-        "the robot was stopped by {causes}. Now {reason}", "{reason:remedy}, then {confirm_stop}"
+    "stopped_by_and_active": Text(
+        "the robot was stopped by {causes:full}. Now {reason}", "{reason:remedy}; then {confirm_stop}"
     ),
-    "another_stop": Text("{given:quoted} is not the stop that is open now. The open one: {open:sentence}"),
+    "another_stop_open": Text("{given:quoted} is not the stop that is open now. {open:sentence}"),
+    "robot_stands": Text("the robot stands. {cause}"),
+    "robot_stands_unconfirmed": Text("{error:sentence} The robot stands. {cause} Not confirmed by a person"),
+    "stop_before_installation": Text(
+        "the robot was stopped by {causes:full}. Nothing is started before a person has looked at it and confirmed "
+        "that stop",
+        "start the driver (yumi up), then yumi recover",
+    ),
+    "not_ready_yet": Text("{reason:sentence} When that is done, {recover}"),
+    "controller_reports_event": Text("the controller reports {event:full}"),
+    "robot_was_stopped": Text("the robot was stopped"),
+    "robot_changed": Text("{changes}"),
+    "robot_changed_as_requested": Text("{changes}, as requested"),
+    "changed_by": Text("{changes}: {causes:full}"),
+    "changed_by_stop": Text("{changes}: {causes:full}", "{confirm_stop}; nothing moves before that"),
+    # ---- bringing it back
+    "no_stop_cause": Text("no stop cause found in the event log"),
+    "brought_back": Text("{why:sentence} {done}"),
+    "was_stopped_by": Text("the robot was stopped by {causes}"),
+    "not_brought_back": Text("{why:sentence} {error:sentence}"),
+    "not_brought_back_after_stop": Text("{why:sentence} {error:sentence} {Confirm_stop}; nothing moves before that"),
+    "web_service_hangs": Text(
+        "{error:sentence} The web service of the controller hangs, or the network is too slow for it",
+        "check the network, or restart the controller, and {recover} again",
+    ),
+    "egm_started_but_holds": Text("EGM started but the arm holds: {problem}", "{problem:remedy}"),
+    "no_datagram_came": Text(
+        "EGM started on the robot but no datagram came for the {arms:and} arm",
+        "check the remote address and port of the controller's UDPUC device {devices:list} and this machine's firewall",
+    ),
+    "robot_does_not_follow": Text(
+        "EGM started but the robot does not follow on the {arms:and} arm", "look at the event log on the FlexPendant"
+    ),
+    "egm_does_not_end": Text("the RAPID program has stopped, yet the arms still report that EGM runs", "{restart_egm}"),
+    "controller_is_gone": Text(
+        "the controller at {address} has not answered for {duration:g} s", "check its power and the network cable"
+    ),
+    "stop_requested_meanwhile": Text("a stop was requested meanwhile", "ask again if it is to be done all the same"),
+    "tool_unknown": Text(
+        "the tool of the {arm} arm is not known: the robot has one load for tool and payload, and an earlier driver "
+        "may have set it",
+        "set the tool first (set_tool), or name it in the settings (egm_motion.tool)",
+    ),
     # ---- what happened to an arm, and why
-    "explained": Text("{event:sentence} Cause: {causes}"),
-    "explained_stop": Text("{event:sentence} Cause: {causes}. {Confirm_stop}"),
+    "explained": Text("{event:sentence} Cause: {causes:full}"),
+    "explained_stop": Text("{event:sentence} Cause: {causes:full}", "{confirm_stop}; nothing moves before that"),
     "ended_by_program": Text(
         "{event:sentence} The controller reports no stop: its program has ended EGM, or another client has"
     ),

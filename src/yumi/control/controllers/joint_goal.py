@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
+from yumi.catalogue import Message, message
 from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
@@ -103,6 +104,10 @@ class GoalEnded:
     identity: int
     outcome: GoalOutcome
     sentence: str
+
+    @property
+    def said(self) -> Message:
+        return message("text", text=self.sentence)
 
     def __str__(self) -> str:
         return f"Motion {self.identity}: {self.sentence}."

@@ -16,7 +16,7 @@ from itertools import pairwise
 from math import degrees, inf, isnan
 from typing import Protocol, cast
 
-from yumi.catalogue import cut
+from yumi.catalogue import Message, cut, message
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
@@ -149,6 +149,10 @@ class TrajectoryEnded:
     code: ResultCode
     sentence: str
     skew: Skew | None = None
+
+    @property
+    def said(self) -> Message:
+        return message("text", text=self.sentence)
 
     def __str__(self) -> str:
         return f"{self.outcome.value}: {self.sentence}"

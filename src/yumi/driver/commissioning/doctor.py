@@ -25,6 +25,7 @@ from ipaddress import IPv4Interface, ip_address
 from pathlib import Path
 from typing import Protocol
 
+from yumi.catalogue import clause, message, remedy_of
 from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import (
     GRIPPER_PRODUCT,
@@ -47,8 +48,9 @@ from yumi.driver.commissioning.installation import (
     foreign_mains,
     missing_grants,
 )
-from yumi.driver.readiness import NO_STOP, RobotState, StopLog, reason_of, unmet
+from yumi.driver.readiness import NO_STOP, RobotState, unmet
 from yumi.driver.state_machine import MAIN, WATCHDOG, MachineState, read_machine_state
+from yumi.driver.stops import StopLog
 from yumi.egm.codec import JointCodec
 from yumi.egm.session import SensorSession
 from yumi.egm.udp import NetworkCard, UdpServer, network_cards
@@ -275,7 +277,8 @@ def _motors(client: RwsClient) -> list[Finding]:
     robot = RobotState(controller_state=state)
     stop = unmet(NO_STOP, robot)
     if stop is not None:
-        return [Finding("motors", Verdict.PROBLEM, f"{state.value}: {reason_of(stop, robot)}", stop.remedy)]
+        reason = stop.reason(robot, tuple(Side))
+        return [Finding("motors", Verdict.PROBLEM, f"{state.value}: {clause(reason)}", remedy_of(reason))]
     return [Finding("motors", Verdict.NOTE, f"{state.value}; `yumi up` switches them on")]
 
 
@@ -845,10 +848,7 @@ def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
     stops = StopLog(clock)
     stops.read(client)
     if stops.stop is not None:
-        raise RobotNotReady(
-            f"The robot was stopped by {stops.stop.cause}. Nothing is started before a person has looked at it and "
-            "confirmed that stop: start the driver (yumi up), then yumi recover."
-        )
+        raise RobotNotReady(message("stop_before_installation", causes=stops.stop.causes), stops.stop.id)
 
 
 def _machine_state(client: RwsClient, side: Side) -> MachineState | None:

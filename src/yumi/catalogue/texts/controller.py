@@ -1,0 +1,78 @@
+"""What the controller is, has and does: options, program, motors, signals, RAPID variables, routines and modules."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from yumi.catalogue.text import Text
+
+CONTROLLER: Mapping[str, Text] = {
+    "robotware_too_old": Text("the controller runs RobotWare {version}; EGM for a YuMi needs {oldest} or newer"),
+    "option_missing": Text("the controller lacks the option {option:quoted}; without it {loss}"),
+    "unit_missing": Text("the controller has no mechanical unit {unit}; it does not move a YuMi's {arm} arm"),
+    "state_machine_missing": Text(
+        "task {task} has no state machine ({module})", "load the RAPID modules of this package on it"
+    ),
+    "state_has_wrong_type": Text(
+        "{task}/{module}/current_state has type {kind}, not num", "load the RAPID modules of this package on it"
+    ),
+    "state_machine_of_other_version": Text(
+        "task {task} has version {version} of the state machine, not {expected}",
+        "load the RAPID modules of this package on it",
+    ),
+    "udpuc_device_missing": Text(
+        "the controller has no UDPUC device {device} (Communication, Transmission Protocol)",
+        "load SIO.cfg of this package and restart it",
+    ),
+    "motors_stay_off": Text(
+        "the motors do not go on, the controller is in {state:quoted}",
+        "release the emergency stop and acknowledge it on the FlexPendant",
+    ),
+    "motors_stay_on": Text("the motors do not go off", "use the stop button"),
+    "speed_ratio_not_kept": Text(
+        "the controller keeps a speed ratio of {kept} %, not {asked} %", "see the FlexPendant"
+    ),
+    "program_does_not_obey": Text(
+        "the RAPID program is not {state} after {duration:g} s", "look at the event log on the FlexPendant"
+    ),
+    # ---- signals and variables
+    "no_number_for_signal": Text("{value:quoted} is not a value for signal {signal}", "give a number"),
+    "signal_not_finite": Text("signal {signal} cannot be {value}", "give a finite number"),
+    "signal_value_refused": Text(
+        "the controller does not take {value} for signal {signal}; a digital signal is 0 or 1, another one has the "
+        "range of its configuration"
+    ),
+    "signal_not_kept": Text("signal {signal} is {kept} after {written} was written", "see who sets it"),
+    "no_signal_name": Text("{name:quoted} is not a name of a signal", "give one of the controller's I/O signals"),
+    "signal_unknown": Text("the controller has no signal {signal}", "look at its list of I/O signals"),
+    "no_rapid_value": Text(
+        "{value:quoted} is not a RAPID value; {module}/{variable} of {task} takes a {kind}, such as {example}"
+    ),
+    "variable_refused": Text(
+        "the controller does not take {value} for {module}/{variable} of {task}: it is a {kind}, such as {example}, "
+        "or a constant, which cannot be written"
+    ),
+    "no_rapid_name": Text("{name:quoted} is not a RAPID name", "give task, module and variable"),
+    "variable_unknown": Text("the controller has no {module}/{variable} in task {task}", "check the names"),
+    # ---- routines and modules
+    "no_routine_name": Text(
+        "{name:quoted} is not a name of a RAPID routine", "give one of up to 32 letters and digits"
+    ),
+    "routine_not_ended": Text("routine {routine} of {task} has not ended after {duration:g} s", "look at the robot"),
+    "routine_without_speed": Text(
+        "routine {routine} of {task} has not ended after {duration:g} s: the speed ratio is 0 %, with which no RAPID "
+        "motion goes on",
+        "look at the robot, then raise the speed ratio (set_speed_ratio, or at the FlexPendant)",
+    ),
+    "routine_unknown": Text("task {task} has no routine {routine}", "load a module that has it"),
+    "module_from_other_file": Text(
+        "task {task} has a module {module} from another file", "unload that, or rename yours"
+    ),
+    "module_not_loaded": Text("{task} did not load {path}; it is not a correct RAPID module", "see the event log"),
+    "program_stopped_in_routine": Text("the RAPID program stopped while {task} ran a routine", "see the event log"),
+    "no_rapid_file_name": Text(
+        "{name:quoted} is not a name of a RAPID file", "give letters and digits and .mod or .sys"
+    ),
+    "text_without_module": Text("the text of {file} declares no MODULE", "give a whole RAPID module"),
+    "module_name_reserved": Text("modules TRob... such as {module} belong to the robot-side program", "rename yours"),
+}

@@ -1,0 +1,38 @@
+"""The page of `yumi view`: who operates, and what stands against it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from yumi.catalogue.text import Text
+
+PAGE: Mapping[str, Text] = {
+    "driver_looked_for": Text("the driver is being looked for"),
+    "driver_sent_no_state": Text("the driver has sent no state for {duration:g} s"),
+    "connection_to_driver_lost": Text("the connection to the driver is lost: {why}"),
+    "view_has_ended": Text("yumi view has ended"),
+    "driver_has_ended": Text("the driver has ended"),
+    "view_failed": Text("yumi view failed with {kind}: {why}; its output says more"),
+    # ---- who operates
+    "control_not_taken": Text("this page does not have control", "take control first"),
+    "control_given_back": Text("control was given back before this was asked for"),
+    "control_taken_by_other": Text("another page has taken control"),
+    "page_closed": Text("the page that had control was closed"),
+    "page_was_silent": Text("this page did not answer for a while, and has lost control"),
+    "is_a_recording": Text("this is a recording"),
+    "page_only_shows": Text("this page only shows the robot", "to operate a real one, start `yumi view --operate`"),
+    "operated_from_its_machine_only": Text("a real robot is operated from the machine on which `yumi view` runs only"),
+    "page_needs_token": Text("on {host} other machines reach the page; it needs a token"),
+    "operating_page_needs_token": Text(
+        "every user of this machine reaches the page; to operate a real robot it needs a token"
+    ),
+    "port_cannot_be_opened": Text("port {port} on {host} cannot be opened ({why})"),
+    # ---- what it asks for
+    "page_too_slow_to_jog": Text(
+        "jog refused: the connection to the page is too slow now", "press again when it is better"
+    ),
+    "plan_is_old": Text("this plan is not the one that was made last, or was followed already", "plan again"),
+    "position_unknown_for_plan": Text("the position of the {arm} arm is not known", "{start_egm}, then plan"),
+    "no_pose_of_fingertips": Text("a pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z"),
+    "faults_only_virtual": Text("only a virtual robot takes faults"),
+}
