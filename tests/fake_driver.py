@@ -33,7 +33,7 @@ class FakeManager:
         self.is_interrupted = False
         self.blocks: threading.Event | None = None
         self.robot = RobotState(
-            True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING, reason="", speed_ratio=100
+            True, OperatingMode.AUTO, ControllerState.MOTORS_ON, ExecutionState.RUNNING, reasons=(), speed_ratio=100
         )
 
     def state(self) -> RobotState:

@@ -30,11 +30,19 @@ def assert_says(said: Message, code: str, **values: Any) -> None:
         assert said.values[name] == (pytest.approx(value, abs=1e-9) if is_number else value), (name, said.values)
 
 
+def numbers_in(said: Message) -> set[int]:
+    """The numbers of the controller's events in a message."""
+    return {each.values["number"] for each in _all_in(said) if "number" in each.values}
+
+
 def codes_in(said: Message) -> set[str]:
     """The codes of a message and of all messages in it."""
-    found = {said.code}
+    return {each.code for each in _all_in(said)}
+
+
+def _all_in(said: Message) -> Iterator[Message]:
+    yield said
     for value in said.values.values():
         for each in value if isinstance(value, tuple) else (value,):
             if isinstance(each, Message):
-                found |= codes_in(each)
-    return found
+                yield from _all_in(each)

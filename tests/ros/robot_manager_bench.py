@@ -31,7 +31,7 @@ READY = RobotState(
     execution=ExecutionState.RUNNING,
     machines=dict.fromkeys(Side, MachineState.IDLE),
     speed_ratio=100,
-    reason="",
+    reasons=(),
 )
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.catalogue import message
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.commissioning.doctor import NEEDED_GRANTS
 from yumi.driver.state_machine import EGM, EgmMotionSettings, MachineState
@@ -89,19 +90,19 @@ def test_bringup_does_nothing_to_a_robot_that_is_ready(system: System) -> None:
 
 
 def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
-    assert system.manager.state().reason == "the motors are off"
+    assert system.manager.state().reasons == (message("motors_off"),)
     system.client.set_motors(True)
     system.wait(1.0)
-    assert system.manager.state().reason == "the RAPID program is stopped"
+    assert system.manager.state().reasons == (message("program_stopped"),)
     system.bringup.make_ready()
-    assert system.manager.state().reason == ""
+    assert system.manager.state().reasons == ()
 
 
 def test_bringup_says_that_only_the_flexpendant_chooses_auto(system: System) -> None:
     system.world.controller.mode = OperatingMode.MANUAL_REDUCED
     with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the FlexPendant"):
         system.bringup.make_ready()
-    assert system.manager.state().reason == "the controller is in MANR"
+    assert system.manager.state().reasons == (message("not_in_auto", mode="MANR"),)
 
 
 def test_bringup_refuses_a_controller_without_egm(system: System) -> None:

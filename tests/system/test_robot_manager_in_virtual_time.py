@@ -33,7 +33,7 @@ def system() -> System:
 def test_manager_reports_all_that_is_known(system: System) -> None:
     system.manager.start_egm()
     state = system.manager.state()
-    assert (state.is_connected, state.operating_mode, state.reason) == (True, OperatingMode.AUTO, "")
+    assert (state.is_connected, state.operating_mode, state.reasons) == (True, OperatingMode.AUTO, ())
     assert (state.controller_state, state.execution) == (ControllerState.MOTORS_ON, ExecutionState.RUNNING)
     assert set(state.machines.values()) == {MachineState.RUN_EGM_ROUTINE}
     assert set(state.egm.values()) == {"running"}

@@ -12,11 +12,13 @@ from threading import Event
 import pytest
 
 from system.recovery_bench import MovingSystem
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.shared_state import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
-from yumi.driver.readiness import Cause, Mode, RobotState
+from yumi.driver.readiness import Mode, RobotState
 from yumi.driver.state_machine import START_JOINT, MachineState
+from yumi.driver.stops import Cause
 from yumi.errors import ControllerRefused
 from yumi.recording.mcap import Recorder, read_recording
 from yumi.robot.gripper import TRAVEL, ServoCommand, ServoState
@@ -161,7 +163,7 @@ def test_monitor_knows_the_robot_again_after_a_restart(monitored: Monitored) -> 
     monitored.system.faults.inject(Fault.WARM_RESTART)
     monitored.until(lambda state: not state.is_connected)
     assert monitored.until(lambda state: state.is_connected, 25.0) > 19.0
-    assert monitored.monitor.state().reason == "the motors are off"
+    assert monitored.monitor.state().reasons == (message("motors_off"),)
 
 
 def fail_to_look(monitored: Monitored, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -421,7 +423,7 @@ def test_old_error_is_not_the_cause_of_a_later_stop(without_egm: Monitored) -> N
     monitored.wait(10.0)
     monitored.system.faults.inject(Fault.MOTORS_OFF)
     monitored.wait(1.0)
-    assert monitored.monitor.state().cause.startswith("10010 Motors OFF")
+    assert monitored.monitor.state().causes[0].code == "event_10010"
 
 
 @pytest.mark.parametrize(
@@ -498,7 +500,7 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
     state = monitored.monitor.state()
     assert not state.is_connected
     assert state.execution is None
-    assert state.reason.startswith("the robot's state is unknown: it was read ")
+    assert [each.code for each in state.reasons] == ["state_is_old"]
     assert str(state).startswith("the robot's state is unknown: it was read ")
 
 

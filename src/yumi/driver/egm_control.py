@@ -467,7 +467,8 @@ class Recovery:
             said = message("not_brought_back_after_stop", why=why, error=error.said, stop=stop.id)
             raise RobotNotReady(said, stop.id) from error
         self._stops.close(confirmed)
-        return str(message("brought_back", why=why, done=done))
+        events = tuple(f"{each.values['number']} {each.values['title']}" for each in why.values.get("causes", ()))
+        return str(message("recovered_after", events=events, done=done) if events else message("recovered", done=done))
 
     def _bring_back(self, *, is_new: bool) -> str:
         desired = self._egm.desired

@@ -24,6 +24,7 @@ import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from yumi.api.connection import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
+from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.loop import ControllerCommand
 from yumi.control.shared_state import JointStates, SessionLost, Snapshot
@@ -34,6 +35,8 @@ from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import ZERO, Joints, Side, home, named_pose
+
+COLLISION = message("event_50204", number=50204, title="Motion supervision")
 
 
 @pytest.fixture(autouse=True)
@@ -87,14 +90,20 @@ def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: Runni
     gripper = state.grippers["left"]
     assert gripper is not None
     assert (gripper.width, gripper.is_holding, gripper.state) == (0.02, True, "keep object")
-    assert [(event.level, event.sentence) for event in state.events] == [("warning", "Motors off: an emergency stop.")]
+    assert [(event.level, event.said.sentence) for event in state.events] == [
+        ("warning", "Motors off: an emergency stop.")
+    ]
 
 
 def test_state_says_what_stopped_the_robot(driver: FakeDriver, attached: RunningDriver) -> None:
-    driver.manager.robot = replace(driver.manager.robot, reason="not ready", cause="a collision", stop="50204-1")
+    driver.manager.robot = replace(
+        driver.manager.robot, reasons=(message("motors_off"),), causes=(COLLISION,), stop="50204-1"
+    )
     driver.robot.motions.note(SessionLost(Side.RIGHT, 0.08, (GOAL_CONTROLLER,)))
     state = attached.state
-    assert (state.reason, state.cause, state.stop) == ("not ready", "a collision", "50204-1")
+    said = [each.message for each in (*state.reasons, *state.causes)]
+    assert (said, state.stop) == ([message("motors_off"), COLLISION], "50204-1")
+    assert (state.causes[0].code, state.causes[0].actions) == (COLLISION.code, ())
     assert (state.arms["right"].mode, state.arms["left"].mode) == (ArmMode.FAULT, ArmMode.HOLDING)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from fake_robot import FakeRobot, Switch
+from refusals import assert_says, refused
 from yumi.api.motion import (
     GOAL_CONTROLLER,
     JOG_CONTROLLER,
@@ -16,6 +17,7 @@ from yumi.api.motion import (
     TRAJECTORY_CONTROLLER,
     MotionRegistry,
 )
+from yumi.catalogue import message
 from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
@@ -29,7 +31,7 @@ from yumi.control.shared_state import (
     TrajectoryFeedback,
 )
 from yumi.control.trajectory import ArmPlan, JointTrajectory, ResultCode, TrajectoryPoint, plan_trajectory
-from yumi.driver.readiness import Cause
+from yumi.driver.stops import Cause
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady
 from yumi.robot.joints import CHAIN_AXES, YUMI_LIMITS, ZERO, Pose, Side, home, joint_names
 
@@ -85,7 +87,7 @@ def test_motion_is_done_when_the_arm_stands_at_its_goal(robot: FakeRobot) -> Non
 def test_motion_that_ends_elsewhere_says_why(robot: FakeRobot, outcome: GoalOutcome) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.end(robot.control.commands[0], outcome, "something came between")
-    with pytest.raises(GoalNotReached, match=r"The right arm did not reach its goal: something came between\."):
+    with refused(GoalNotReached, "goal_not_reached", arm="right"):
         motion.wait()
 
 
@@ -153,7 +155,7 @@ def test_motion_that_the_fast_line_refuses_does_not_begin(robot: FakeRobot) -> N
 
 def test_arm_that_does_not_follow_is_not_moved(robot: FakeRobot) -> None:
     robot.control.snapshots[Side.LEFT] = robot.control.snapshots[Side.LEFT]._replace(is_running=False)
-    with pytest.raises(RobotNotReady, match=r"EGM is not running on the left arm; call robot\.recover\(\)"):
+    with refused(RobotNotReady, "goal_refused", reason=message("arm_without_egm", arm="left")):
         robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
     assert robot.control.commands == []
 
@@ -167,7 +169,7 @@ def test_arm_that_no_one_named_is_not_moved() -> None:
 def test_fault_ends_the_motions_of_its_arm_only(robot: FakeRobot) -> None:
     right, left = robot.executor.move({Side.RIGHT: RIGHT, Side.LEFT: LEFT}, None, None)
     robot.motions.note(LOST)
-    with pytest.raises(GoalNotReached, match=r"Right arm: EGM feedback lost.*Call robot\.recover\(\) when"):
+    with refused(GoalNotReached, "feedback_lost", arm="right"):
         right.wait()
     assert not left.is_done
 
@@ -179,12 +181,12 @@ def test_motion_that_a_stop_has_ended_says_its_cause_and_what_to_confirm(robot: 
     robot.motions.note(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
     robot.end(robot.control.commands[0], GoalOutcome.ABORTED, "the controller was deactivated")
     assert not motion.is_done
-    waiting[0](Cause("10013 Emergency stop: an emergency stop was pressed", "10013-7-a1b2c3"))
-    sentence = r"Cause: 10013 Emergency stop: .* Nothing moves until a person confirms the stop 10013-7-a1b2c3"
-    with pytest.raises(GoalNotReached, match=sentence) as end:
+    pressed = message("event_10013", number=10013, title="Emergency stop")
+    waiting[0](Cause((pressed,), "10013-7-a1b2c3"))
+    with refused(GoalNotReached, "explained_stop", causes=(pressed,), stop="10013-7-a1b2c3") as end:
         motion.wait()
     assert end.value.stop == "10013-7-a1b2c3"
-    with pytest.raises(RobotNotReady, match=sentence) as refusal:
+    with refused(RobotNotReady, "arm_waits_for_recovery", arm="right", fault=end.value.said) as refusal:
         robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     assert refusal.value.stop == "10013-7-a1b2c3"
 
@@ -194,22 +196,20 @@ def test_cause_that_comes_after_recovery_stops_nothing(robot: FakeRobot) -> None
     robot.motions.explain = waiting.append
     robot.motions.note(LOST)
     robot.motions.clear_faults()
-    waiting[0](Cause("10125 Program stopped"))
+    waiting[0](Cause((message("event_10125", number=10125, title="Program stopped"),)))
     assert robot.executor.fault(Side.RIGHT) is None
 
 
 def test_end_of_egm_without_a_stop_is_not_called_one(robot: FakeRobot) -> None:
     (motion,) = robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.motions.note(RobotStoppedFollowing(Side.RIGHT, (GOAL_CONTROLLER,)))
-    with pytest.raises(GoalNotReached, match="The controller reports no stop: its program has ended EGM, or another"):
+    with refused(GoalNotReached, "ended_by_program"):
         motion.wait()
 
 
 def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
     robot.motions.note(LOST)
-    with pytest.raises(
-        RobotNotReady, match=r"The right arm was stopped and waits for robot\.recover\(\)\. Right arm: EGM"
-    ):
+    with refused(RobotNotReady, "arm_waits_for_recovery", arm="right", fault=LOST.said):
         robot.executor.move({Side.RIGHT: RIGHT}, None, None)
     robot.motions.clear_faults()
     assert robot.executor.move({Side.RIGHT: RIGHT}, None, None)
@@ -218,7 +218,7 @@ def test_arm_with_a_fault_waits_for_recovery(robot: FakeRobot) -> None:
 @pytest.mark.parametrize(
     ("event", "sides"),
     [
-        (ControllerFailed(Side.LEFT, "it broke"), [Side.LEFT]),
+        (ControllerFailed(Side.LEFT, message("text", text="it broke")), [Side.LEFT]),
         (ControlProcessEnded(Side.RIGHT, 1), [Side.RIGHT]),
         (SessionLost(Side.RIGHT, 0.08, ()), []),  # an ordered end
     ],
@@ -295,7 +295,7 @@ def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot,
         points = (TrajectoryPoint(1.0, RIGHT),)
         return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
 
-    with pytest.raises(CommandRefused, match="the right arm was stopped, or another controller took it over"):
+    with refused(CommandRefused, "goal_refused", reason=message("interrupted_while_planned", arm="right")):
         robot.executor.follow_path((Side.RIGHT,), plan)
     assert not any(isinstance(each.message, FollowTrajectory) for each in robot.control.commands)
 
@@ -310,7 +310,9 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
     robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
     assert (motion.future.exception() is None) is is_reached
     if not is_reached:
-        assert str(motion.future.exception()) == "The right arm did not reach its goal: It is over."
+        error = motion.future.exception()
+        assert isinstance(error, GoalNotReached)
+        assert_says(error.said, "goal_not_reached", arm="right")
 
 
 def test_motion_that_the_limiter_holds_says_which_parts(robot: FakeRobot) -> None:
@@ -321,7 +323,8 @@ def test_motion_that_the_limiter_holds_says_which_parts(robot: FakeRobot) -> Non
     )
     notice = TrajectoryEnded(motion.identity, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
     robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
-    with pytest.raises(GoalNotReached, match=r"its goal: It is late; it is limited by right gripper - body, 0 mm\.$"):
+    limited = message("parts_near", part="right gripper", other="body", distance=0.0)
+    with refused(GoalNotReached, "goal_not_reached_limited", arm="right", limited=limited):
         motion.wait()
 
 
@@ -425,7 +428,7 @@ def test_driver_with_ros_keeps_no_fault_and_logs_nothing(caplog: pytest.LogCaptu
     motions = MotionRegistry(is_script=False)
     motion = motions.begin(Side.RIGHT)
     motions.note(LOST)
-    with pytest.raises(GoalNotReached, match="feedback lost"):
+    with refused(GoalNotReached, "feedback_lost"):
         motion.wait()
     assert (motions.fault(Side.RIGHT), caplog.text) == (None, "")
 

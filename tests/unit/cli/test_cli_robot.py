@@ -20,6 +20,7 @@ from click.testing import CliRunner
 from fake_driver import ROBOT, FakeDriver
 from yumi.api.connection import attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
+from yumi.catalogue import FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
@@ -28,6 +29,8 @@ from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.readiness import Mode
 from yumi.errors import SettingsError
 from yumi.robot.joints import Side, chain_from_abb, home, named_pose
+
+COLLISION = message("event_50204", number=50204, title="Motion supervision")
 
 
 @pytest.fixture(autouse=True)
@@ -101,9 +104,12 @@ def test_state_is_printed_as_json(driver: FakeDriver) -> None:
 
 
 def test_state_says_why_nothing_moves_and_what_to_do(driver: FakeDriver) -> None:
-    driver.manager.robot = replace(driver.manager.robot, reason="no EGM", cause="a collision", stop="50204-1")
-    shown = run("state")
-    assert "cannot move: no EGM\nstopped by: a collision\nwaits for a person to confirm the stop 50204-1" in shown
+    driver.manager.robot = replace(
+        driver.manager.robot, reasons=(message("stop_open", stop="50204-1"),), causes=(COLLISION,), stop="50204-1"
+    )
+    reason = sentence(message("stop_open", stop="50204-1"), FrontEnd.SHELL)
+    cause = sentence(COLLISION, FrontEnd.SHELL)
+    assert f"cannot move: {reason}\nstopped by: {cause}\n" in run("state")
 
 
 def test_controllers_are_listed(driver: FakeDriver) -> None:
@@ -210,8 +216,9 @@ def test_switch_deactivates_what_commands_the_arm(driver: FakeDriver) -> None:
 
 
 def test_stop_is_not_confirmed_without_a_person(driver: FakeDriver) -> None:
-    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", cause="A collision.")
-    assert "A collision. Look at the robot;" in refusal("recover", code=2)
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", causes=(COLLISION,))
+    said = message("confirm_by_option", causes=(COLLISION,), stop="50204-1")
+    assert sentence(said, FrontEnd.SHELL) in refusal("recover", code=2)
     assert driver.recovered == []
     assert run("recover", "--confirm", "50204-1") == "The robot is ready\n"
 
@@ -220,10 +227,10 @@ def test_stop_is_not_confirmed_without_a_person(driver: FakeDriver) -> None:
 def test_person_confirms_a_stop_at_the_terminal(
     driver: FakeDriver, monkeypatch: pytest.MonkeyPatch, answer: str, confirmed: list[str]
 ) -> None:
-    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", cause="A collision.")
+    driver.manager.robot = replace(driver.manager.robot, stop="50204-1", causes=(COLLISION,))
     monkeypatch.setattr(commands, "_is_at_a_terminal", lambda: True)
     result = CliRunner().invoke(main, ["recover"], input=f"{answer}\n")
-    assert "A collision." in result.stderr
+    assert sentence(COLLISION, FrontEnd.SHELL) in result.stderr
     assert "confirm the stop 50204-1" in result.stderr
     assert driver.recovered == confirmed
     assert result.exit_code == (0 if confirmed else 2)
@@ -231,7 +238,7 @@ def test_person_confirms_a_stop_at_the_terminal(
 
 @pytest.mark.parametrize("command", [["state"], ["start"], ["move", "right", "home"], ["shell"], ["controllers"]])
 def test_without_a_driver_a_sentence_says_how_to_start_one(command: list[str]) -> None:
-    assert "No driver runs on this machine for this user; start one with: yumi up" in refusal(*command)
+    assert clause(message("no_driver_runs")).capitalize() in refusal(*command)
 
 
 def test_angles_are_radians_unless_they_are_called_degrees() -> None:

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import pytest
 
-from yumi.driver.readiness import EVENT_TEXTS, cause_among, explain, is_without_person, needs_person
+from yumi.catalogue import message
+from yumi.catalogue.texts.events import KNOWN_NUMBERS
+from yumi.control.shared_state import RobotStoppedFollowing, SessionLost
+from yumi.driver.stops import Cause, because, cause_among, explain, explained, is_without_person, needs_person
+from yumi.robot.joints import Side
 from yumi.rws.documents import Event
 from yumi.rws.types import EventType
 
@@ -39,25 +43,41 @@ def test_nothing_before_the_start_of_the_program_is_a_cause() -> None:
     assert cause_among(log((50204, ERROR), (10150, INFORMATION), (10140, INFORMATION))) is None
 
 
-def test_known_event_is_reported_with_cause_and_remedy() -> None:
+def test_known_error_is_explained_with_the_controllers_own_text() -> None:
     (event,) = log((50204, ERROR))
-    assert explain(event) == (
-        "50204 title 50204: an arm has collided, or moves against a force (Text 50204); see what it touched and "
-        "free it, then recover"
-    )
+    values = {"number": 50204, "title": "title 50204", "detail": "Text 50204"}
+    assert explain(event) == message("event_50204_with_detail", **values)
+
+
+def test_known_information_is_explained_without_it() -> None:
+    (event,) = log((10125, INFORMATION))
+    assert explain(event) == message("event_10125", number=10125, title="title 10125")
 
 
 def test_unknown_event_is_reported_in_the_controllers_words() -> None:
     (event,) = log((71058, ERROR))
-    assert explain(event) == "71058 title 71058: Text 71058"
+    assert explain(event) == message("event", number=71058, title="title 71058", detail="Text 71058")
 
 
-@pytest.mark.parametrize("code", sorted(EVENT_TEXTS))
-def test_texts_are_parts_of_a_sentence(code: int) -> None:
-    text = EVENT_TEXTS[code]
-    for part in (text.cause, text.remedy):
-        assert part
-        assert not part.endswith(".")
+@pytest.mark.parametrize("number", sorted(KNOWN_NUMBERS))
+def test_event_that_a_person_must_confirm_asks_for_no_recovery_of_its_own(number: int) -> None:
+    (event,) = log((number, ERROR))
+    assert not (needs_person(number) and "recover" in {action.value for action in explain(event).actions})
+
+
+def test_end_of_egm_is_explained_by_what_stopped_the_robot() -> None:
+    lost, cause = SessionLost(Side.RIGHT, 0.1, ("a",)), message("event_10125", number=10125, title="Program stopped")
+    assert explained(lost, Cause()) == lost.said
+    assert explained(lost, Cause((cause,))) == message("explained", event=lost.said, causes=(cause,))
+    assert explained(lost, Cause((cause,), "10125-1-a")) == message(
+        "explained_stop", event=lost.said, causes=(cause,), stop="10125-1-a"
+    )
+    assert because(lost.said, Cause()) == lost.said
+
+
+def test_program_that_ends_egm_without_a_stop_is_named() -> None:
+    ended = RobotStoppedFollowing(Side.RIGHT, ("a",))
+    assert explained(ended, Cause()) == message("ended_by_program", event=ended.said)
 
 
 @pytest.mark.parametrize(

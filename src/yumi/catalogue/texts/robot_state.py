@@ -65,7 +65,8 @@ ROBOT_STATE: Mapping[str, Text] = {
     "changed_by_stop": Text("{changes}: {causes:full}", "{confirm_stop}; nothing moves before that"),
     # ---- bringing it back
     "no_stop_cause": Text("no stop cause found in the event log"),
-    "brought_back": Text("{why:sentence} {done}"),
+    "recovered": Text("recovered: {done}"),
+    "recovered_after": Text("recovered after {events:and}: {done}"),
     "was_stopped_by": Text("the robot was stopped by {causes}"),
     "not_brought_back": Text("{why:sentence} {error:sentence}"),
     "not_brought_back_after_stop": Text("{why:sentence} {error:sentence} {Confirm_stop}; nothing moves before that"),
