@@ -3,22 +3,36 @@
 from __future__ import annotations
 
 import gc
+import os
+import runpy
 import signal
 import threading
 from collections.abc import Iterator
 from math import radians
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
 
+from yumi.catalogue import FrontEnd, speak_as
 from yumi.clock import ManualClock
 from yumi.robot.joints import Joints, joints
 
 
-def pytest_configure() -> None:
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--random-words", action="store_true", help="Replace every sentence of the catalogue by random words."
+    )
+
+
+def pytest_configure(config: pytest.Config) -> None:
     """A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    if config.getoption("random_words"):
+        folder = str(Path(__file__).parent / "random_words")
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))
+        runpy.run_path(f"{folder}/sitecustomize.py")  # in the processes that the tests start Python does so itself
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -54,6 +68,13 @@ def clock() -> ManualClock:
 def middle() -> Joints:
     """A position well inside every joint's range [rad]."""
     return joints([radians(value) for value in (10.0, -60.0, 20.0, 15.0, 30.0, 40.0, 50.0)])
+
+
+@pytest.fixture(autouse=True)
+def _words_of_a_script() -> Iterator[None]:
+    """What a command that ran in this process has chosen does not last."""
+    yield
+    speak_as(FrontEnd.SCRIPT)
 
 
 @pytest.fixture(autouse=True)

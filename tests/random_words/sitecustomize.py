@@ -1,0 +1,35 @@
+"""Replaces every sentence of the catalogue by random words, in each Python that is started with this folder on its path.
+
+The values stay, in other places: whoever needs more of a message than its code and values fails. See ``--random-words``
+in the tests' conftest.
+"""
+
+from __future__ import annotations
+
+import random
+from string import Formatter, ascii_lowercase
+
+from yumi.catalogue.text import Text
+from yumi.catalogue.texts import TEXTS
+
+
+def _random_words(template: str, chance: random.Random) -> str:
+    fields = [
+        "{" + name + (f"!{conversion}" if conversion else "") + (f":{spec}" if spec else "") + "}"
+        for _, name, spec, conversion in Formatter().parse(template)
+        if name is not None
+    ]
+    words = [
+        "".join(chance.choices(ascii_lowercase, k=chance.randint(3, 9))) for _ in range(max(template.count(" "), 1))
+    ]
+    return " ".join(chance.sample(words + fields, len(words) + len(fields))) if template else ""
+
+
+def _replace_all() -> None:
+    for code, text in TEXTS.items():
+        if code != "text":
+            chance = random.Random(code)
+            TEXTS[code] = Text(*(_random_words(part, chance) for part in text))
+
+
+_replace_all()
