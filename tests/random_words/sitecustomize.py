@@ -1,4 +1,4 @@
-"""Replaces every sentence of the catalogue by random words, in each Python that is started with this folder on its path.
+"""Replaces every sentence of the catalogue by random words, in each Python that starts with this folder on its path.
 
 The values stay, in other places: whoever needs more of a message than its code and values fails. See ``--random-words``
 in the tests' conftest.

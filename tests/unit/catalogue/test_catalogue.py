@@ -22,6 +22,7 @@ from yumi.catalogue import (
     speak_as,
     to_wire,
 )
+from yumi.catalogue.__main__ import page
 from yumi.catalogue.texts import ACTIONS, SUBJECTS, TEXTS
 
 SOURCES = Path(__file__).parents[3] / "src"
@@ -120,6 +121,11 @@ def test_message_comes_back_from_the_wire_and_from_another_process():
     said = message("stopped_by", causes=(STOP, message("motors_off")), stop="10013-7-aa")
     assert from_wire(to_wire(said)) == said
     assert pickle.loads(pickle.dumps(said)) == said
+
+
+def test_page_of_the_documentation_is_written_from_the_texts():
+    written = SOURCES.parent / "docs" / "reference" / "messages.md"
+    assert written.read_text() == page(), "run: python -m yumi.catalogue > docs/reference/messages.md"
 
 
 def test_message_of_another_version_is_not_known():

@@ -1,0 +1,50 @@
+"""Writes the page of all messages: ``python -m yumi.catalogue > docs/reference/messages.md``."""
+
+from __future__ import annotations
+
+import sys
+from string import Formatter
+
+from yumi.catalogue.texts import ACTIONS, SUBJECTS
+
+_HEAD = """\
+# Messages
+
+<!-- Written by `python -m yumi.catalogue` from src/yumi/catalogue/texts; do not edit. -->
+
+Every refusal, reason and cause of a stop is a message: a code with values, and a sentence in the words of its reader.
+Programs decide by the code, which stays; the sentence may change.
+
+- Python: `error.said.code` and `error.said.values` of any `YumiError`.
+- ROS: the field `code` of a service's or an action's answer, and `reason_codes` and `cause_codes` of a robot's state.
+- The local endpoint and `--json`: `code`, `values`, `sentence` and `actions` of `said`, `reasons` and `causes`.
+
+Words in angle brackets are values, words in bold are actions.
+"""
+
+
+def page() -> str:
+    """The page, in Markdown."""
+    lines = [_HEAD, "## Actions", "", "What a person can do, as each reader is told.", ""]
+    readers = list(next(iter(ACTIONS.values())))
+    lines += [f"| action | {' | '.join(each.replace('_', ' ') for each in readers)} |", f"|---|{'---|' * len(readers)}"]
+    for action, words in ACTIONS.items():
+        lines.append(f"| **{action}** | {' | '.join(_shown(words[each].do) for each in readers)} |")
+    for subject, texts in SUBJECTS.items():
+        lines += ["", f"## {subject}", "", "| code | what it says | what to do |", "|---|---|---|"]
+        lines += [f"| `{code}` | {_shown(text.what)} | {_shown(text.remedy)} |" for code, text in texts.items()]
+    return "\n".join([*lines, ""])
+
+
+def _shown(template: str) -> str:
+    """A text with its values as `<name>` and its actions in bold."""
+    parts = []
+    for words, name, _, _ in Formatter().parse(template):
+        parts.append(words.replace("|", "\\|").replace("<", "&lt;"))
+        if name is not None:
+            parts.append(f"**{name}**" if name.lower() in ACTIONS else f"&lt;{name}&gt;")
+    return "".join(parts)
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())
