@@ -1,6 +1,6 @@
 """Finds code that takes a sentence for people apart, compares it, or replaces words in it.
 
-Between the parts of the program travel codes and values (docs/explanation/decisions, "messages are codes"); only
+Between the parts of the program travel codes and values (decision 53 in docs/explanation/decisions); only
 ``yumi.catalogue`` makes sentences of them. A text is a sentence here when it comes from ``str(error)`` of a caught error,
 from a function of the catalogue, or from an attribute that holds one. Run by ``make check``.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -68,7 +69,7 @@ class _Scope:
 
     def _compared(self, node: ast.Compare) -> Iterator[tuple[int, str]]:
         sides = (node.left, *node.comparators)
-        for operator, (left, right) in zip(node.ops, zip(sides, sides[1:], strict=False), strict=True):
+        for operator, (left, right) in zip(node.ops, pairwise(sides), strict=True):
             if isinstance(operator, ast.In | ast.NotIn) and self._is_text(right):
                 yield node.lineno, "a look for words in a sentence"
             is_equality = isinstance(operator, ast.Eq | ast.NotEq)

@@ -98,8 +98,8 @@ def test_message_in_a_message_is_part_of_its_sentence():
         "stopped_by", causes=(STOP, message("event_50204", number=50204, title="Collision")), stop="10013-7-aa"
     )
     assert sentence(said, FrontEnd.SCRIPT) == (
-        "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; then 50204 Collision: an arm has "
-        "collided, or moves against a force; see what it touched and free it; look at the robot, then call "
+        "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; then 50204 Collision: an arm "
+        "has collided, or moves against a force; see what it touched and free it; look at the robot, then call "
         "robot.recover(confirm='10013-7-aa'); nothing moves before that."
     )
 
