@@ -1,7 +1,7 @@
 """Finds code that takes a sentence for people apart, compares it, or replaces words in it.
 
 Between the parts of the program travel codes and values (decision 53 in docs/explanation/decisions); only
-``yumi.catalogue`` makes sentences of them. A text is a sentence here when it comes from ``str(error)`` of a caught error,
+``yumi.catalogue`` makes sentences of them. A text is a sentence here when it comes from ``str(error)`` of an error,
 from a function of the catalogue, or from an attribute that holds one. Run by ``make check``.
 """
 

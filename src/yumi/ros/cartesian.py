@@ -42,6 +42,7 @@ from sensor_msgs.msg import JointState
 from yumi_interfaces.action import MoveBothLinear, MoveLinear
 from yumi_interfaces.srv import InverseKinematics, Jacobian
 
+from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import GoalKind
 from yumi.control.controllers.cartesian import CartesianController, check_twist, pose_goal, twist_goal
@@ -112,7 +113,7 @@ class _ToolTopic(CommandTopic):
             # In its own frame the pose is what was sent: an orientation of another length must not move its place.
             return compose(self._frames.to_base(message.header.frame_id), checked_pose(pose_of(message.pose)))
         except CommandRefused as error:
-            raise CommandRefused(f"{self.noun} refused: {str(error).removeprefix('Pose refused: ')}") from error
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=error.said)) from error
 
     def take(self, message: Any, waited: float = 0.0) -> None:
         try:
@@ -140,10 +141,8 @@ class _StreamTopic(_ToolTopic):
             self._timeout = number({it.parameter.name: it.value for it in infos}, "twist.timeout")
             self._asked_at = time
         if age > self._timeout:
-            raise CommandRefused(
-                f"{self.noun} refused: its stamp is {age:.2f} s old, and twist.timeout is {self._timeout:g} s; compare "
-                "the clocks of the machines, or leave the stamp empty."
-            )
+            reason = message("stamp_too_old", age=age, longest=self._timeout)
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
 
 
 class LineGoal(NamedTuple):
@@ -167,8 +166,8 @@ class LineGoal(NamedTuple):
         """See that its numbers can be meant; raises CommandRefused."""
         for name, value in (("speed", self.speed), ("zone", self.zone), ("arm_angle", self.arm_angle or 0.0)):
             if not isfinite(value) or (name != "arm_angle" and value < 0.0):
-                least = "" if name == "arm_angle" else ", not below 0"
-                raise CommandRefused(f"Target refused: {name} is {value:g}; give a finite number{least}.")
+                code = "number_not_finite" if name == "arm_angle" else "number_negative"
+                raise _target_refused(message(code, name=name, value=value))
 
 
 class TargetPoseTopic(_ToolTopic):
@@ -187,10 +186,7 @@ class TargetPoseTopic(_ToolTopic):
         if max(map(abs, snapshot.velocity)) > STANDING:
             # The line begins where the arm stands: what it follows now ends first.
             self.command(CancelTrajectory())
-            raise CommandRefused(
-                f"Target refused: the {side.word} arm still moved; it stops now. Send the target again when it stands, "
-                "or a stream to servo_pose."
-            )
+            raise _target_refused(message("arm_still_moved", arm=side.word))
         plan = self.plan(LineGoal((message,)))
         self.command(FollowTrajectory(plan, next(_numbers)), snapshot.activation)
 
@@ -222,11 +218,10 @@ class TargetPoseTopic(_ToolTopic):
         now = self._snapshot()
         held = 0.0 if now.reference is None else largest_difference(now.reference, now.sent)
         if held > _HELD:
-            why = f" ({now.limited_by})" if now.limited_by else ""
-            raise CommandRefused(
-                f"Target refused: the {self._side.word} arm is held {held:.2f} rad from where {self.controller} "
-                f"commands it to be{why}; deactivate that controller and activate it again: it begins where the arm is."
-            )
+            known = {"arm": self._side.word, "distance": held, "controller": self.controller}
+            if now.limited is None:
+                raise _target_refused(message("arm_held_from_command", **known))
+            raise _target_refused(message("arm_held_from_command_by", limited=now.limited.said, **known))
 
     def commanded(self) -> Joints:
         """Where the arm is commanded to be [rad], (7,)."""
@@ -263,7 +258,7 @@ class ServoTwistTopic(_StreamTopic):
             of_tool = self._frames.in_tool(side, frame)
             seen_from = self._frames.to_base(frame) if of_tool is None else of_tool
         except CommandRefused as error:
-            raise CommandRefused(f"Velocity refused: {error}") from error
+            raise CommandRefused(message("command_refused", noun="Velocity", reason=error.said)) from error
         turned = [rotate(seen_from.orientation, vector) for vector in vectors]
         twist = joints([*turned[0], *turned[1], 0.0])
         tool = self._frames.tcp(side)
@@ -288,9 +283,13 @@ class _Line:
         self.is_over = Flag()
         self.is_cancelled = False
         self.ends: dict[Side, TrajectoryEnded] = {}
-        self.reason = "The line was ended: the controller was unloaded."
+        self.reason = message("line_ended_unloaded")
         self.sides: frozenset[Side] = frozenset()
         self.tools: Mapping[Side, Pose] = {}
+
+
+def _target_refused(reason: Message) -> CommandRefused:
+    return CommandRefused(message("command_refused", noun="Target", reason=reason))
 
 
 class _Cancelled(Exception):
@@ -353,7 +352,7 @@ class _LineAction(ABC):
         try:
             return self._frames.tool(side, frame) if frame else None
         except CommandRefused as error:
-            raise CommandRefused(f"Target refused: {error}") from error
+            raise _target_refused(error.said) from error
 
     def on_arm_event(self, side: Side, event: object) -> bool:
         """An event of an arm's controller; whether it was about a goal of the action."""
@@ -361,7 +360,7 @@ class _LineAction(ABC):
             if isinstance(event, ControlProcessEnded | ReportsDropped):
                 for line in self._open.values():
                     if line.sides:  # else what it asks for is refused, with the reason
-                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else str(event)
+                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else event.said
                         line.is_over.set()
             if not isinstance(event, TrajectoryEnded):
                 return False
@@ -437,9 +436,8 @@ class _LineAction(ABC):
         try:
             targets = {side: self._targets[side] for side in sorted(goals, key=lambda side: side.value)}
         except KeyError as error:
-            raise CommandRefused(
-                f"Target refused: the {error.args[0].word} arm has no {CARTESIAN_CONTROLLER}; load it first."
-            ) from error
+            reason = message("controller_not_loaded", arm=error.args[0].word, controller=CARTESIAN_CONTROLLER)
+            raise _target_refused(reason) from error
         # Its turn and planning take a while: a stop meanwhile drops the goal, also where the arms follow again.
         snapshots = {side: target.check() for side, target in targets.items()}
         for target in targets.values():
@@ -482,10 +480,7 @@ class _LineAction(ABC):
             if line.is_cancelled:  # what others have asked for goes on
                 raise _Cancelled
             if line.is_over.is_set() or monotonic() > deadline:
-                arms = " and ".join(side.word for side in targets)
-                raise CommandRefused(
-                    f"Target refused: the {arms} arm did not come to rest; end the stream that leads it first."
-                )
+                raise _target_refused(message("arm_not_at_rest", arms=tuple(side.word for side in targets)))
             for side, target in targets.items():
                 target.command(CancelTrajectory(), snapshots[side].activation)
             before = now
@@ -501,11 +496,7 @@ class _LineAction(ABC):
         if is_over or not others:
             return
         self._stop(line)  # nothing is known of it: it must not go on
-        arms = " and ".join(side.word for side in others)
-        raise RobotNotReady(
-            f"The line was ended: the {arms} arm was stopped, or another controller took it over; how the line ended "
-            "was not reported."
-        )
+        raise RobotNotReady(message("line_ended_unreported", arms=tuple(side.word for side in others)))
 
     def _report(self, handle: Any, line: _Line, duration: float) -> None:
         newest = [self._control.buffers[side].tool_path.read() for side in line.sides]
@@ -580,9 +571,7 @@ class MoveBothLinearAction(_LineAction):
 
     def _goals(self, request: Any) -> Mapping[Side, LineGoal]:
         if not (len(request.right) and len(request.left)):
-            raise CommandRefused(
-                f"Target refused: one arm has no pose; for one alone take its own {CARTESIAN_CONTROLLER}/move_linear."
-            )
+            raise _target_refused(message("one_arm_without_pose", controller=CARTESIAN_CONTROLLER))
         return {
             side: LineGoal(poses, request.speed, None, request.zone, self._tool(side, frame))
             for side, poses, frame in (
@@ -623,7 +612,7 @@ class KinematicsServices:
     def _now(self) -> Joints:
         state = self._frames.measured(self._side)
         if state is None:
-            raise RobotNotReady(f"Where the {self._side.word} arm is, is not known; start EGM first.")
+            raise RobotNotReady(message("position_unknown", arm=self._side.word))
         return state.position
 
     def _postures(self, request: Any, response: Any) -> None:
@@ -633,18 +622,18 @@ class KinematicsServices:
         now = self._now()
         angle = request.arm_angle if request.turn_elbow else arm_angle(side, now)
         if not isfinite(angle):
-            raise CommandRefused(f"The arm angle is {angle}; give radians.")
+            raise CommandRefused(message("arm_angle_not_finite", value=angle))
         found = sorted(postures(side, tool0, angle, YUMI_LIMITS), key=lambda each: largest_difference(each, now))
         response.postures = [JointState(name=joint_names(side), position=each) for each in found]
         response.success = bool(found)
         if not found:
-            reason = f"No posture of the {side.word} arm has this pose with this arm angle; try others."
+            reason = message("no_posture_with_arm_angle", arm=side.word)
             say_why(response, unreachable(side, tool0, reason, now))
 
     def _jacobian(self, request: Any, response: Any) -> None:
         position = request.position if len(request.position) else self._now()
         if len(position) != JOINT_COUNT or not all(map(isfinite, position)):
-            raise CommandRefused(f"Give {JOINT_COUNT} finite joint positions [rad], in chain order, or none.")
+            raise CommandRefused(message("no_joint_positions", joints=JOINT_COUNT))
         tool = self._frames.tool(self._side, request.tool_frame)
         response.jacobian = jacobian(self._side, joints(position), tool).ravel()
         response.success = True

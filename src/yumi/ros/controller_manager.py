@@ -38,7 +38,7 @@ from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.executors import Executor
 from std_msgs.msg import String
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message
 from yumi.clock import Clock
 from yumi.control.controller import ControllerInfo, HardwareInfo, ParameterInfo, State, Statistics
 from yumi.control.controller_manager import Strictness
@@ -291,9 +291,7 @@ class ArmControllers:
         """
         kind, arguments = self._parameters.type_of(name), self._parameters.arguments_of(name)
         if kind in _ADVICE:
-            raise CommandRefused(
-                f"Controller {quoted(name)} cannot be loaded: there is no type {kind!r} here; {_ADVICE[kind]}."
-            )
+            raise CommandRefused(message("controller_type_not_here", controller=name, kind=kind, advice=_ADVICE[kind]))
         self._control.call(Commands.load_controller, self._side, name, kind)
         settings = self._known.get(name)
         presets = settings.entries if settings is not None and settings.kind == kind else {}
@@ -334,9 +332,7 @@ class ArmControllers:
         try:
             chosen = Strictness(strictness) if strictness else self._parameters.strictness
         except ValueError as error:
-            raise CommandRefused(
-                f"Strictness {strictness} is unknown; choose 1 (best effort) or 2 (strict)."
-            ) from error
+            raise CommandRefused(message("strictness_unknown", value=strictness)) from error
         if chosen in {Strictness.AUTO, Strictness.FORCE_AUTO}:
             self._log.warning(f"Strictness {chosen.name} is treated as BEST_EFFORT, as ros2_control does.")
             chosen = Strictness.BEST_EFFORT
@@ -349,7 +345,7 @@ class ArmControllers:
         try:
             return waiting.result(limit)
         except Overdue as error:
-            raise RobotNotReady(f"Switch controller timed out after {limit:g} seconds!") from error
+            raise RobotNotReady(message("switch_timed_out", limit=limit)) from error
 
     def reload(self, is_forced: bool) -> None:
         """Unload all controllers; there are no libraries to load again.
@@ -360,7 +356,7 @@ class ArmControllers:
         controllers = self.list()
         active = [info.name for info in controllers if info.state is State.ACTIVE]
         if active and not is_forced:
-            raise CommandRefused(f"Controllers are active: {', '.join(active)}; deactivate them first, or force it.")
+            raise CommandRefused(message("controllers_are_active", controllers=tuple(active)))
         if active:
             self._control.call(Commands.switch_controllers, self._side, (), active)
         for info in controllers:
@@ -372,7 +368,7 @@ class ArmControllers:
             if info.name == name:
                 return info
         loaded = ", ".join(info.name for info in controllers) or "none"
-        raise CommandRefused(f"There is no controller {quoted(name)}; loaded are: {loaded}.")
+        raise CommandRefused(message("controller_unknown", controller=name, loaded=loaded))
 
 
 class ControllerNodes:

@@ -37,7 +37,7 @@ import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.signals import SignalHandlerOptions
 
-from yumi.catalogue import Message
+from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
 from yumi.control.controller import State
 from yumi.control.shared_state import Event, RobotStoppedFollowing, SessionLost, SessionStarted
@@ -110,10 +110,7 @@ class RosDriver:
             gripper_nodes = {side: rclpy.create_node("gripper", namespace=namespaces[side]) for side in Side}
             description_node = rclpy.create_node(ROBOT_STATE_PUBLISHER, namespace=root)
         except RCLError as error:
-            raise MissingPrerequisite(
-                f"ROS 2 cannot make its nodes: {str(error).partition(', at ')[0]}; see its lines above, and that the "
-                "limits of this program are not too low (ulimit -n, ulimit -v)."
-            ) from error
+            raise MissingPrerequisite(message("ros_makes_no_nodes", why=said_by(error))) from error
         streams = (self._stream, *self._streams.values())
         self._nodes = (self._node, dual, *gripper_nodes.values(), description_node, *streams)
         log_error = self._node.get_logger().error
@@ -305,11 +302,11 @@ class RosDriver:
             is_reading_only=is_reading_only,
         )
 
-    def _why_no_grip(self, _: Side) -> str | None:
+    def _why_no_grip(self, _: Side) -> Message | None:
         try:
             self._manager.check_not_stopped()
         except RobotNotReady as error:
-            return str(error)
+            return error.said
         return None
 
     def check_arms(self, sides: Iterable[Side]) -> None:
@@ -321,9 +318,11 @@ class RosDriver:
         for side in sides:
             state = self._hardware[side].state
             if state in {State.INACTIVE, State.UNCONFIGURED}:
+                service = f"{self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state"
                 raise CommandRefused(
-                    f"The {side.word} arm is {state.value}; activate its hardware component {side.unit} first "
-                    f"({self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state)."
+                    message(
+                        "hardware_not_active", arm=side.word, state=state.value, component=side.unit, service=service
+                    )
                 )
 
     def update_activity(self) -> None:
@@ -356,12 +355,7 @@ def open_ros(arguments: Sequence[str] | None = None) -> None:
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RCLError as error:
-        reason = str(error).partition(", at ")[0]
-        raise SettingsError(
-            f"ROS 2 does not start: {reason}; set ROS_LOG_DIR to a folder that can be written, or unset it."
-            if "log" in reason
-            else f"ROS 2 does not start: {reason}; check ROS_DOMAIN_ID, RMW_IMPLEMENTATION and the --ros-args."
-        ) from error
+        raise SettingsError(message("ros_does_not_start", why=said_by(error))) from error
 
 
 def close_ros() -> None:

@@ -20,7 +20,7 @@ from sensor_msgs.msg import FluidPressure, JointState
 from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, message
 from yumi.driver.gripper import CHANNELS, Gripper, GripperSignals
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, YumiError
@@ -30,7 +30,7 @@ from yumi.robot.joints import Side, finger_names, prefixed
 from yumi.ros.messages import LATCHED, SERVICES, say_why, stamp
 from yumi.ros.nodes import TimerThread
 
-WhyNot = Callable[[], str | None]
+WhyNot = Callable[[], Message | None]
 """Why a gripper may not move now; None when it may."""
 
 
@@ -108,12 +108,12 @@ class GripperActionServer(ABC):
             self.command(goal)
             reason = self._why_not()
         except CommandRefused as error:
-            reason = str(error)
+            reason = error.said
         if reason is None:
             if self._gripper.busy.acquire(blocking=False):  # released when the goal has ended
                 return GoalResponse.ACCEPT
-            reason = "another command is being carried out; wait for its end, or cancel it."
-        self._failures.note(reason)
+            reason = message("another_grip_under_way")
+        self._failures.note(str(reason))
         self._log.warning(f"Gripper goal refused: {reason}")
         return GoalResponse.REJECT
 
@@ -137,9 +137,11 @@ class GripperActionServer(ABC):
                 handle.succeed()
         except YumiError as error:
             stop = self._why_not()  # the robot may have been stopped meanwhile
-            cause = f" {stop}" if stop and stop not in str(error) else ""
-            self._failures.note(f"{error}{cause}")
-            self._log.error(f"Gripper goal failed: {error}{cause}")
+            said = (
+                error.said if stop in {None, error.said} else message("failed_and_stopped", error=error.said, stop=stop)
+            )
+            self._failures.note(str(said))
+            self._log.error(f"Gripper goal failed: {said}")
             handle.abort()
         finally:
             self._gripper.busy.release()
@@ -177,11 +179,9 @@ class ParallelGripperAction(GripperActionServer):
         command, names = goal.command, finger_names(self._gripper.side)
         unknown = [name for name in command.name if name not in names]
         if unknown:
-            raise CommandRefused(
-                f"{quoted(unknown[0])} is not a finger of this gripper; name {' or '.join(names)}, or none."
-            )
+            raise CommandRefused(message("no_finger", name=unknown[0], fingers=tuple(names)))
         if not command.position:
-            raise CommandRefused("The goal has no position; give that of a finger [m].")
+            raise CommandRefused(message("goal_without_position"))
         position, speed = _one("position", command.position), _one("velocity", command.velocity)
         return gripper_goal(position, _one("effort", command.effort), self._force, speed or None)
 
@@ -200,7 +200,7 @@ class ParallelGripperAction(GripperActionServer):
 def _one(what: str, values: Sequence[float]) -> float:
     """The value that the fingers share, since one motor moves them; 0 when there is none."""
     if any(value != values[0] for value in values[1:]):
-        raise CommandRefused(f"The fingers cannot have different values of {what}: one motor moves both.")
+        raise CommandRefused(message("fingers_with_different_values", what=what))
     return float(values[0]) if values else 0.0
 
 

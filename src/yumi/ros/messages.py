@@ -28,7 +28,8 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from yumi.catalogue import clause, message, quoted, remedy_of
+from yumi.catalogue import Message, clause, remedy_of
+from yumi.catalogue import message as said  # a message here is one of ROS
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
 from yumi.control.controller import UNKNOWN, ControllerInfo, HardwareInfo, InterfaceInfo, State, check_position
@@ -120,7 +121,7 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
     """The state of one arm's EGM for ``egm_state`` and ``/diagnostics``; off is OK unless it ``is_desired``."""
     level, sentence = DiagnosticStatus.OK, "off, no datagrams from the robot; start_egm starts EGM"
     if snapshot.problem is not Problem.NONE:
-        level, sentence = DiagnosticStatus.ERROR, str(message(PROBLEMS[snapshot.problem], arm=side.word))
+        level, sentence = DiagnosticStatus.ERROR, str(said(PROBLEMS[snapshot.problem], arm=side.word))
     elif snapshot.is_running and not snapshot.is_streaming:
         level, sentence = DiagnosticStatus.WARN, "running, feedback is interrupted"
     elif snapshot.is_running:
@@ -209,7 +210,7 @@ def speeds_of(message: Any, side: Side) -> Joints:
 
 def _by_index(message: Any, side: Side, noun: str, check: Callable[[str, int, float], None]) -> Joints:
     if len(message.data) != JOINT_COUNT:
-        raise CommandRefused(f"{noun} refused: it has {len(message.data)} values; an arm has {JOINT_COUNT} joints.")
+        raise _refused(noun, said("values_wrong_count", count=len(message.data), joints=JOINT_COUNT))
     for index, (name, value) in enumerate(zip(joint_names(side), message.data, strict=True)):
         check(name, index, value)
     return joints(message.data)
@@ -227,32 +228,26 @@ def _by_name(names: Sequence[str], values: Sequence[float], side: Side, noun: st
 def _indices(names: Sequence[str], values: Sequence[float], side: Side, noun: str, what: str) -> list[int]:
     """Places of the named joints in chain order."""
     if not names or len(names) != len(values):
-        entries = f"{len(names)} {'entry' if len(names) == 1 else 'entries'}"
-        raise CommandRefused(
-            f"{noun} refused: name has {entries}, {what} has {len(values)}; give one {what} for each name."
-        )
+        raise _refused(noun, said("names_and_values_differ", names=len(names), what=what, values=len(values)))
     known = {name: index for index, name in enumerate(joint_names(side))}
     for name in names:
         if name not in known:
-            raise CommandRefused(
-                f"{noun} refused: {quoted(name)} is not a joint of the {side.word} arm; it has {', '.join(known)}."
-            )
+            raise _refused(noun, said("no_joint_of_arm", name=name, arm=side.word, joints=tuple(known)))
     if len(set(names)) != len(names):
         twice = next(name for name in known if names.count(name) > 1)
-        raise CommandRefused(f"{noun} refused: {twice} is named twice; give each joint once.")
+        raise _refused(noun, said("joint_named_twice", name=twice))
     return [known[name] for name in names]
 
 
 def _check_velocity(name: str, index: int, velocity: float, noun: str) -> None:
     if not isfinite(velocity):
-        raise CommandRefused(f"{noun} refused: {name} is {velocity}; a speed is a finite number of radians a second.")
+        raise _refused(noun, said("speed_not_finite", name=name, value=velocity))
     top = YUMI_LIMITS.velocity[index]
     if abs(velocity) <= top:
         return
-    refusal = f"{noun} refused: {name} is {degrees(velocity):.1f}°/s; it reaches {degrees(top):.0f}°/s"
-    if _DEGREES_ABOVE * top < abs(velocity) <= degrees(top):
-        refusal += f"; {velocity:g} looks like degrees: speeds are in radians a second"
-    raise CommandRefused(f"{refusal}.")
+    looks_like_degrees = _DEGREES_ABOVE * top < abs(velocity) <= degrees(top)
+    code = "speed_looks_like_degrees" if looks_like_degrees else "speed_too_high"
+    raise _refused(noun, said(code, name=name, value=velocity, highest=top))
 
 
 try:
@@ -305,7 +300,11 @@ def state_of(message: Any) -> State:
         if message.id == number or (message.id == 0 and message.label == state.value):
             return state
     choices = ", ".join(f"{number} {state.value}" for state, number in _IDS.items())
-    raise CommandRefused(f"State {message.id} {quoted(message.label)} is not a primary state; choose from: {choices}.")
+    raise CommandRefused(said("state_not_primary", number=message.id, label=message.label, choices=choices))
+
+
+def _refused(noun: str, reason: Message) -> CommandRefused:
+    return CommandRefused(said("command_refused", noun=noun, reason=reason))
 
 
 def how_to_activate(namespace: str, side: Side, name: str, instead_of: Sequence[str] = ()) -> str:
@@ -416,7 +415,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
-            return own, f"{quoted(each.name)} is not a joint of this controller"
+            return own, f"{each.name!r} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
@@ -455,7 +454,7 @@ def nanoseconds(time: Any, name: str) -> int:
             ``name``.
     """
     if time.nanosec >= _NS:
-        raise CommandRefused(f"{name} has {time.nanosec} ns beside its seconds; allowed is 0 to {_NS - 1}.")
+        raise CommandRefused(said("nanoseconds_out_of_range", name=name, nanoseconds=time.nanosec))
     return int(time.sec) * _NS + int(time.nanosec)
 
 
@@ -540,7 +539,7 @@ def controller_event(event: Event | None) -> ControllerEvent:
     """A message of the event log with our words; the number 0 where there is none."""
     if event is None:
         return ControllerEvent()
-    said = explain(event)
+    explained = explain(event)
     is_known = event.code in KNOWN_NUMBERS
     try:  # the controller's local time, without a zone
         local = datetime.strptime(event.time, _TIME).replace(tzinfo=timezone.utc)
@@ -552,8 +551,8 @@ def controller_event(event: Event | None) -> ControllerEvent:
         type=_TYPES[event.type],
         title=event.title,
         stamp=Time(sec=seconds),
-        cause=clause(said) if is_known else "",
-        remedy=remedy_of(said) if is_known else "",
+        cause=clause(explained) if is_known else "",
+        remedy=remedy_of(explained) if is_known else "",
     )
 
 
@@ -620,7 +619,7 @@ def side_of(arm: str) -> Side:
         CommandRefused: it names none.
     """
     if arm not in _SIDES:
-        raise CommandRefused(f"There is no arm {quoted(arm)}; choose right or left.")
+        raise CommandRefused(said("arm_unknown", arm=arm))
     return _SIDES[arm]
 
 
@@ -633,9 +632,7 @@ def mode_of(name: str) -> Mode:
     try:
         return Mode(name)
     except ValueError as error:
-        raise CommandRefused(
-            f"There is no mode {quoted(name)}; choose one of {', '.join(mode.value for mode in Mode)}."
-        ) from error
+        raise CommandRefused(said("mode_not_known", mode=name, modes=tuple(mode.value for mode in Mode))) from error
 
 
 def _machine(state: RobotState, side: Side) -> str:
@@ -670,10 +667,7 @@ def waited_for(info: Mapping[str, Any]) -> float:
 def check_wait(noun: str, waited: float) -> None:
     """Raise CommandRefused if a message has waited for too long; ``noun`` is what it is, e.g. ``Goal``."""
     if waited > LONGEST_WAIT:
-        raise CommandRefused(
-            f"{noun} refused: it waited for {waited:.1f} s in the driver and may be from before a stop, "
-            f"at most {LONGEST_WAIT} s are allowed; send it again."
-        )
+        raise _refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
 
 
 class RefusalLog:

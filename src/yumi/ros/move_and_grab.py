@@ -290,9 +290,12 @@ class MoveAndGrab:
         try:
             self._wait(is_ready, 30.0, "Readiness of the robot")
         except RobotNotReady as error:
-            raise RobotNotReady(f"{error} It is {answer.message}." if answer else str(error)) from error
+            if not answer:
+                raise
+            reason = message("text", text=str(answer.message))
+            raise RobotNotReady(message("not_ready_in_time", error=error.said, answer=reason)) from error
         if not answer.success:  # an earlier stop has not been confirmed by a person
-            self._recover(RobotNotReady(f"The robot is {answer.message}."))
+            self._recover(RobotNotReady(message("text", text=str(answer.message))))
 
     def _start_egm(self) -> None:
         self._progress.step("start EGM on both arms")
@@ -303,7 +306,7 @@ class MoveAndGrab:
             try:
                 self._wait(partial(getattr, arm, "is_commanded"), _STATE, "The activation of its controller")
             except RobotNotReady as error:
-                raise GoalNotReached(f"The {arm.side.word} arm was stopped before it moved.") from error
+                raise GoalNotReached(message("arm_stopped_before_motion", arm=arm.side.word)) from error
 
     def _move(self, side: Side) -> None:
         arm = self._arms[side]
@@ -317,7 +320,7 @@ class MoveAndGrab:
             error = arm.error()
             self._progress.error(side, degrees(error), 1.0 if error < CLOSE_ENOUGH else 1.0 - error / whole)
             if error >= CLOSE_ENOUGH and not arm.is_commanded:
-                raise GoalNotReached(f"The {side.word} arm was stopped {degrees(error):.1f}° before its goal.")
+                raise GoalNotReached(message("arm_stopped_before_goal", arm=side.word, distance=error))
             return error < CLOSE_ENOUGH
 
         self._wait_for_motion(has_arrived, f"Arrival of the {side.word} arm within 0.1°")
@@ -334,7 +337,7 @@ class MoveAndGrab:
             handles[side] = self._result(arm.gripper.send_goal_async(goal), f"The answer of the {side.word} gripper")
             if not handles[side].accepted:
                 reason = self._why_failed(arm, failed_before[side])
-                raise CommandRefused(f"The {side.word} gripper refused the goal: {reason}")
+                raise CommandRefused(message("gripper_refused_goal", arm=side.word, reason=reason))
         grips, failures = {}, []
         for side, handle in handles.items():
             ended = self._result(handle.get_result_async(), f"The end of the {side.word} gripper's motion")
@@ -371,13 +374,13 @@ class MoveAndGrab:
             def has_arrived(target: Any = target, goal: tuple[float, float, float] = goal) -> bool:
                 nonlocal sent_at
                 if not arm.is_commanded:
-                    raise GoalNotReached(f"The {LIFTED.word} arm was stopped on its line.")
+                    raise GoalNotReached(message("arm_stopped_on_line", arm=LIFTED.word))
                 if arm.stands and dist(arm.places[-1], goal) < _THERE:
                     return True
                 if arm.stands and monotonic() - sent_at > _AGAIN:
-                    message = deepcopy(target)
-                    message.pose.position.z = goal[2]
-                    arm.targets.publish(message)
+                    again = deepcopy(target)
+                    again.pose.position.z = goal[2]
+                    arm.targets.publish(again)
                     sent_at = monotonic()
                 return False
 
@@ -403,7 +406,7 @@ class MoveAndGrab:
         def check_commanded() -> None:
             for side, arm in self._arms.items():
                 if not arm.is_commanded:
-                    raise GoalNotReached(f"The {side.word} arm was stopped on its way to the other one.")
+                    raise GoalNotReached(message("arm_stopped_on_way", arm=side.word))
 
         def are_held() -> bool:
             check_commanded()
@@ -427,7 +430,9 @@ class MoveAndGrab:
         request.strictness = SwitchController.Request.BEST_EFFORT
         answer = self._result(arm.switch.call_async(request), "The answer of switch_controller")
         if not answer.ok:
-            raise GoalNotReached(f"The {arm.side.word} arm's {controller} was not activated: {answer.message}")
+            raise GoalNotReached(
+                message("controller_not_activated", arm=arm.side.word, controller=controller, why=str(answer.message))
+            )
 
     def _why_failed(self, arm: _Arm, failed_before: int) -> str:
         """The driver's reason for a gripper's failure; the action's result has no text."""
@@ -521,7 +526,7 @@ class MoveAndGrab:
         while not is_true():
             self._check()
             if monotonic() > end:
-                raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
+                raise RobotNotReady(message("did_not_happen", what=what, longest=timeout))
             self._executor.spin_once(timeout_sec=_SPIN)
 
     def _wait_for_motion(self, is_true: Callable[[], bool], what: str) -> None:
@@ -530,7 +535,9 @@ class MoveAndGrab:
             self._wait(is_true, MOVE_TIMEOUT / self._state.speed_scale, what)
         except RobotNotReady as error:
             pairs = "; ".join(self._state.limited_by)
-            raise RobotNotReady(f"{error} The driver keeps apart: {pairs}." if pairs else str(error)) from error
+            if not pairs:
+                raise
+            raise RobotNotReady(message("did_not_happen_kept_apart", error=error.said, pairs=pairs)) from error
 
     def _result(self, future: Any, what: str, timeout: float = _ANSWER) -> Any:
         self._wait(future.done, timeout, what)

@@ -26,7 +26,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter as RosParameter
 
-from yumi.catalogue import cut, quoted
+from yumi.catalogue import message, quoted, said_by
 from yumi.clock import Clock
 from yumi.control.controller import ParameterInfo, find_parameter
 from yumi.control.controller_manager import Strictness
@@ -285,7 +285,7 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
     """
     changed: dict[str, Value] = {}
     for parameter, value in infos:
-        name, of_node = parameter.name, f"Parameter {parameter.name!r} of {node.get_name()!r}"
+        name, known = parameter.name, {"name": parameter.name, "node": node.get_name()}
         if parameter.is_group:
             continue
         try:
@@ -295,9 +295,9 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
                 node.declare_parameter(name, initial, parameter_descriptor(parameter), bool(parameter.fixed))
             )
         except CommandRefused as refusal:
-            raise CommandRefused(f"{of_node} {refusal}") from refusal
+            raise CommandRefused(message("parameter_not_accepted", why=refusal.said, **known)) from refusal
         except ParameterException as error:
-            raise CommandRefused(f"{of_node}: {error}.") from error
+            raise CommandRefused(message("parameter_not_accepted", why=said_by(error), **known)) from error
         if wanted != value:
             changed[name] = wanted
     return changed
@@ -328,8 +328,13 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
                 given.pop(name, None)
         elif section.nodes.rpartition("/")[2] == controller:
             raise CommandRefused(
-                f"{section.place}: {section.nodes} is not the node {full_name}; write /**/{controller}, or its "
-                "namespace before it."
+                message(
+                    "section_of_other_node",
+                    place=section.place,
+                    section=section.nodes,
+                    node=full_name,
+                    controller=controller,
+                )
             )
     remarks: dict[str, str] = {}
     for name, value in given.items():
@@ -341,8 +346,10 @@ def remarks_on(node: Any, infos: Iterable[ParameterInfo], presets: Presets, file
         elif found is None and not node.has_parameter(name):
             words = [each.name for each in held if not each.fixed]
             similar = get_close_matches(name, words, 1)
-            known = f"did you mean {similar[0]!r}?" if similar else f"it has: {', '.join(words) or 'none'}."
-            raise CommandRefused(f"Parameter {quoted(name)} of {controller!r} does not exist; {known}")
+            unknown = {"name": name, "node": controller}
+            if similar:
+                raise CommandRefused(message("parameter_unknown_similar", similar=similar[0], **unknown))
+            raise CommandRefused(message("parameter_unknown", known=tuple(words) or ("none",), **unknown))
         if found and found.fixed and (found.is_group or value != held[found]):
             stays = "is not used" if found.is_group else f"stays {held[found]!r}"
             remarks[found.name] = f"Parameter {found.name!r} of {controller!r} {stays}: {found.fixed}."
@@ -494,10 +501,10 @@ class ManagerParameters:
             )
             kinds = (str(entry.value),) if entry else kinds
         if len(kinds) != 1:
-            raise CommandRefused(
-                f"Controller {quoted(name)} has {'no type' if not kinds else f'the types {quoted(kinds)}'}; set the "
-                f"parameter {cut(name)}.type of {self._node.get_name()} to one first."
-            )
+            node = self._node.get_name()
+            if not kinds:
+                raise CommandRefused(message("controller_without_type", controller=name, node=node))
+            raise CommandRefused(message("controller_with_types", controller=name, kinds=tuple(kinds), node=node))
         return kinds[0]
 
     def arguments_of(self, name: str) -> tuple[str, ...]:

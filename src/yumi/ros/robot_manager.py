@@ -36,6 +36,7 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
+from yumi.catalogue import message
 from yumi.control.limiter import FULL
 from yumi.driver.readiness import Mode
 from yumi.driver.robot_manager import RobotManager
@@ -220,9 +221,7 @@ class RobotManagerActions:
             is_stop = getattr(handle.request, "mode", "") == Mode.MOTORS_OFF.value  # which ends what is being done
             try:
                 if not is_alone and not is_stop:
-                    raise CommandRefused(
-                        "Another set_mode or recover is being carried out; wait for its result or cancel it."
-                    )
+                    raise CommandRefused(message("another_mode_change"))
                 result.message = call(handle, check)
                 result.success = True
                 handle.succeed()

@@ -38,7 +38,7 @@ from std_msgs.msg import Float64MultiArray, String
 from tf2_msgs.msg import TFMessage
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from yumi.catalogue import message, quoted
+from yumi.catalogue import message
 from yumi.clock import Clock
 from yumi.control.controller import GoalBuffer, GoalKind, write_goal, write_speeds
 from yumi.control.controllers.joint_position import FORWARDERS
@@ -192,18 +192,18 @@ class CommandTopic(ABC):
 
     def check(self) -> Snapshot:
         """See that a matching controller commands the arm; what is known of it. Raises CommandRefused."""
-        snapshot, arm = self._snapshot(), f"{self._side.word} arm"
+        snapshot = self._snapshot()
         if not snapshot.is_running:
-            said = message("goal_refused", reason=message("arm_without_egm", arm=self._side.word))
+            reason = message("arm_without_egm", arm=self._side.word)
+            said = message("command_refused", noun=self.noun, reason=reason)
             raise CommandRefused(because(said, self.why_stopped()))
         if snapshot.problem is not Problem.NONE:
             reason = message(PROBLEMS[snapshot.problem], arm=self._side.word)
-            raise CommandRefused(message("goal_refused", reason=reason))
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         if not self.is_for(snapshot.goal_kind):
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
-            raise CommandRefused(
-                f"{self.noun} refused: no {self.taker} is active on the {arm}; activate one first: {how}."
-            )
+            reason = message("no_controller_for_topic", taker=self.taker, arm=self._side.word, how=how)
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         return snapshot
 
     def _accept(self, message: Any, time: float) -> None:
@@ -232,7 +232,8 @@ class JointCommandTopic(CommandTopic):
 
     def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         if is_new and snapshot.reference is None:
-            raise CommandRefused(f"Goal refused: the {self._side.word} arm has no reference yet; send the goal again.")
+            reason = message("no_reference_yet", arm=self._side.word)
+            raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
         goal = goal_of(message, self._side, base)
         write_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
@@ -305,10 +306,9 @@ class ForwardTopic(CommandTopic):
         if activation != self._known[0]:
             self._known = (activation, self.controller in self._active())
         if not self._known[1]:
-            raise CommandRefused(
-                f"Command refused: {self.controller} is not active on the {self._side.word} arm; activate it first: "
-                f"{how_to_activate(self._node.get_namespace(), self._side, self.controller)}."
-            )
+            how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
+            reason = message("controller_not_active", controller=self.controller, arm=self._side.word, how=how)
+            raise CommandRefused(message("command_refused", noun="Command", reason=reason))
 
 
 def forward_interfaces(
@@ -729,10 +729,8 @@ class RobotFrames:
         name = self._name(frame_id) or prefixed("yumi_base")
         others = list(self._others.values())
         if self._own(name) is None and name != self._root and not any(name in (it.name, it.parent) for it in others):
-            raise CommandRefused(
-                f"there is no frame {quoted(frame_id)}; take {prefixed('yumi_base')}, {prefixed('yumi_tcp_r')}, "
-                "another frame of the robot, or one on /tf_static that is fixed to one of them."
-            )
+            known = {"base": prefixed("yumi_base"), "tool": prefixed("yumi_tcp_r")}
+            raise CommandRefused(message("frame_unknown", frame=frame_id, **known))
         for _ in range(_LONGEST_CHAIN):  # others may publish a loop
             frame = self._own(name) or self._others.get(name)
             if frame is None:
@@ -759,7 +757,7 @@ class RobotFrames:
             for frame in self._way_up(name):
                 if frame.joint and frame.joint not in positions:
                     what = "gripper" if frame.slides else "arm"
-                    raise CommandRefused(f"where frame {quoted(frame_id)} is, is not known: its {what} is not heard.")
+                    raise CommandRefused(message("frame_not_located", frame=frame_id, what=what))
                 pose = compose(frame.to_parent(positions.get(frame.joint, 0.0)), pose)
                 found[frame.parent] = pose
             return found
@@ -768,7 +766,7 @@ class RobotFrames:
         for name, pose in seen_from_above(frame_id).items():
             if name in base:
                 return compose(inverse(base[name]), pose)
-        raise CommandRefused(f"frame {quoted(frame_id)} is not connected to the robot; see /tf_static.")
+        raise CommandRefused(message("frame_not_connected", frame=frame_id))
 
     def in_tool(self, side: Side, frame_id: str) -> Pose | None:
         """A frame that is fixed to an arm's flange, seen from its tool in use; None for any other frame.
@@ -799,10 +797,8 @@ class RobotFrames:
             return self.tcp(side)
         found = self.in_tool(side, frame_id)
         if found is None:
-            raise CommandRefused(
-                f"frame {quoted(frame_id)} is not fixed to the flange of the {side.word} arm; take one that is, such "
-                f"as {prefixed(f'gripper_{side.value}_fingertips')}, or leave it empty for the tool in use."
-            )
+            example = prefixed(f"gripper_{side.value}_fingertips")
+            raise CommandRefused(message("frame_not_on_flange", frame=frame_id, arm=side.word, example=example))
         return compose(self.tcp(side), found)
 
 

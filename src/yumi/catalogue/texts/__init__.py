@@ -13,6 +13,7 @@ from yumi.catalogue.texts.endpoint import ENDPOINT
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.page import PAGE
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
+from yumi.catalogue.texts.ros import ROS
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
@@ -20,6 +21,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "The controller": CONTROLLER,
     "Arms": ARMS,
     "Requests to a driver": ENDPOINT,
+    "ROS 2": ROS,
     "Page": PAGE,
     "Command line": COMMAND_LINE,
 }
