@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+from yumi.catalogue import Message
 from yumi.errors import RobotNotReady
 
 
@@ -82,17 +83,17 @@ def wait_until(
     clock: Clock,
     condition: Callable[[], bool],
     timeout: float,
-    what: str | Callable[[], str],
+    what: Message | str | Callable[[], Message | str],
     *,
     check: Callable[[], None] | None = None,
     period: float | Callable[[], float] = POLL_PERIOD,
 ) -> None:
     """Wait until ``condition`` holds, polling as :func:`comes_true`.
 
-    The error's sentence is ``what``, or what makes it: it is called when the time is up, to say how things are then.
+    The error says ``what``, or what it returns: it is called when the time is up, to say how things are then.
 
     Raises:
         RobotNotReady: it did not hold in time.
     """
     if not comes_true(clock, condition, timeout, check=check, period=period):
-        raise RobotNotReady(what if isinstance(what, str) else what())
+        raise RobotNotReady(what() if callable(what) else what)

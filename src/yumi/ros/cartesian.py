@@ -361,7 +361,7 @@ class _LineAction(ABC):
             if isinstance(event, ControlProcessEnded | ReportsDropped):
                 for line in self._open.values():
                     if line.sides:  # else what it asks for is refused, with the reason
-                        line.reason = ENDED if isinstance(event, ControlProcessEnded) else str(event)
+                        line.reason = str(ENDED if isinstance(event, ControlProcessEnded) else event)
                         line.is_over.set()
             if not isinstance(event, TrajectoryEnded):
                 return False

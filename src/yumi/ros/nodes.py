@@ -26,7 +26,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.parameter import Parameter as RosParameter
 
-from yumi.catalogue import cut, quoted
+from yumi.catalogue import cut, message, quoted, said_by
 from yumi.clock import Clock
 from yumi.control.controller import ParameterInfo, find_parameter
 from yumi.control.controller_manager import Strictness
@@ -295,7 +295,9 @@ def declare_parameters(node: Any, infos: Iterable[ParameterInfo], presets: Prese
                 node.declare_parameter(name, initial, parameter_descriptor(parameter), bool(parameter.fixed))
             )
         except CommandRefused as refusal:
-            raise CommandRefused(f"{of_node} {refusal}") from refusal
+            raise CommandRefused(
+                message("node_parameter_refused", node=node.get_name(), reason=said_by(refusal))
+            ) from refusal
         except ParameterException as error:
             raise CommandRefused(f"{of_node}: {error}.") from error
         if wanted != value:

@@ -7,13 +7,23 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 from yumi.catalogue.texts.actions import ACTIONS as ACTIONS
 from yumi.catalogue.texts.arms import ARMS
+from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.events import EVENTS
+from yumi.catalogue.texts.grippers import GRIPPERS
+from yumi.catalogue.texts.recordings import RECORDINGS
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
+from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
     "Events of the controller": EVENTS,
     "Arms": ARMS,
+    "Grippers": GRIPPERS,
+    "Driver": DRIVER,
+    "Settings": SETTINGS,
+    "Prerequisites": PREREQUISITES,
+    "Installation and doctor": SET_UP,
+    "Recordings": RECORDINGS,
 }
 """All texts by subject, as the documentation lists them."""
 
