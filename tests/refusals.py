@@ -15,14 +15,14 @@ E = TypeVar("E", bound=YumiError)
 
 
 @contextmanager
-def refused(kind: type[E], code: str, **values: Any) -> Iterator[pytest.ExceptionInfo[E]]:
+def refused(kind: type[E], code: str, /, **values: Any) -> Iterator[pytest.ExceptionInfo[E]]:
     """What is inside must raise ``kind`` with this code, and with these values among its own; numbers to 1e-9."""
     with pytest.raises(kind) as caught:
         yield caught
     assert_says(caught.value.said, code, **values)
 
 
-def assert_says(said: Message, code: str, **values: Any) -> None:
+def assert_says(said: Message, code: str, /, **values: Any) -> None:
     """``said`` has this code, and these values among its own; numbers to 1e-9."""
     assert said.code == code, said
     for name, value in values.items():

@@ -90,7 +90,7 @@ def wait_until(
 ) -> None:
     """Wait until ``condition`` holds, polling as :func:`comes_true`.
 
-    The error says ``what``, or what makes it: it is called when the time is up, to say how things are then.
+    The error says ``what``, or what it returns: it is called when the time is up, to say how things are then.
 
     Raises:
         RobotNotReady: it did not hold in time.

@@ -47,11 +47,9 @@ class MissingPrerequisite(YumiError):
     """The machine lacks something yumi needs; the message says what to install."""
 
 
-def missing_extra(sentence: str, extra: str) -> MissingPrerequisite:
-    """What brings the packages of ``extra`` that ``sentence`` names, from an index or in a clone."""
-    return MissingPrerequisite(
-        f"{sentence}: pip install 'yumi-ros2[{extra}]', or `make setup WITH={extra}` in a clone of yumi-ros2."
-    )
+def missing_extra(what: Message, extra: str) -> MissingPrerequisite:
+    """That ``what`` is missing, and how ``extra`` brings it, from an index or in a clone."""
+    return MissingPrerequisite(message("extra_missing", what=what, extra=extra))
 
 
 class CommandRefused(YumiError):

@@ -23,7 +23,7 @@ from typing import Any, TypeAlias, TypeVar
 import msgspec
 import yaml
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, quoted
 from yumi.errors import CommandRefused, SettingsError
 
 
@@ -104,21 +104,33 @@ class Parameter:
         """``value`` in the parameter's own type: a whole number becomes a number, a list a tuple.
 
         Raises:
-            CommandRefused: wrong type, out of range, not a finite number or not among the choices; the sentence
-                begins with "is", so that the caller can put the name before it.
+            CommandRefused: wrong type, out of range, not a finite number or not among the choices.
         """
         try:
             accepted: Value = msgspec.convert(value, _PYTHON_TYPES[self.type])
         except (msgspec.ValidationError, OverflowError) as error:
-            raise CommandRefused(f"is {quoted(value)}; it must be {self.type.value}.") from error
+            raise CommandRefused(
+                message("value_of_wrong_type", parameter=self.name, value=quoted(value), type=self.type.value)
+            ) from error
         for element in accepted if isinstance(accepted, tuple) else (accepted,):
             if isinstance(element, str):
                 if self.choices and element not in self.choices:
-                    raise CommandRefused(f"is {quoted(value)}; choose from: {', '.join(self.choices)}.")
+                    raise CommandRefused(
+                        message(
+                            "value_not_a_choice", parameter=self.name, value=quoted(value), choices=tuple(self.choices)
+                        )
+                    )
             elif not isinstance(element, bool) and not (abs(element) < inf and self.lowest <= element <= self.highest):
                 shown = f"{value:g}" if isinstance(value, float) else quoted(value)
                 raise CommandRefused(
-                    f"is {shown}; allowed is {self.lowest:g} to {self.highest:g} {self.unit}".rstrip() + "."
+                    message(
+                        "value_out_of_range_with_unit" if self.unit else "value_out_of_range",
+                        parameter=self.name,
+                        value=shown,
+                        lowest=self.lowest,
+                        highest=self.highest,
+                        unit=self.unit,
+                    )
                 )
         return accepted
 
@@ -226,9 +238,7 @@ class ParameterFile:
         known = tuple(nodes)
         for section in self.sections:
             if not any(section.concerns(node) for node in known):
-                raise SettingsError(
-                    f"{section.place}: {section.nodes} is not the name of anything here; there are: {', '.join(known)}."
-                )
+                raise SettingsError(message("section_of_no_node", place=section.place, name=section.nodes, known=known))
 
 
 MAX_FILE = 256 * 1024
@@ -271,23 +281,24 @@ def _read(path: Path, take: Callable[[_Document], _Read]) -> _Read:
         with path.open("rb") as file:
             content = file.read(MAX_FILE + 1)
     except OSError as error:
-        raise SettingsError(f"Cannot read {path}: {error.strerror}.") from error
+        raise SettingsError(message("settings_unreadable", file=str(path), reason=error.strerror)) from error
     if len(content) > MAX_FILE:
-        raise SettingsError(
-            f"{path} has more than {MAX_FILE // 1024} kB, the most a file of settings may have; give a smaller one."
-        )
+        raise SettingsError(message("settings_too_large", file=str(path), limit=MAX_FILE // 1024))
     try:
         return take(_Document(path.name, content.decode()))
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         raise SettingsError(
-            f"{path} is not text in UTF-8 from line {line} on: byte 0x{content[error.start]:02x}; save it as UTF-8."
+            message("settings_not_in_utf8", file=str(path), line=line, byte=content[error.start])
         ) from None
     except yaml.YAMLError as error:
         # Without PyYAML's context and problem, which quote the file: a password may stand there.
         mark = error.problem_mark if isinstance(error, yaml.MarkedYAMLError) else None
-        where = f" in line {mark.line + 1}, column {mark.column + 1}" if mark else ""
-        raise SettingsError(f"{path} is not YAML{where}; quote texts with special characters.") from None
+        if mark is None:
+            raise SettingsError(message("settings_not_yaml", file=str(path))) from None
+        raise SettingsError(
+            message("settings_not_yaml_at", file=str(path), line=mark.line + 1, column=mark.column + 1)
+        ) from None
 
 
 class _Document(yaml.SafeLoader):
@@ -312,7 +323,7 @@ class _Document(yaml.SafeLoader):
         """The document's mapping."""
         node = self.get_single_node()
         if not isinstance(node, yaml.MappingNode):
-            raise SettingsError(f"{self._file} must hold a mapping of settings.")
+            raise SettingsError(message("settings_without_mapping", file=self._file))
         return node
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
@@ -325,7 +336,7 @@ class _Document(yaml.SafeLoader):
         if node is None:
             return None
         if is_alias and node not in self._extents:
-            raise SettingsError(f"{self.place(node)}: an alias stands for what it is part of; remove it.")
+            raise SettingsError(message("alias_in_itself", place=self.place(node)))
         if not is_alias:
             self._extents[node] = self._extent(node)
         count, depth = self._extents[node]
@@ -336,11 +347,11 @@ class _Document(yaml.SafeLoader):
         if isinstance(node, yaml.ScalarNode):
             if len(node.value) > MAX_NUMBER and node.tag.endswith((":int", ":float")):
                 raise SettingsError(
-                    f"{self.place(node)}: a number has {len(node.value)} characters; allowed are {MAX_NUMBER}."
+                    message("number_too_long", place=self.place(node), length=len(node.value), limit=MAX_NUMBER)
                 )
             return 1, 1
         if node.tag not in _COLLECTIONS:
-            raise SettingsError(f"{self.place(node)} has the tag {quoted(node.tag)}; remove it.")
+            raise SettingsError(message("tag_not_allowed", place=self.place(node), tag=node.tag))
         pairs = node.value if isinstance(node, yaml.MappingNode) else ((each,) for each in node.value)
         inner = [self._extents[each] for pair in pairs for each in pair]
         return 1 + sum(count for count, _ in inner), 1 + max((depth for _, depth in inner), default=0)
@@ -348,23 +359,17 @@ class _Document(yaml.SafeLoader):
     def _check_extent(self, count: int, depth: int) -> None:
         if depth > MAX_DEPTH:
             raise SettingsError(
-                f"{self._file} is nested more than {MAX_DEPTH} levels deep in line {self.line + 1}; "
-                f"allowed are {MAX_DEPTH}."
+                message("settings_nested_too_deeply", file=self._file, line=self.line + 1, limit=MAX_DEPTH)
             )
         if count > MAX_NODES:
-            raise SettingsError(
-                f"{self._file} has more than {MAX_NODES} keys and values up to line {self.line + 1}; allowed are "
-                f"{MAX_NODES}, and what an alias stands for counts each time."
-            )
+            raise SettingsError(message("too_many_settings", file=self._file, line=self.line + 1, limit=MAX_NODES))
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         try:
             return super().construct_object(node, deep)
         except (ValueError, LookupError, TypeError, AttributeError) as error:  # PyYAML's, of a date 2024-99-99
             kind = node.tag.rpartition(":")[2]
-            raise SettingsError(
-                f"{self.place(node)}: what stands there is not a valid {kind}; quote a text."
-            ) from error
+            raise SettingsError(message("value_not_valid", place=self.place(node), kind=kind)) from error
 
     def items(self, node: yaml.MappingNode, *, repeated: bool = False) -> Sequence[tuple[str, str, yaml.Node]]:
         """Keys with place and value; a merged one, ``<<``, before the mapping's own, which overrides it.
@@ -387,7 +392,7 @@ class _Document(yaml.SafeLoader):
             name, line = key.value if key.tag == _MERGE else str(self.construct_object(key)), key.start_mark.line + 1
             if name in lines and not (repeated and name != _PARAMETERS):
                 raise SettingsError(
-                    f"{self._file} line {line}: {name} stands in line {lines[name]} already; remove one."
+                    message("setting_given_twice", file=self._file, line=line, setting=name, first=lines[name])
                 )
             lines[name] = line
         self.flatten_mapping(node)
@@ -415,7 +420,7 @@ def _sections(document: _Document, node: yaml.MappingNode, namespace: str) -> It
         if not isinstance(value, yaml.MappingNode):
             if value.tag != _NULL:
                 where = namespace if is_parameters else nodes
-                raise SettingsError(f"{place}: {where} needs a mapping {_PARAMETERS!r}.")
+                raise SettingsError(message("section_without_parameters", place=place, name=where))
             if is_parameters:
                 yield Section(namespace, place, {})
         elif is_parameters:
@@ -432,10 +437,10 @@ def _parameters(document: _Document, node: yaml.MappingNode, group: str) -> Iter
             yield from _parameters(document, value, f"{group}{key}.")
         else:
             content = document.construct_object(value, deep=True)
-            yield f"{group}{key}", place, _parameter_value(content, f"{place}: {group}{key}")
+            yield f"{group}{key}", place, _parameter_value(f"{group}{key}", content, place)
 
 
-def _parameter_value(value: object, place: str) -> Value:
+def _parameter_value(name: str, value: object, place: str) -> Value:
     if isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, list):
@@ -444,6 +449,4 @@ def _parameter_value(value: object, place: str) -> Value:
         if all(isinstance(element, int | float) and not isinstance(element, bool) for element in value):
             with suppress(OverflowError):  # a whole number that no float holds
                 return tuple(float(element) for element in value)
-    raise SettingsError(
-        f"{place} is {quoted(value)}; it must be a truth value, a number, a text or a list of one kind."
-    )
+    raise SettingsError(message("value_of_no_type", place=place, parameter=name, value=quoted(value)))

@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from yumi import __version__
+from yumi.catalogue import message
 from yumi.cli.options import config_option, limit_discovery, password_options, robot_options, settings_of
 from yumi.control.motion import EGM_GAIN
 from yumi.driver.settings import MAX_PORT, read_controllers
@@ -344,7 +345,7 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
     """
     _demand_extra()
     if find_spec("mcap") is None:
-        raise missing_extra("Recordings need mcap", "evaluation")
+        raise missing_extra(message("recordings_need_mcap"), "evaluation")
     from yumi_evaluation import measurement  # noqa: PLC0415 - a quick --help
 
     settings = measurement.settings_for_measuring(settings_of(config, options))
@@ -599,7 +600,7 @@ def _demand_extra() -> None:
     """
     missing = [name for name in ("numpy", "jinja2", "matplotlib") if find_spec(name) is None]
     if missing:
-        raise missing_extra(f"This command needs {' and '.join(missing)}", "evaluation")
+        raise missing_extra(message("command_needs_packages", packages=tuple(missing)), "evaluation")
 
 
 def _demand_ros() -> None:
@@ -608,7 +609,7 @@ def _demand_ros() -> None:
             "ROS 2 is missing: install yumi-ros2[ros], run `make setup` in a clone of yumi-ros2, or add --virtual-time."
         )
     if find_spec("mcap") is None:
-        raise missing_extra("The driver's recording needs mcap", "record")
+        raise missing_extra(message("recordings_need_mcap"), "record")
 
 
 @contextmanager

@@ -11,6 +11,7 @@ import pytest
 import rclpy
 from rclpy.callback_groups import ReentrantCallbackGroup
 
+from refusals import refused
 from yumi.errors import MissingPrerequisite
 from yumi.ros.nodes import Executors
 
@@ -128,5 +129,5 @@ def test_executors_that_get_no_thread_are_refused_in_a_sentence(
 
     family.executors.add_multi_threaded("services", family.node)
     monkeypatch.setattr(Thread, "start", refuse)
-    with pytest.raises(MissingPrerequisite, match="permits no further thread for ROS 2's services"):
+    with refused(MissingPrerequisite, "no_further_thread", thread="ROS 2's services"):
         family.executors.start()

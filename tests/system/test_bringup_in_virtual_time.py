@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from refusals import refused
 from system.virtual_time_bench import System
 from yumi.catalogue import message
 from yumi.driver.bringup import Bringup, EgmAddress
@@ -163,7 +164,7 @@ def test_egm_ends_when_it_is_stopped(system: System) -> None:
 def test_egm_does_not_start_when_the_program_is_stopped(system: System) -> None:
     system.bringup.make_ready()
     system.client.stop_rapid()
-    with pytest.raises(RobotNotReady, match="The state machines did not reach RUN_EGM_ROUTINE within 1 s"):
+    with refused(RobotNotReady, "state_machines_did_not_start_egm", timeout=1.0):
         system.bringup.start_egm()
 
 
@@ -174,7 +175,7 @@ def test_settings_the_robot_does_not_keep_are_noticed(system: System) -> None:
     task = system.world.controller.tasks["T_ROB_L"]
     write = task.write
     task.write = lambda module, symbol, literal: None if symbol == "settings" else write(module, symbol, literal)  # type: ignore[method-assign]
-    with pytest.raises(RobotNotReady, match="T_ROB_L did not take the EGM settings"):
+    with refused(RobotNotReady, "egm_settings_not_taken", task="T_ROB_L"):
         bringup.start_egm()
 
 
@@ -201,7 +202,8 @@ def test_tool_and_presync_of_the_settings_reach_the_robot() -> None:
     ],
 )
 def test_settings_that_are_no_rapid_values_are_refused(name: str, text: str) -> None:
-    with pytest.raises(SettingsError, match=f"egm_motion: {name} is .*; it must be a RAPID (tooldata|pose) such as"):
+    kind = "tooldata" if name == "tool" else "pose"
+    with refused(SettingsError, "egm_frame_not_rapid", setting=f"egm_motion: {name}", value=text, type=kind):
         EgmMotionSettings(**{name: text})
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import moved
+from refusals import refused
 from yumi.control.controller import GoalKind, write_goal
 from yumi.control.limiter import SpeedScale
 from yumi.driver import wiring
@@ -49,9 +50,9 @@ def test_delivered_controller_takes_the_goals_of_its_mailbox(name: str, box: str
 def test_controller_that_cannot_command_an_arm_at_first_is_refused_with_those_that_can(name: str) -> None:
     chosen = {"robot": {"address": "127.0.0.1"}, "ros": {"initial_joint_controller": name}}
     settings = override(read_settings(), chosen, "x")
-    sentence = f"{name}', which does not command the right arm; choose from: joint_position_controller, joint_velocity_"
-    with pytest.raises(SettingsError, match=sentence):
+    with refused(SettingsError, "initial_controller_commands_nothing", controller=name, arm="right") as refusal:
         make_parts(settings, {side: read_controllers(side) for side in Side}, ignore, ignore)
+    assert refusal.value.said.values["choices"][:2] == ("joint_position_controller", "joint_velocity_controller")
 
 
 def test_controller_that_commands_an_arm_at_first_may_be_chosen() -> None:

@@ -16,6 +16,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from memory_http import MemoryHttp
+from refusals import assert_says
+from yumi.catalogue import Action, Message, message
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
@@ -49,14 +51,14 @@ def findings(
     return list(examine_controller(client, addresses, lambda: datetime.fromtimestamp(now)))
 
 
-def problems(*args: object, **options: object) -> list[tuple[str, str, str]]:
+def problems(*args: object, **options: object) -> list[tuple[str, Message]]:
     found = findings(*args, **options)  # type: ignore[arg-type]
-    return [(each.requirement, each.found, each.remedy) for each in found if each.verdict is Verdict.PROBLEM]
+    return [(each.requirement, each.said) for each in found if each.verdict is Verdict.PROBLEM]
 
 
-def notes(*args: object, **options: object) -> dict[str, str]:
+def notes(*args: object, **options: object) -> dict[str, Message]:
     found = findings(*args, **options)  # type: ignore[arg-type]
-    return {each.requirement: each.found for each in found if each.verdict is Verdict.NOTE}
+    return {each.requirement: each.said for each in found if each.verdict is Verdict.NOTE}
 
 
 def without_option(controller: Irc5, start: str) -> None:
@@ -75,8 +77,8 @@ def test_healthy_robot_has_no_problem_and_is_said_to_start_with_motors_off() -> 
     controller = world().controller
     assert problems(controller) == []
     assert notes(controller) == {
-        "motors": "motoroff; `yumi up` switches them on",
-        "RAPID program": "stopped; `yumi up` moves its pointers to main and starts it",
+        "motors": message("motors_not_on_yet", state="motoroff"),
+        "RAPID program": message("program_not_running_yet"),
     }
 
 
@@ -90,94 +92,72 @@ def test_running_robot_has_not_even_a_note() -> None:
 
 
 def test_wrong_password_is_the_only_problem_and_nothing_more_is_asked() -> None:
-    ((requirement, found, remedy),) = problems(world().controller, password="wrong")
+    ((requirement, said),) = problems(world().controller, password="wrong")
     assert requirement == "login"
-    assert found == "The controller at memory does not accept user 'Default User' with this password"
-    assert remedy.startswith("give the right ones")
+    assert "The controller at memory does not accept user 'Default User' with this password; give the" in str(said)
 
 
 def test_robotware_without_egm_for_seven_axes_is_a_problem() -> None:
     controller = world().controller
     controller.identity = replace(controller.identity, robotware="6.08.01.00")
-    assert problems(controller) == [
-        (
-            "RobotWare",
-            "6.8.1.0, which has no EGM for seven axes",
-            "have it updated to RobotWare 6.09 or newer, but not 7",
-        )
-    ]
+    assert problems(controller) == [("RobotWare", message("robotware_too_old", version="6.8.1.0"))]
 
 
 def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() -> None:
     controller = world().controller
     for start in ("689-1", "623-1", "616-1"):
         without_option(controller, start)
-    assert problems(controller) == [
-        (
-            "option",
-            "689-1 Externally Guided Motion (EGM) is missing: EGM can move no arm",
-            "have ABB add it to the system",
-        )
-    ]
+    option, loss = "689-1 Externally Guided Motion (EGM)", "EGM can move no arm"
+    assert problems(controller) == [("option", message("option_missing", option=option, loss=loss))]
 
 
 def test_missing_gripper_product_is_a_note() -> None:
     controller = world().controller
     without_option(controller, "SmartGripper")
-    assert notes(controller)["gripper product"] == "SmartGripper is missing: the grippers cannot be used"
+    assert notes(controller)["gripper product"] == message("gripper_product_missing", product="SmartGripper")
 
 
 def test_manual_mode_is_a_problem() -> None:
     controller = world().controller
     controller.mode = OperatingMode.MANUAL_REDUCED
     (found,) = problems(controller)
-    assert found[0] == "operating mode"
-    assert found[1].startswith("MANR: programs on a computer may change nothing, but with a privilege")
-    assert found[2] == "turn it to AUTO on the FlexPendant"
+    assert found == ("operating mode", message("mode_keeps_programs_out", mode="MANR"))
+    assert found[1].actions == (Action.TURN_TO_AUTO,)
 
 
 def test_pressed_emergency_stop_is_a_problem() -> None:
     controller = world().controller
     controller.press_emergency_stop()
-    assert problems(controller) == [
-        ("motors", "emergencystop: the emergency stop is pressed", "release it where it was pressed")
-    ]
+    ((requirement, said),) = problems(controller)
+    assert requirement == "motors"
+    assert_says(said, "motors_kept_off", state="emergencystop")
 
 
 def test_datagrams_that_go_to_another_machine_are_a_problem() -> None:
     controller = world(egm_host="127.0.0.9").controller
-    assert [each[:2] for each in problems(controller)] == [
-        (
-            f"UDPUC device {side.unit}",
-            f"the {side.word} arm's datagrams go to 127.0.0.9:{HERE[side].port}, here they are awaited at "
-            f"127.0.0.1:{HERE[side].port}",
-        )
-        for side in HERE
-    ]
+    found = problems(controller)
+    assert [requirement for requirement, _ in found] == [f"UDPUC device {side.unit}" for side in HERE]
+    for side, (_, said) in zip(HERE, found, strict=True):
+        assert f"127.0.0.9:{HERE[side].port}, here they are awaited at 127.0.0.1:{HERE[side].port}" in str(said)
 
 
 def test_datagrams_that_go_to_another_port_are_a_problem_of_that_arm() -> None:
     controller = world(egm_ports={Side.RIGHT: 7000}).controller
-    ((requirement, found, remedy),) = problems(controller)
+    ((requirement, said),) = problems(controller)
     assert requirement == "UDPUC device ROB_R"
-    assert "go to 127.0.0.1:7000, here they are awaited at 127.0.0.1:6512" in found
-    assert remedy == "make the UDPUC device ROB_R or the settings fit"
+    assert "go to 127.0.0.1:7000, here they are awaited at 127.0.0.1:6512" in str(said)
 
 
 def test_missing_module_is_a_problem_of_its_task() -> None:
     controller = world().controller
     controller.unload_module("T_ROB_R", "TRobRAPID")
-    ((requirement, found, remedy),) = problems(controller)
-    assert (requirement, found) == ("modules in T_ROB_R", "TRobRAPID missing")
-    assert remedy.startswith("load the RAPID modules of this package")
+    assert problems(controller) == [("modules in T_ROB_R", message("modules_missing", modules=("TRobRAPID",)))]
 
 
 def test_missing_watchdog_is_a_note_that_says_what_is_lost() -> None:
     controller = world().controller
     controller.unload_module("T_ROB_R", "TRobWatchdog")
-    assert (
-        notes(controller)["modules in T_ROB_R"] == "TRobWatchdog missing: the robot does not stop when the driver dies"
-    )
+    assert notes(controller)["modules in T_ROB_R"] == message("watchdog_missing", module="TRobWatchdog")
 
 
 def test_changed_module_is_a_problem_unless_the_add_in_brings_its_own() -> None:
@@ -185,39 +165,39 @@ def test_changed_module_is_a_problem_unless_the_add_in_brings_its_own() -> None:
     load(controller, "TRobEGM", "ENDMODULE", "CONST num more:=1;\nENDMODULE")
     for side in Side:
         found = notes(controller)[f"modules in {side.task}"]
-        assert found == "TRobEGM not as in this package, as ABB's add-in has its own"
+        assert found == message("modules_of_add_in", modules=("TRobEGM",))
     without_option(controller, "StateMachine Core")
-    assert [each[:2] for each in problems(controller)] == [
-        (f"modules in {side.task}", "TRobEGM not as in this package") for side in Side
+    assert problems(controller) == [
+        (f"modules in {side.task}", message("modules_differ", modules=("TRobEGM",))) for side in Side
     ]
 
 
 def test_program_of_another_version_is_a_problem() -> None:
     controller = world().controller
     load(controller, "TRobMain", "VERSION:=1.1", "VERSION:=1.0")
-    assert ("version in T_ROB_R", "Task T_ROB_R has version 1.0 of the state machine, not 1.1") in [
-        each[:2] for each in problems(controller)
-    ]
+    said = str(dict(problems(controller))["version in T_ROB_R"])
+    assert "Task T_ROB_R has version 1.0 of the state machine, not 1.1" in said
 
 
 def test_controller_that_gives_neither_texts_nor_time_is_told_with_notes(monkeypatch: pytest.MonkeyPatch) -> None:
+    refusal = message("no_task", task="none")
+
     def refuse(*_: str) -> None:
-        raise ControllerRefused("it does not know that", status=404)
+        raise ControllerRefused(refusal, status=404)
 
     monkeypatch.setattr(RwsClient, "module_text", refuse)
     monkeypatch.setattr(RwsClient, "clock", refuse)
     controller = world().controller
     assert problems(controller) == []
     found = notes(controller)
-    assert found["clock"] == "cannot be read: it does not know that"
-    assert "their texts cannot be compared: it does not know that" in found["modules in T_ROB_L"]
+    assert found["clock"] == message("clock_unreadable", reason=refusal)
+    assert found["modules in T_ROB_L"] == message("modules_not_comparable", reason=refusal)
 
 
 def test_clock_that_is_off_is_a_note_with_both_times() -> None:
     controller = world().controller
-    assert notes(controller, now=NOON + 3600.0)["clock"].startswith(
-        "2026-07-09 12:00:00 there, 2026-07-09 13:00:00 here"
-    )
+    times = message("clock_differs", there="2026-07-09 12:00:00", here="2026-07-09 13:00:00")
+    assert notes(controller, now=NOON + 3600.0)["clock"] == times
 
 
 def test_module_with_other_spaces_cases_comments_and_pers_values_is_the_same() -> None:
@@ -233,38 +213,45 @@ def test_port_that_is_taken_here_is_a_problem() -> None:
         addresses = {Side.LEFT: EgmAddress("127.0.0.1", taken.port), Side.RIGHT: EgmAddress("127.0.0.1", free_port())}
         found = [each for each in examine_machine("127.0.0.1", addresses) if each.verdict is Verdict.PROBLEM]
     (port,) = (address.port for address in addresses.values() if str(address.port) in found[0].requirement)
-    assert [each.found for each in found] == [f"UDP port {port} is taken: another driver may be running"]
+    (taken_port,) = found
+    assert f"UDP port {port} is taken" in taken_port.found
     assert port == addresses[Side.LEFT].port
 
 
 @pytest.mark.parametrize(
-    ("code", "output", "verdict", "words"),
+    ("code", "output", "verdict", "said"),
     [
-        (1, "", Verdict.NOTE, "nft: not readable without root"),
-        (0, "", Verdict.OK, "nft shows nothing that closes UDP ports 6511:6512"),
-        (0, "chain input { type filter hook input priority 0; policy drop; }", Verdict.NOTE, "closes something"),
+        (1, "", Verdict.NOTE, "firewall_unreadable"),
+        (0, "", Verdict.OK, "firewall_open"),
+        (
+            0,
+            "chain input { type filter hook input priority 0; policy drop; }",
+            Verdict.NOTE,
+            "firewall_closes_something",
+        ),
         (
             0,
             "chain input { type filter hook input priority 0; policy drop; udp dport { 6511, 6512 } accept }",
             Verdict.OK,
-            "shows nothing that closes",
+            "firewall_open",
         ),
     ],
 )
 def test_firewall_is_told_as_far_as_it_is_readable(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, code: int, output: str, verdict: Verdict, words: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, code: int, output: str, verdict: Verdict, said: str
 ) -> None:
     monkeypatch.setattr(shutil, "which", lambda name, path: f"/usr/sbin/{name}" if name == "nft" else None)
     found = firewall(lambda command: subprocess.CompletedProcess(command, code, output, ""), tmp_path / "none")
     assert found.verdict is verdict
-    assert words in found.found
+    assert_says(found.said, said, firewall="nft", ports="6511:6512")
 
 
 def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_the_ports(tmp_path: Path) -> None:
     ufw = tmp_path / "ufw.conf"
     ufw.write_text("# /etc/ufw/ufw.conf\nENABLED=yes\n")
     found = firewall(lambda command: subprocess.CompletedProcess(command, 1, "", ""), ufw)
-    assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"
+    assert found.said == message("ufw_is_on", robot="192.0.2.1", ports="6511:6512")
+    assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"  # a command to copy
 
 
 def firewall(run: Run, ufw: Path) -> Finding:
@@ -330,6 +317,7 @@ def test_doctor_writes_its_findings_as_json(here: tuple[Served, list[str]]) -> N
     assert mode == {
         "requirement": "operating mode",
         "verdict": "ok",
+        "code": "as_found",
         "found": "AUTO",
         "remedy": "",
         "why": "only in AUTO may a program on a computer change anything",

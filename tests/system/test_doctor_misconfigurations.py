@@ -10,6 +10,8 @@ from typing import NamedTuple
 import pytest
 
 from memory_http import MemoryHttp
+from refusals import assert_says, refused
+from yumi.catalogue import Message, message
 from yumi.cli.install import _examine_stream
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
@@ -61,12 +63,12 @@ class Robot:
 
 
 class Case(NamedTuple):
-    """One misconfiguration, and what is found of it."""
+    """One misconfiguration, and what is found of it: a code with values, or words of what bring-up or a client says."""
 
     name: str
     seed: Callable[[Robot], object]
     requirement: str
-    words: str
+    said: Message | str
     verdict: Verdict = Verdict.PROBLEM
 
 
@@ -161,45 +163,110 @@ CASES = [
         "both arms on one port",
         cfg("SIO", "COM_TRP", "ROB_L", RemotePortNumber="6512"),
         "UDPUC devices",
-        "ROB_R and ROB_L both send to port 6512",
+        message("devices_share_port", port="6512"),
     ),
     Case("no device", removed("SIO", "COM_TRP", "ROB_L"), "UDPUC device ROB_L", "has no UDPUC device ROB_L"),
     Case("device of TCP", cfg("SIO", "COM_TRP", "ROB_R", Type="TCP/IP"), "UDPUC device ROB_R", "no UDPUC device"),
-    Case("signal missing", removed("EIO", "EIO_SIGNAL", "EGM_START_JOINT"), "signals", "EGM_START_JOINT missing"),
-    Case("signal of another type", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", SignalType="DO"), "signal EGM_STOP", "'DO'"),
-    Case("signal not writable", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Access="Default"), "signal EGM_STOP", "Access"),
     Case(
-        "name of another signal", cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Device="D652_10"), "signal EGM_STOP", "D652_10"
+        "signal missing",
+        removed("EIO", "EIO_SIGNAL", "EGM_START_JOINT"),
+        "signals",
+        message("signals_missing", signals=("EGM_START_JOINT",)),
     ),
-    Case("loaded, not restarted", not_restarted, "restart", "EGM_STOP configured, but not in use yet"),
-    Case("no motion data", removed("MOC", "EXT_MOTION_DATA", "ROB_R_RAW"), "motion data", "ROB_R_RAW missing"),
-    Case("option missing", without_option("689-1"), "option", "689-1"),
-    Case("RobotWare too old", robotware("6.08.01.00"), "RobotWare", "no EGM for seven axes"),
-    Case("RobotWare 7", robotware("7.10.00.00"), "RobotWare", "speaks to RobotWare 6"),
-    Case("foreign main", foreign_main, "program in T_ROB_L", "Production has a main"),
-    Case("module edited", edited, "modules in T_ROB_R", "TRobEGM not as in this package"),
+    Case(
+        "signal of another type",
+        cfg("EIO", "EIO_SIGNAL", "EGM_STOP", SignalType="DO"),
+        "signal EGM_STOP",
+        message("signal_differs", attribute="SignalType", value="DO", needed="DI"),
+    ),
+    Case(
+        "signal not writable",
+        cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Access="Default"),
+        "signal EGM_STOP",
+        message("signal_differs", attribute="Access"),
+    ),
+    Case(
+        "name of another signal",
+        cfg("EIO", "EIO_SIGNAL", "EGM_STOP", Device="D652_10"),
+        "signal EGM_STOP",
+        message("signal_on_device", device="D652_10"),
+    ),
+    Case("loaded, not restarted", not_restarted, "restart", message("signals_not_in_use", signals=("EGM_STOP",))),
+    Case(
+        "no motion data",
+        removed("MOC", "EXT_MOTION_DATA", "ROB_R_RAW"),
+        "motion data",
+        message("motion_data_missing", names=("ROB_R_RAW",)),
+    ),
+    Case("option missing", without_option("689-1"), "option", message("option_missing")),
+    Case("RobotWare too old", robotware("6.08.01.00"), "RobotWare", message("robotware_too_old", version="6.8.1.0")),
+    Case("RobotWare 7", robotware("7.10.00.00"), "RobotWare", message("robotware_too_new", version="7.10.0.0")),
+    Case("foreign main", foreign_main, "program in T_ROB_L", message("module_has_main", module="Production")),
+    Case("module edited", edited, "modules in T_ROB_R", message("modules_differ", modules=("TRobEGM",))),
     Case(
         "module missing",
         lambda robot: robot.controller.unload_module("T_ROB_R", "TRobEGM"),
         "modules in T_ROB_R",
-        "TRobEGM missing",
+        message("modules_missing", modules=("TRobEGM",)),
     ),
-    Case("manual mode", shows("mode", OperatingMode.MANUAL_REDUCED), "operating mode", "MANR"),
-    Case("full speed, RMMP needed", shows("mode", OperatingMode.MANUAL_FULL), "operating mode", "MANF"),
-    Case("emergency stop", lambda robot: robot.controller.press_emergency_stop(), "motors", "emergency stop"),
-    Case("safety chain", shows("controller_state", ControllerState.GUARD_STOP), "motors", "guardstop"),
-    Case("system failure", shows("controller_state", ControllerState.SYSTEM_FAILURE), "motors", "sysfail"),
-    Case("collision", shows("collision_state", CollisionState.TRIGGERED), "collision", "an arm has collided"),
-    Case("speed ratio 0", shows("speed_ratio", 0), "speed ratio", "0 %"),
-    Case("mastership held", held_by_another, "mastership", "holds that of rapid"),
+    Case(
+        "manual mode",
+        shows("mode", OperatingMode.MANUAL_REDUCED),
+        "operating mode",
+        message("mode_keeps_programs_out", mode="MANR"),
+    ),
+    Case(
+        "full speed, RMMP needed",
+        shows("mode", OperatingMode.MANUAL_FULL),
+        "operating mode",
+        message("mode_keeps_programs_out", mode="MANF"),
+    ),
+    Case(
+        "emergency stop",
+        lambda robot: robot.controller.press_emergency_stop(),
+        "motors",
+        message("motors_kept_off", state="emergencystop"),
+    ),
+    Case(
+        "safety chain",
+        shows("controller_state", ControllerState.GUARD_STOP),
+        "motors",
+        message("motors_kept_off", state="guardstop"),
+    ),
+    Case(
+        "system failure",
+        shows("controller_state", ControllerState.SYSTEM_FAILURE),
+        "motors",
+        message("motors_kept_off", state="sysfail"),
+    ),
+    Case("collision", shows("collision_state", CollisionState.TRIGGERED), "collision", message("arm_has_collided")),
+    Case("speed ratio 0", shows("speed_ratio", 0), "speed ratio", message("speed_ratio_zero")),
+    Case("mastership held", held_by_another, "mastership", message("mastership_held", domain="rapid")),
     Case("sessions full", sessions_full, "reachable", "all its 70 sessions are taken"),
     Case("nothing there", nothing_there, "reachable", "Nothing answers"),
     Case("wrong password", wrong_password, "login", "does not accept user 'Default User'"),
-    Case("clock off", clock_off, "clock", "13:00:00 here", Verdict.NOTE),
-    Case("user without grants", ungranted, "grants", "the user lacks UAS_RAPID_CURRVALUE"),
-    Case("sessions nearly full", many_sessions, "sessions", "of 70 clients are logged in", Verdict.NOTE),
-    Case("no gripper product", without_option("SmartGripper"), "gripper product", "is missing", Verdict.NOTE),
+    Case("clock off", clock_off, "clock", message("clock_differs", here="2026-07-09 13:00:00"), Verdict.NOTE),
+    Case(
+        "user without grants",
+        ungranted,
+        "grants",
+        message("grants_missing", grants=("UAS_RAPID_CURRVALUE (write RAPID data)",)),
+    ),
+    Case("sessions nearly full", many_sessions, "sessions", message("many_sessions", limit=70), Verdict.NOTE),
+    Case(
+        "no gripper product",
+        without_option("SmartGripper"),
+        "gripper product",
+        message("gripper_product_missing", product="SmartGripper"),
+        Verdict.NOTE,
+    ),
 ]
+
+
+def says(finding: Finding, said: Message | str) -> bool:
+    if isinstance(said, str):
+        return said in finding.found
+    return finding.said.code == said.code and said.values.items() <= finding.said.values.items()
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
@@ -207,7 +274,7 @@ def test_doctor_names_the_cause(case: Case) -> None:
     robot = Robot()
     case.seed(robot)
     found = [each for each in robot.findings() if each.requirement == case.requirement]
-    assert [each.verdict for each in found if case.words in each.found] == [case.verdict], found
+    assert [each.verdict for each in found if says(each, case.said)] == [case.verdict], found
     assert all(each.why for each in found)
 
 
@@ -219,7 +286,7 @@ def test_task_that_is_switched_off_is_named(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(RwsClient, "tasks", one_off)
     found = [each for each in Robot().findings() if each.requirement == "task"]
-    assert [each.found for each in found] == ["T_ROB_L is switched off, and does not start"]
+    assert [each.said for each in found] == [message("task_switched_off", task="T_ROB_L")]
 
 
 def test_gripper_without_signals_is_named() -> None:
@@ -236,12 +303,13 @@ def test_gripper_without_signals_is_named() -> None:
 
 def test_peer_that_is_not_a_controller_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     def connect(_: RwsClient) -> None:
-        raise ProtocolError("A web server answers at 10.0.0.1, but it is not an IRC5 controller; check the address.")
+        raise ProtocolError(message("signals_missing", signals=()))
 
     monkeypatch.setattr(RwsClient, "connect", connect)
     (found,) = Robot().findings()
     assert (found.requirement, found.verdict) == ("reachable", Verdict.PROBLEM)
-    assert found.remedy == "check the address"
+    assert found.said == message("signals_missing", signals=())
+    assert found.remedy
 
 
 def healthy() -> Iterator[tuple[str, Robot]]:
@@ -296,21 +364,25 @@ def of_machine(
 
 
 @pytest.mark.parametrize(
-    ("cards", "requirement", "words"),
+    ("cards", "requirement", "said"),
     [
-        ([replace(CABLE, mtu=500)], "network card", "packets of 500 bytes"),
-        ([replace(CABLE, is_wireless=True)], "network card", "Wi-Fi"),
-        ([replace(CABLE, is_tunnel=True)], "network card", "VPN"),
-        ([replace(CABLE, is_up=False)], "network card", "not connected"),
-        ([CABLE, replace(CABLE, name="wlp1s0", address="192.168.125.77")], "network card", "wlp1s0 (192.168.125.77)"),
-        ([replace(CABLE, address="192.168.125.51")], "route", "no network card has the address 192.168.125.50"),
-        ([replace(CABLE, mask="255.255.255.240")], "route", "a router is between them"),
+        ([replace(CABLE, mtu=500)], "network card", message("card_with_small_mtu", card="enp3s0", mtu=500)),
+        ([replace(CABLE, is_wireless=True)], "network card", message("card_is_wireless", card="enp3s0")),
+        ([replace(CABLE, is_tunnel=True)], "network card", message("card_is_tunnel", card="enp3s0")),
+        ([replace(CABLE, is_up=False)], "network card", message("card_not_connected", card="enp3s0")),
+        (
+            [CABLE, replace(CABLE, name="wlp1s0", address="192.168.125.77")],
+            "network card",
+            message("cards_share_network", others=("wlp1s0 (192.168.125.77)",)),
+        ),
+        ([replace(CABLE, address="192.168.125.51")], "route", message("no_card_with_address", host="192.168.125.50")),
+        ([replace(CABLE, mask="255.255.255.240")], "route", message("card_in_other_network", robot="192.168.125.1")),
     ],
 )
-def test_way_to_the_robot_that_is_wrong_is_named(cards: list[NetworkCard], requirement: str, words: str) -> None:
+def test_way_to_the_robot_that_is_wrong_is_named(cards: list[NetworkCard], requirement: str, said: Message) -> None:
     found = of_machine(*cards)[requirement]
     assert found.verdict is not Verdict.OK
-    assert words in found.found
+    assert says(found, said)
 
 
 def test_cable_in_the_robots_network_is_fine() -> None:
@@ -324,18 +396,22 @@ def test_ros_domain_is_looked_at(domain: str, verdict: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("variables", "verdict", "words"),
+    ("variables", "verdict", "said"),
     [
-        ({}, "ok", "as the driver sets it"),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "ok", "LOCALHOST"),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "note", "no other program finds the driver"),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"}, "problem", "'LAN', which means SUBNET"),
-        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"}, "note", "overrules"),
+        ({}, "ok", message("ros_discovery_of_driver")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "ok", message("as_found", value="LOCALHOST")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "note", message("ros_discovery_off")),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LAN"}, "problem", message("ros_discovery_invalid", value="LAN")),
+        (
+            {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_LOCALHOST_ONLY": "1"},
+            "note",
+            message("ros_discovery_overruled", value="SUBNET"),
+        ),
     ],
 )
-def test_ros_discovery_range_is_looked_at(variables: Mapping[str, str], verdict: str, words: str) -> None:
+def test_ros_discovery_range_is_looked_at(variables: Mapping[str, str], verdict: str, said: Message) -> None:
     found = of_machine(CABLE, environment=variables)["ROS discovery"]
-    assert (found.verdict.value, words in found.found) == (verdict, True)
+    assert (found.verdict.value, says(found, said)) == (verdict, True)
 
 
 def test_one_port_for_both_arms_and_a_taken_port_are_named() -> None:
@@ -369,7 +445,8 @@ def test_streams_of_both_arms_arrive_and_all_is_as_before(yumi: VirtualYumi) -> 
     before = tuple(yumi.world.arms[Side.LEFT].position)
     found = streams_of(yumi)
     assert [each.verdict for each in found] == [Verdict.OK, Verdict.OK]
-    assert "one every 4.03 ms, 0 lost" in found[0].found
+    assert_says(found[0].said, "stream_quality", lost=0)
+    assert found[0].said.values["period"] == pytest.approx(0.00403, abs=5e-6)
     assert tuple(yumi.world.arms[Side.LEFT].position) == before
     assert yumi.world.controller.controller_state is ControllerState.MOTORS_OFF
     assert not yumi.world.controller.is_running
@@ -380,28 +457,28 @@ def test_stream_that_is_dropped_on_the_way_is_named(yumi: VirtualYumi) -> None:
     found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.RIGHT, 100.0, Way.FROM_ROBOT))
     (right,) = [each for each in found if each.verdict is Verdict.PROBLEM]
     assert right.requirement == "EGM right"
-    assert "nothing comes to 127.0.0.1:6512: it is dropped on the way" in right.found
+    assert_says(right.said, "stream_dropped", host="127.0.0.1", port=6512)
 
 
 def test_stream_with_losses_is_named(yumi: VirtualYumi) -> None:
     network = yumi.world.network
     found = streams_of(yumi, lambda _: network.inject(Fault.EGM_LOSS, Side.LEFT, 10.0, Way.FROM_ROBOT))
     (left,) = [each for each in found if each.verdict is Verdict.PROBLEM]
-    assert "is lost on the way" in left.found
+    assert_says(left.said, "stream_lossy")
 
 
 def test_exchanged_ports_are_named(yumi: VirtualYumi) -> None:
     yumi.egm = {Side.LEFT: yumi.egm[Side.RIGHT], Side.RIGHT: yumi.egm[Side.LEFT]}
     found = streams_of(yumi)
     assert [each.verdict for each in found] == [Verdict.PROBLEM, Verdict.PROBLEM]
-    assert "but those of the other arm" in found[0].found
+    assert_says(found[0].said, "stream_of_other_arm")
 
 
 def test_something_else_at_the_port_is_named() -> None:
     nothing = ArmStream(0, 0, 12, 0.0, 0.0, 0.0, None)
     stands = dict.fromkeys(Side, (0.0,) * 7)
     (found,) = examine_stream({Side.LEFT: nothing}, stands, HERE)  # type: ignore[arg-type]
-    assert "is not EGM of a seven-axis arm" in found.found
+    assert_says(found.said, "stream_not_egm")
 
 
 def test_link_that_is_lost_while_streaming_is_an_error(yumi: VirtualYumi) -> None:
@@ -414,10 +491,10 @@ def test_stream_starts_no_program_of_another(yumi: VirtualYumi) -> None:
     controller = yumi.world.controller
     controller.files["HOME:/cell.mod"] = "MODULE Cell\n  PROC main()\n  ENDPROC\nENDMODULE\n"
     controller.unload_module("T_ROB_L", "TRobMain")
-    with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
+    with refused(RobotNotReady, "no_state_machine_to_start", task="T_ROB_L"), streaming(yumi.client(), yumi):
         pass
     controller.load_module("T_ROB_L", "HOME:/cell.mod", replace=False)
-    with pytest.raises(RobotNotReady, match="no state machine of this package"), streaming(yumi.client(), yumi):
+    with refused(RobotNotReady, "no_state_machine_to_start", task="T_ROB_L"), streaming(yumi.client(), yumi):
         pass
     assert controller.controller_state is ControllerState.MOTORS_OFF
 
@@ -477,9 +554,13 @@ def test_task_that_stays_switched_off_is_an_error_that_names_it(
         refuse_switching_on(client, monkeypatch)
         with pytest.raises(RobotNotReady) as raised, streaming(client, yumi, progress.append):
             fail()
-    sentence = "Task T_LOG is still switched off; select it on the FlexPendant (QuickSet menu, Tasks)."
-    assert str(raised.value) == (f"{sentence} Before that: {error}" if error else sentence)
-    assert progress[-1] == sentence
+    said, tasks = raised.value.said, ("T_LOG",)
+    if error is None:
+        assert said == message("tasks_left_off", tasks=tasks)
+    else:
+        assert said == message("tasks_left_off_after", tasks=tasks, reason=error.said)
+        assert str(raised.value).endswith(f"Before that: {error}")
+    assert "T_LOG" in progress[-1]
     assert not yumi.world.controller.is_running
 
 
@@ -493,8 +574,7 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
         refuse_switching_on(client, monkeypatch)
         (found,) = _examine_stream(client, dict.fromkeys(Side, EgmAddress("127.0.0.1", 0)))
     assert (found.requirement, found.verdict) == ("EGM stream", Verdict.PROBLEM)
-    assert found.found == "Task T_LOG is still switched off"
-    assert found.remedy == "select it on the FlexPendant (QuickSet menu, Tasks)"
+    assert found.said == message("tasks_left_off", tasks=("T_LOG",))
     said = [line.strip() for line in capsys.readouterr().err.splitlines()]
     assert said.index("task T_LOG is switched off meanwhile") < said.index(
         "program pointers to main, start the program"
@@ -502,8 +582,8 @@ def test_task_that_stays_switched_off_is_a_problem_of_the_doctor(
 
 
 def test_stream_is_not_tried_where_the_program_is_a_problem() -> None:
-    task = Finding("program in T_ROB_L", Verdict.PROBLEM, "Cell has a main of its own")
+    task = Finding("program in T_ROB_L", Verdict.PROBLEM, message("module_has_main", module="Cell"))
     skipped = obstacle_to_stream([task])
     assert skipped is not None
-    assert "program in T_ROB_L: Cell has a main of its own" in skipped.found
-    assert obstacle_to_stream([Finding("motors", Verdict.PROBLEM, "off")]) is None
+    assert_says(skipped.said, "stream_not_tried", requirement="program in T_ROB_L", reason=task.said)
+    assert obstacle_to_stream([Finding("motors", Verdict.PROBLEM, message("motors_off"))]) is None

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from math import nan, radians
 from typing import Any, cast
 
 import pytest
 
+from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
 from yumi.api.connection import Connection
 from yumi.api.motion import MotionExecutor
+from yumi.catalogue import Action, Message, message
 from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
 from yumi.driver.readiness import Mode
 from yumi.driver.settings import read_settings
@@ -92,7 +93,7 @@ class Preparing:
 
     def __init__(self, system: System, report: Callable[[str], None] | None = None, **options: Any) -> None:
         self.said: list[str] = []
-        self.complaints: list[str] = []
+        self.complaints: list[Message] = []
         setup = GripperSetup(system.grippers, report or self.said.append, self.complaints.append, **options)
         system.manager.when_ready(setup.run)
 
@@ -249,16 +250,13 @@ def test_grippers_of_a_robot_that_becomes_ready_late_are_calibrated_before_egm_s
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        ({"is_allowed": False}, "gripper.calibrate is never"),
-        (
-            {"is_confirmed": lambda: False},
-            "the robot was stopped, and a gripper without calibration does not know what",
-        ),
-        ({"why_not": lambda side: f"the {side.word} gripper is inactive"}, "the right gripper is inactive"),
+        ({"is_allowed": False}, message("calibration_not_allowed_by_settings")),
+        ({"is_confirmed": lambda: False}, message("gripper_may_hold_something_after_stop")),
+        ({"why_not": lambda side: message("text", text=side.word)}, message("text", text="right")),
     ],
 )
 def test_gripper_that_may_not_be_calibrated_is_reported_once_with_the_command(
-    system: System, options: dict[str, Any], reason: str
+    system: System, options: dict[str, Any], reason: Message
 ) -> None:
     prepared = Preparing(system, **options)
     system.manager.start_egm()
@@ -266,8 +264,8 @@ def test_gripper_that_may_not_be_calibrated_is_reported_once_with_the_command(
     system.manager.start_egm()
     assert are_calibrated(system) == [False, False]
     right, _ = prepared.complaints
-    assert right.startswith(f"The right gripper is not calibrated, and is not calibrated now: {reason}")
-    assert right.endswith("service r/gripper/calibrate, or robot.right.gripper.calibrate() in a script.")
+    assert_says(right, "gripper_left_uncalibrated", gripper="right", reason=reason)
+    assert right.actions == (Action.CALIBRATE,)
 
 
 def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: System, left: Gripper) -> None:
@@ -278,7 +276,8 @@ def test_gripper_that_holds_something_without_calibration_keeps_it(calibrated: S
     calibrated.wait(REPORTED)
     calibrated.manager.make_ready()
     (complaint,) = prepared.complaints
-    assert "The left gripper is not calibrated, and is not calibrated now: it presses on something" in complaint
+    reason = message("gripper_presses_on_something")
+    assert_says(complaint, "gripper_left_uncalibrated", gripper="left", reason=reason)
     assert calibrated.world.grippers[Side.LEFT].is_holding
 
 
@@ -288,7 +287,7 @@ def test_gripper_that_a_person_jogs_is_not_calibrated_under_his_grippers(system:
     system.wait(REPORTED)
     system.manager.make_ready()
     (complaint,) = prepared.complaints
-    assert "The right gripper is not calibrated, and is not calibrated now: its fingers move" in complaint
+    assert_says(complaint, "gripper_left_uncalibrated", gripper="right", reason=message("gripper_fingers_move"))
     assert are_calibrated(system) == [False, True]
 
 
@@ -393,7 +392,7 @@ def test_move_that_is_cancelled_stops_where_it_is(calibrated: System, right: Gri
 def test_move_that_is_stopped_by_a_person_says_so(right: Gripper) -> None:
     right.begin(OPEN)
     right.stop()
-    with pytest.raises(GoalNotReached, match="The right gripper was stopped on its way"):
+    with refused(GoalNotReached, "gripper_stopped", gripper="right"):
         right.wait(OPEN)
 
 
@@ -432,7 +431,7 @@ def test_gripper_that_must_hold_keeps_what_it_holds(calibrated: System, left: Gr
 def test_error_of_the_gripper_is_reported_until_it_is_cleared(calibrated: System, right: Gripper) -> None:
     calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
     calibrated.wait(REPORTED)
-    with pytest.raises(RobotNotReady, match="The right gripper reports error 7; look at the event log, then clear it"):
+    with refused(RobotNotReady, "gripper_reports_error", gripper="right", error=7.0):
         right.begin(OPEN)
     right.clear_error()
     assert done(right, OPEN) is Outcome.OPEN
@@ -442,15 +441,16 @@ def test_error_in_the_middle_of_a_move_is_no_stall(calibrated: System, right: Gr
     right.begin(OPEN)
     calibrated.wait(0.3)
     calibrated.faults.inject(Fault.GRIPPER_ERROR, Side.RIGHT)
-    with pytest.raises(RobotNotReady, match="The right gripper reports error 7"):
+    with refused(RobotNotReady, "gripper_reports_error", gripper="right", error=7.0):
         right.wait(OPEN)
 
 
 def test_gripper_that_lost_its_power_must_be_calibrated_again(calibrated: System, right: Gripper) -> None:
     calibrated.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.RIGHT)
     calibrated.wait(REPORTED)
-    with pytest.raises(RobotNotReady, match="is not calibrated; calibrate it first: service r/gripper/calibrate, or r"):
+    with refused(RobotNotReady, "gripper_not_calibrated", gripper="right") as refusal:
         right.begin(OPEN)
+    assert refusal.value.said.actions == (Action.CALIBRATE,)
     right.calibrate()
     assert done(right, OPEN) is Outcome.OPEN
 
@@ -491,7 +491,7 @@ def test_object_that_leaks_is_not_picked(calibrated: System, left: Gripper) -> N
 
 def test_vacuum_of_an_uncalibrated_gripper_is_refused_and_stays_off(system: System) -> None:
     gripper = system.grippers[Side.LEFT]
-    with pytest.raises(RobotNotReady, match="The left gripper is not calibrated; calibrate it first"):
+    with refused(RobotNotReady, "gripper_not_calibrated", gripper="left"):
         gripper.switch_vacuum(1, is_on=True)
     assert not gripper.vacuum(1).sucks
 
@@ -506,16 +506,14 @@ def test_gripper_shows_and_offers_the_modules_it_is_configured_with(modules: Gri
     for channel in modules.vacuum_channels:
         gripper.switch_vacuum(channel, is_on=True)
     for channel in {1, 2} - set(modules.vacuum_channels):
-        with pytest.raises(
-            CommandRefused,
-            match=rf"it is configured as {re.escape(modules.value)}\. If it has vacuum {channel}, set gripper.left",
-        ):
+        code = "gripper_has_other_vacuum" if modules.vacuum_channels else "gripper_has_no_vacuum"
+        with refused(CommandRefused, code, gripper="left", modules=modules.value, channel=channel):
             gripper.switch_vacuum(channel, is_on=True)
 
 
 @pytest.mark.parametrize("channel", [0, 3])
 def test_vacuum_that_no_gripper_has_is_refused(left: Gripper, channel: int) -> None:
-    with pytest.raises(CommandRefused, match=f"A gripper has vacuum 1 and 2 at most, not {channel}"):
+    with refused(CommandRefused, "vacuum_channel_unknown", channel=channel):
         left.switch_vacuum(channel, is_on=True)
 
 
@@ -562,26 +560,25 @@ def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
 
 
 def test_grippers_are_closed_as_a_test_where_that_is_allowed(calibrated: System) -> None:
-    said: list[str] = []
+    said: list[Message] = []
     close_as_test(calibrated.grippers, said.append, said.append)
-    assert said == [f"The {side.word} gripper was closed as a test." for side in calibrated.grippers]
+    assert said == [message("gripper_tested", gripper=side.word) for side in calibrated.grippers]
     assert all(gripper.position() <= THINNEST for gripper in calibrated.grippers.values())
 
 
 def test_gripper_that_does_not_close_is_reported_and_the_other_is_tested(calibrated: System, left: Gripper) -> None:
-    said: list[str] = []
+    said: list[Message] = []
     done(left, OPEN)
     close_as_test(calibrated.grippers, said.append, said.append)
-    assert said[0] == "The right gripper was closed as a test."
-    assert said[1].startswith(
-        "The left gripper cannot be used: Its test failed: it was to close, and its fingers are at "
-    )
+    assert said[0] == message("gripper_tested", gripper="right")
+    assert_says(said[1], "gripper_unusable", gripper="left")
+    assert_says(said[1].values["reason"], "gripper_test_failed", position=left.last_position)
 
 
 def test_gripper_that_holds_something_is_not_tested(calibrated: System, left: Gripper) -> None:
-    said: list[str] = []
+    said: list[Message] = []
     done(left, OPEN)
     done(left, CLOSE)
     close_as_test({Side.LEFT: left}, said.append, said.append)
-    assert said == ["The left gripper holds something and was not closed as a test."]
+    assert said == [message("gripper_holds_and_was_not_tested", gripper="left")]
     assert left.is_holding()

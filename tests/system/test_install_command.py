@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from system.test_doctor import served
+from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.driver.commissioning.installation import Contents, Installation, Plan
 from yumi.rws.types import OperatingMode
@@ -72,7 +73,7 @@ def test_obstacle_is_said_and_nothing_is_asked(where: list[str], state: Path, co
     controller.mode = OperatingMode.MANUAL_REDUCED
     result = run("install", *where)
     assert result.exit_code == 1
-    assert "Not possible now: the operating mode is MANR; turn it to AUTO on the FlexPendant." in result.stdout
+    assert str(message("not_possible_now", reason=message("not_in_auto", mode="MANR"))) in result.stdout
     assert "[y/N]" not in result.stdout
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,9 @@ import httpx
 import pytest
 from commissioning_bench import HERE, Interruption, Site
 
+from refusals import assert_says, refused
 from soak import long, short
+from yumi.catalogue import Message, message
 from yumi.driver.commissioning.doctor import listen, streaming
 from yumi.driver.commissioning.installation import (
     _BACKUP_GRANT,
@@ -132,16 +133,17 @@ def test_program_that_runs_is_left_alone(site: Site) -> None:
     site.client.set_motors(True)
     site.client.move_pp_to_main()
     site.client.start_rapid()
-    with pytest.raises(RobotNotReady, match="a RAPID program runs; stop it first"):
+    runs = message("program_runs_on_controller")
+    with refused(RobotNotReady, "nothing_changed", reason=runs):
         roll_back(site)
-    assert site.plan().refusals[0].startswith("a RAPID program runs")
+    assert site.plan().refusals[0] == runs
 
 
 def test_manual_mode_is_refused(site: Site) -> None:
     site.controller.mode = OperatingMode.MANUAL_REDUCED
     plan = site.plan()
-    assert plan.refusals == ("the operating mode is MANR; turn it to AUTO on the FlexPendant",)
-    with pytest.raises(RobotNotReady, match="Nothing was changed"):
+    assert plan.refusals == (message("not_in_auto", mode="MANR"),)
+    with refused(RobotNotReady, "nothing_changed", reason=message("not_in_auto", mode="MANR")):
         site.installation().install(plan)
     assert site.transport.changes == 0
 
@@ -152,11 +154,11 @@ def test_what_another_client_works_on_is_left_alone(site: Site, domain: str) -> 
     other = RwsClient(site.transport, clock=site)
     with other.holding(domain):
         (refusal,) = site.plan().refusals
-        assert re.search(rf"holds the mastership of {domain}; release it there \(RobotStudio, FlexPendant\)", refusal)
-        with pytest.raises(RobotNotReady, match=f"the mastership of {domain}"):
+        assert_says(refusal, "mastership_held", domain=domain)
+        with refused(RobotNotReady, "nothing_changed", reason=refusal):
             site.installation().undo(Plan((), Contents(), Contents()))
         before = site.transport.changes
-        with pytest.raises(RobotNotReady, match="Nothing was changed"):
+        with refused(RobotNotReady, "nothing_changed", reason=refusal):
             site.install()
         assert site.transport.changes == before
     site.install()
@@ -176,11 +178,9 @@ def test_what_another_client_works_on_is_left_alone(site: Site, domain: str) -> 
 def test_grants_that_are_missing_are_said_before_anything_is_changed(site: Site, missing: Grant, what: str) -> None:
     site.transport.adapter._users.granted = tuple(set(GRANTS) - {missing, Grant.FULL_ACCESS})
     plan = site.plan()
-    assert plan.refusals == (
-        f"the user lacks {missing.value} ({what}); give them to the user in RobotStudio (User Accounts), or log in as "
-        "another user (--user)",
-    )
-    with pytest.raises(RobotNotReady, match="Nothing was changed: the user lacks"):
+    lacks = message("grants_missing", grants=(f"{missing.value} ({what})",))
+    assert plan.refusals == (lacks,)
+    with refused(RobotNotReady, "nothing_changed", reason=lacks):
         site.installation().install(plan)
     assert site.transport.changes == 0
     assert bool(site.plan(makes_backup=False).refusals) is (missing is not Grant.BACKUP)
@@ -197,7 +197,7 @@ def test_grants_that_are_asked_for_are_enough(site: Site) -> None:
 def test_record_that_cannot_be_written_is_said_before_the_controller_makes_a_backup(site: Site) -> None:
     plan = site.plan()
     (site.folder / "installations").write_text("a file where the folder would be")
-    with pytest.raises(SettingsError, match="cannot be written: Not a directory; choose another folder with XDG_STATE"):
+    with refused(SettingsError, "record_folder_not_writable", reason="Not a directory"):
         site.installation().install(plan)
     assert site.transport.changes == 0
 
@@ -206,12 +206,17 @@ def test_foreign_main_is_explained_and_comes_back_with_a_roll_back(site: Site) -
     site.controller.files["HOME:/production.mod"] = FOREIGN
     site.controller.load_module("T_ROB_L", "HOME:/production.mod", replace=False)
     (refusal,) = site.plan().refusals
-    assert refusal.startswith("T_ROB_L has a program of its own: its module Production (5 lines) has a main")
+    program = message("module_with_main", task="T_ROB_L", module="Production", lines=5)
+    assert refusal == message("other_main_in_task", program=program)
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install(replaces_main=True)
     assert "Production" not in site.modules()["T_ROB_L"]
     roll_back(site)
     assert (site.home(), site.cfg(), site.modules()) == (home, cfg, modules)
+
+
+def configured_main(task: str) -> Message:
+    return message("configured_module_with_main", file=f"HOME:/production.mod in {task}")
 
 
 def test_main_that_the_configuration_loads_at_each_start_is_explained_and_comes_back(site: Site) -> None:
@@ -221,10 +226,8 @@ def test_main_that_the_configuration_loads_at_each_start_is_explained_and_comes_
     site.client.wait_for_restart()
     assert "Production" in site.modules()["T_ROB_R"]
     loaded, configured = site.plan().refusals
-    assert loaded.startswith("T_ROB_R has a program of its own: its module Production")
-    assert configured.startswith(
-        "the configuration loads HOME:/production.mod in T_ROB_R at each start, which has a main"
-    )
+    assert_says(loaded.values["program"], "module_with_main", task="T_ROB_R", module="Production")
+    assert configured.values["program"] == configured_main("T_ROB_R")
     home, cfg, modules = site.home(), site.cfg(), site.modules()
     site.install(replaces_main=True)
     assert "Production" not in site.modules()["T_ROB_R"]
@@ -241,11 +244,9 @@ def test_lines_that_load_one_file_into_several_tasks_all_go_and_come_back(site: 
     for into in ({"Task": "T_ROB_L"}, {"Task": "T_ROB_R", "Hidden": "TRUE"}, {"Task": "T_LOG"}):
         configuration.put("SYS", "CAB_TASK_MODULES", {"File": "HOME:/production.mod", "ModName": "Production", **into})
     site.client.wait_for_restart()
-    refusals = [each for each in site.plan().refusals if each.startswith("the configuration loads")]
-    assert [each.partition(" at each start")[0] for each in refusals] == [
-        "the configuration loads HOME:/production.mod in T_ROB_L",
-        "the configuration loads HOME:/production.mod in T_ROB_R",
-    ]
+    programs = [each.values["program"] for each in site.plan().refusals]
+    configured = [each for each in programs if each.code == "configured_module_with_main"]
+    assert configured == [configured_main("T_ROB_L"), configured_main("T_ROB_R")]
     cfg, modules = site.cfg(), site.modules()
     assert "Production" in modules["T_ROB_L"]
     assert "Production" in modules["T_ROB_R"]
@@ -286,7 +287,7 @@ def test_program_that_starts_during_the_backup_is_left_alone(site: Site, monkeyp
 
     monkeypatch.setattr(site.client, "read_tree", slow)
     home, cfg = site.home(), site.cfg()
-    with pytest.raises(RobotNotReady, match="Nothing was changed: the operating mode is MANR"):
+    with refused(RobotNotReady, "nothing_changed", reason=message("not_in_auto", mode="MANR")):
         site.install()
     assert (site.home(), site.cfg()) == (home, cfg)
 
@@ -300,7 +301,7 @@ def test_restart_that_is_due_is_part_of_the_plan(site: Site) -> None:
     assert plan.changes == ()
     assert plan.needs_restart
     assert not plan.is_empty
-    assert "has not restarted since" in plan.notes[-1]
+    assert plan.notes[-1] == message("restart_is_due")
     site.installation().install(plan)
     assert site.plan().is_empty
 
@@ -328,15 +329,16 @@ def test_restart_waits_for_who_works_with_the_robot(site: Site, monkeypatch: pyt
         site.controller.mode = OperatingMode.MANUAL_REDUCED
 
     monkeypatch.setattr(Installation, "_apply_cfg", apply)
-    with pytest.raises(RobotNotReady, match="was not restarted, which is due: the operating mode is MANR"):
+    with refused(RobotNotReady, "not_restarted", reason=message("not_in_auto", mode="MANR")):
         site.install()
 
 
 def test_backup_that_is_none_is_refused_before_anything_is_written(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(site.client, "read_tree", lambda *_: {"SYSPAR/EIO.cfg": b""})
     home = site.home()
-    with pytest.raises(RobotNotReady, match="has no BACKINFO/"):
+    with refused(RobotNotReady, "nothing_changed") as refusal:
         site.install()
+    assert_says(refusal.value.said.values["reason"], "no_backup", needed="BACKINFO/")
     assert site.home() == home
     assert not list(site.folder.rglob("*.json"))
 
@@ -358,7 +360,7 @@ def test_add_in_keeps_its_modules_and_gets_the_destinations_only(tmp_path: Path)
     site = Site(tmp_path, WorldSettings())  # its options name the Add-In
     plan = site.plan()
     assert [change.place for change in plan.changes] == ["SIO COM_TRP ROB_R", "SIO COM_TRP ROB_L"]
-    assert "Add-In" in plan.notes[0]
+    assert_says(plan.notes[0], "add_in_keeps_modules")
 
 
 def test_signal_of_another_with_our_name_is_refused(site: Site) -> None:
@@ -366,8 +368,9 @@ def test_signal_of_another_with_our_name_is_refused(site: Site) -> None:
         "EIO", "EIO_SIGNAL", {"Name": "EGM_STOP", "SignalType": "DO", "Device": "D652_10"}
     )
     (kind, device) = site.plan().refusals
-    assert "another EGM_STOP, with SignalType 'DO' instead of 'DI'" in kind
-    assert "Device 'D652_10'" in device
+    taken = "configured_name_taken"
+    assert_says(kind, taken, name="EGM_STOP", attribute="SignalType", value="DO", needed="DI")
+    assert_says(device, taken, name="EGM_STOP", attribute="Device", value="D652_10")
 
 
 def test_controller_without_grippers_gets_no_gripper_module(site: Site) -> None:
@@ -411,8 +414,8 @@ def test_removal_without_a_record_keeps_what_is_the_add_ins(tmp_path: Path) -> N
     installation, modules, cfg = site.installation(), site.modules(), site.cfg()
     plan = installation.plan_removal(site.client.connect(), HERE)
     assert plan.changes == ()
-    assert plan.refusals[0].startswith("ABB's Add-In 'StateMachine Core' is on the controller")
-    with pytest.raises(RobotNotReady, match="Nothing was changed"):
+    assert plan.refusals[0] == message("names_are_of_add_in", add_in="StateMachine Core")
+    with refused(RobotNotReady, "nothing_changed", reason=plan.refusals[0]):
         installation.undo(plan)
     assert (site.modules(), site.cfg()) == (modules, cfg)
 

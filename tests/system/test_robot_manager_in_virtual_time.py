@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
+from refusals import assert_says, refused
 from system.virtual_time_bench import DriverArm, System
+from yumi.catalogue import message
 from yumi.control.shared_state import AllowedCollisionsChanged, Problem, Snapshot
 from yumi.driver import bringup
 from yumi.driver.readiness import Mode
@@ -54,7 +56,8 @@ def test_robots_own_speed_limit_is_lowered_with_speed_scale_and_raised_with_the_
     manager.speed.set(0.1)
     manager.start_egm()
     assert [max_speed_deviation(system, side) for side in Side] == pytest.approx([18.0, 18.0])
-    assert "is started again" in manager.speed.set(1.0)
+    manager.speed.set(1.0)
+    assert_says(manager.speed.said, "speed_scale_waits_for_egm", value=1.0, in_force=0.1)
     assert manager.state().speed_scale == 0.1
     manager.stop_egm()
     manager.start_egm()
@@ -73,11 +76,13 @@ def test_arm_that_starts_alone_of_both_keeps_its_speed_limit_until_the_next_star
     manager.speed.set(0.1)
     with monkeypatch.context() as patch:
         patch.setattr(StateMachines, "_write_settings", write_but_left)
-        with pytest.raises(RobotNotReady, match="left arm IDLE"):
+        with refused(RobotNotReady, "state_machines_did_not_start_egm") as refusal:
             manager.start_egm()
+        assert message("machine", arm="left", machine="IDLE") in refusal.value.said.values["machines"]
     assert manager.state().egm == {Side.RIGHT: "running", Side.LEFT: "off"}
     assert not system.arms[Side.RIGHT].snapshot.is_commanded
-    assert "is started again" in manager.speed.set(1.0)
+    manager.speed.set(1.0)
+    assert_says(manager.speed.said, "speed_scale_waits_for_egm", value=1.0, in_force=0.1)
     assert manager.state().speed_scale == 0.1
     manager.stop_egm()
     assert manager.state().egm == dict.fromkeys(Side, "off")
@@ -162,7 +167,7 @@ def test_tool_of_the_settings_carries_a_payload() -> None:
 def test_tool_is_not_changed_while_egm_runs(system: System) -> None:
     system.manager.start_egm()
     before = robots_tool(system, Side.LEFT, "settings")
-    with pytest.raises(RobotNotReady, match=r"EGM runs on the left arm with .*; stop EGM \(stop_egm\), set them, then"):
+    with refused(RobotNotReady, "tool_fixed_while_egm_runs", arm="left"):
         system.manager.set_tool(Side.LEFT, TCP, HAND)
     assert robots_tool(system, Side.LEFT, "settings") == before
 

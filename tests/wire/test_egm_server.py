@@ -6,13 +6,15 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
-from math import inf, nan
+from math import inf, nan, sqrt
 from typing import Any
 
 import pytest
 from egm_robots import MESSAGE, SIX
 
+from refusals import refused
 from yumi import EgmServer
+from yumi.catalogue import Message, message
 from yumi.driver.egm_server import UNREADABLE
 from yumi.egm import egm_pb2 as pb
 from yumi.egm.codec import MciState, PathCorrection, Pose, RapidData, RobotCodec, RobotMessage, SensorMessage
@@ -34,8 +36,8 @@ class Robot:
         self.codec = RobotCodec(axes=axes)
 
     def say(self, *messages: RobotMessage) -> None:
-        for message in messages:
-            self.send(self.codec.encode(message))
+        for each in messages:
+            self.send(self.codec.encode(each))
 
     def send(self, datagram: bytes) -> None:
         self._link.send(datagram)
@@ -174,7 +176,7 @@ def test_loop_ends_when_the_server_is_stopped(server: EgmServer, robot: Robot) -
 
 
 def test_loop_says_what_to_check_when_no_robot_speaks(server: EgmServer) -> None:
-    with pytest.raises(NoConnection, match=r"No robot spoke on UDP port \d+ within 0\.05 s: start EGM in the RAPID"):
+    with refused(NoConnection, "no_robot_spoke", port=server.port, timeout=0.05):
         list(server)
 
 
@@ -209,38 +211,48 @@ def test_correction_reaches_the_robot(server: EgmServer, robot: Robot) -> None:
 def test_correction_of_an_impossible_age_is_refused(server: EgmServer, robot: Robot, age: float) -> None:
     robot.say(MESSAGE)
     server.receive(1.0)
-    with pytest.raises(CommandRefused, match="a measurement is 0 to 1e"):
+    with refused(CommandRefused, "correction_of_other_age", limit=1e6):
         server.send_correction((0.0, 0.0, 0.0), age=age)
 
 
+def of_other_length(name: str, count: int, needed: int) -> Message:
+    return message("reference_of_other_length", name=name, count=count, needed=needed)
+
+
 @pytest.mark.parametrize(
-    ("sent", "sentence"),
+    ("sent", "said"),
     [
-        ({"joints": [0.0] * 7}, "joints has 7 values; this robot takes 6"),
-        ({"joints": [0.0] * 5 + [nan]}, "joints has nan; the robot takes finite numbers only"),
-        ({"speed": [inf] * 6}, "speed has inf"),
-        ({"twist": [0.0] * 3}, "twist has 3 values; this robot takes 6"),
-        ({"external": [0.0]}, "external has 1 values; this robot takes 0"),
-        ({"external_speed": [0.0]}, "external_speed has 1 values; this robot takes 0"),
-        ({"pose": Pose((0.0, nan, 0.0), (1.0, 0.0, 0.0, 0.0))}, "position of pose has nan"),
-        ({"pose": Pose((0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0))}, "orientation of pose has norm 1.41421"),
-        ({"data": RapidData(numbers=(0.0,) * 41)}, "41 numbers; a RAPID program takes 40"),
-        ({"data": RapidData(numbers=(nan,))}, "data has nan"),
+        ({"joints": [0.0] * 7}, of_other_length("joints", 7, 6)),
+        ({"joints": [0.0] * 5 + [nan]}, message("reference_not_finite", name="joints")),
+        ({"speed": [inf] * 6}, message("reference_not_finite", name="speed", value=inf)),
+        ({"twist": [0.0] * 3}, of_other_length("twist", 3, 6)),
+        ({"external": [0.0]}, of_other_length("external", 1, 0)),
+        ({"external_speed": [0.0]}, of_other_length("external_speed", 1, 0)),
+        (
+            {"pose": Pose((0.0, nan, 0.0), (1.0, 0.0, 0.0, 0.0))},
+            message("reference_not_finite", name="position of pose"),
+        ),
+        (
+            {"pose": Pose((0.0, 0.0, 0.0), (1.0, 1.0, 0.0, 0.0))},
+            message("reference_not_unit_quaternion", norm=sqrt(2.0)),
+        ),
+        ({"data": RapidData(numbers=(0.0,) * 41)}, message("rapid_data_too_long", count=41, limit=40)),
+        ({"data": RapidData(numbers=(nan,))}, message("reference_not_finite", name="data")),
     ],
 )
 def test_reference_the_robot_cannot_take_is_refused(
-    server: EgmServer, robot: Robot, sent: dict[str, Any], sentence: str
+    server: EgmServer, robot: Robot, sent: dict[str, Any], said: Message
 ) -> None:
     robot.say(MESSAGE)
     server.receive(1.0)
-    with pytest.raises(CommandRefused, match=sentence):
+    with refused(CommandRefused, said.code, **said.values):
         server.send(**sent)
 
 
 def test_nothing_can_be_sent_before_the_robot_speaks(server: EgmServer) -> None:
-    with pytest.raises(RobotNotReady, match="No robot has spoken yet"):
+    with refused(RobotNotReady, "no_state_to_answer"):
         server.send()
-    with pytest.raises(RobotNotReady, match="No robot has spoken yet"):
+    with refused(RobotNotReady, "no_state_to_answer"):
         server.send_correction((0.0, 0.0, 0.0))
 
 
@@ -249,8 +261,9 @@ def test_what_is_no_robot_is_told_once_it_is_certain(server: EgmServer, robot: R
     old.feedBack.ClearField("time")
     for _ in range(UNREADABLE):
         robot.send(old.SerializeToString())
-    with pytest.raises(ProtocolError, match=r"UDP port \d+ cannot be guided: .*RobotWare before 6\.07"):
+    with refused(ProtocolError, "sender_cannot_be_guided", port=server.port) as refusal:
         server.receive(1.0)
+    assert "RobotWare before 6.07" in str(refusal.value.said.values["reason"])
 
 
 def test_datagrams_of_another_address_are_left_aside() -> None:
@@ -291,6 +304,6 @@ def test_server_hears_this_machine_alone_unless_told_where_the_robot_is() -> Non
 def test_server_that_hears_this_machine_alone_says_so_when_no_robot_spoke() -> None:
     with (
         EgmServer(0, timeout=0.05) as server,
-        pytest.raises(NoConnection, match="without robot= or host= this machine"),
+        refused(NoConnection, "no_robot_spoke_on_this_machine", port=server.port, timeout=0.05),
     ):
         next(iter(server))

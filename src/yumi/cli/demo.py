@@ -24,6 +24,7 @@ from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as ProgressBars
 from rich.table import Table
 
+from yumi.catalogue import message
 from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot_options, settings_of
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
@@ -70,9 +71,9 @@ def _can_draw(*, is_asked: bool) -> bool:
     """Whether there can be a picture; raises MissingPrerequisite where there cannot and it was asked for."""
     can_draw = find_spec("matplotlib") is not None
     if is_asked and not can_draw:
-        raise missing_extra("The picture needs matplotlib; leave --picture out, or install matplotlib", "plot")
+        raise missing_extra(message("picture_needs_matplotlib"), "plot")
     if not can_draw:
-        click.echo(f"No picture of the joint paths: {missing_extra('matplotlib is not installed', 'plot')}")
+        click.echo(missing_extra(message("no_picture_without_matplotlib"), "plot"))
     return can_draw
 
 

@@ -12,12 +12,12 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from yumi.catalogue import clause, message
 from yumi.cli.options import config_option, robot_options, settings_of
 from yumi.clock import SystemClock
 from yumi.driver.bringup import EgmAddress
@@ -209,8 +209,8 @@ class _Session:
             if plan is not None:
                 value |= {
                     "changes": [str(change) for change in plan.changes],
-                    "refusals": plan.refusals,
-                    "notes": plan.notes,
+                    "refusals": [str(refusal) for refusal in plan.refusals],
+                    "notes": [str(note) for note in plan.notes],
                     "needs_restart": plan.needs_restart,
                 }
             click.echo(json.dumps(value | more, indent=2))
@@ -229,11 +229,11 @@ class _Session:
         """The plan, like a diff."""
         colours = {"+": "green", "-": "red", "~": "yellow"}
         for note in plan.notes:
-            self.say(f"Note: {note}.")
+            self.say(f"Note: {clause(note)}.")
         for change in plan.changes:
             self.say(click.style(str(change), colours[change.sign]))
         for refusal in plan.refusals:
-            self.say(click.style(f"Not possible now: {refusal}.", "red"))
+            self.say(click.style(str(message("not_possible_now", reason=refusal)), "red"))
 
 
 @contextmanager
@@ -367,7 +367,16 @@ def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, htm
         client.close()
     if report is not None:
         rows = [
-            {**asdict(each), "verdict": each.verdict.value, "why": each.why, "where": each.where} for each in findings
+            {
+                "requirement": each.requirement,
+                "verdict": each.verdict.value,
+                "code": each.said.code,
+                "found": each.found,
+                "remedy": each.remedy,
+                "why": each.why,
+                "where": each.where,
+            }
+            for each in findings
         ]
         text = json.dumps({"robot": client.address, "findings": rows}, indent=2)
         if report == "-":

@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from yumi import __version__
-from yumi.catalogue import FrontEnd, speak_as
+from yumi.catalogue import FrontEnd, message, speak_as
 from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
 from yumi.cli.install import doctor, install, uninstall
@@ -107,7 +107,7 @@ def _load(entry_point: EntryPoint) -> click.Command:
     )
     @click.argument("arguments", nargs=-1, type=click.UNPROCESSED)
     def missing(arguments: tuple[str, ...]) -> None:
-        raise missing_extra(f"yumi {entry_point.name} is not installed completely ({reason})", "evaluation")
+        raise missing_extra(message("command_installed_in_part", command=entry_point.name, reason=reason), "evaluation")
 
     return missing
 

@@ -236,7 +236,7 @@ def run_driver(
         stack.callback(endpoint.stop)
         how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
         speed = f"{manager.speed} Change it with {how} or the setting robot.speed_scale."
-        for sentence in (connected, control.started_as, *settings.collision.remarks, speed):
+        for sentence in (connected, control.started_as, *map(str, settings.collision.remarks), speed):
             log(logging.INFO, sentence)
         reason = front.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
@@ -245,11 +245,14 @@ def run_driver(
 
 
 def _only_under_name(root: str) -> SingleInstance:
-    where = f"in the namespace {root}" if root else "without a namespace"
+    def refusal(owner: Message) -> Message:
+        if root:
+            return message("ros_namespace_taken", namespace=root, owner=owner)
+        return message("ros_domain_taken", owner=owner)
+
     return SingleInstance(
         f"yumi-driver-in-ros-domain-{os.environ.get('ROS_DOMAIN_ID', '0')}{root.replace('/', '.')}",
-        f"Another driver runs on this machine in the same ROS domain {where} "
-        "({owner}); stop it, or give one of the two another --namespace.",
+        refusal,
     )
 
 
@@ -320,7 +323,7 @@ class DriverWithoutRos:
         self._setup = GripperSetup(
             parts.grippers,
             manager.step,
-            partial(self.log, logging.ERROR),
+            lambda said: self.log(logging.ERROR, str(said)),
             is_allowed=own.calibrate is CalibrateWhen.AT_START,
             is_confirmed=lambda: not manager.is_unattended,
         )

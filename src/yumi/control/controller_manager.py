@@ -19,7 +19,7 @@ from math import inf
 from operator import or_
 from sys import intern
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, quoted, said_by
 from yumi.control.controller import (
     BEGIN,
     DECODE,
@@ -297,7 +297,9 @@ class LoadedController:
             try:
                 accepted = parameter.accept(value)
             except CommandRefused as refusal:
-                raise CommandRefused(f"Parameter {key!r} of controller {self.name!r} {refusal}") from refusal
+                raise CommandRefused(
+                    message("controller_parameter_refused", controller=self.name, reason=said_by(refusal))
+                ) from refusal
             if is_settled and parameter.read_only and accepted != self._values[key]:
                 raise CommandRefused(
                     f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "

@@ -19,6 +19,7 @@ from threading import Event as Flag
 from threading import Lock
 from typing import Any, Concatenate, NamedTuple, ParamSpec, TypeVar, cast
 
+from yumi.catalogue import Message, clause, message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
 from yumi.control.controllers.cartesian import ToolGoal
@@ -64,14 +65,12 @@ _REPORT_PERIOD = 10.0  # [s]
 _LONGEST_DATAGRAM = 4096  # bytes; a robot's has some hundred
 _STATES = 64  # a quarter of a second, longer than a publisher is ever busy
 _ANSWER_TIMEOUT = 5.0
-_STOOD_STILL = (
-    f"this process stood still for {_ANSWER_TIMEOUT:g} s, and what it was asked for meanwhile, be it a motion or a "
-    "stop, is dropped; the arm holds"
-)
-ENDED = "The control process has ended; call recover, which starts another one."
+_STOOD_STILL = message("control_process_stood_still_too_long", duration=_ANSWER_TIMEOUT)
+
+ENDED = message("control_process_is_gone")
 """Why nothing can be asked of it, nor is the end of a motion known."""
 
-STARTING = "The control process is starting; try again in a few seconds."
+STARTING = message("control_process_starts")
 """Why nothing can be asked of it yet."""
 
 _P = ParamSpec("_P")
@@ -172,9 +171,9 @@ class Answer(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """The command broke a rule and changed nothing; where a switch failed halfway, the sentence says what it left."""
+    """The command broke a rule and changed nothing; where a switch failed halfway, the message says what it left."""
 
-    sentence: str
+    said: Message
 
 
 def run_control_process(
@@ -190,7 +189,7 @@ def run_control_process(
     try:
         arms = build(buffers)
     except (YumiError, OSError, MemoryError) as error:  # the last two: of limits of the operating system
-        pipe.send(Refusal(str(error) or type(error).__name__))
+        pipe.send(Refusal(said_by(error)))
         return
     processors = AwakeProcessors() if wake is WakeMode.AUTO and AwakeProcessors.are_permitted() else None
     how = "processors kept awake while EGM runs" if processors else "asleep between datagrams"
@@ -326,13 +325,13 @@ class ControlServer:
             return
         try:
             if is_whole:
-                message: Call | Stop = self._pipe.receive()
-                if isinstance(message, Stop):
+                command: Call | Stop = self._pipe.receive()
+                if isinstance(command, Stop):
                     self._begin_to_end()
                 else:
-                    self._send(Answer(message.number, self._serve(message)))
+                    self._send(Answer(command.number, self._serve(command)))
         except Exception as error:  # it was read whole: the next one is sound
-            refusal = Refusal(f"The command cannot be read: {type(error).__name__}: {error}.")
+            refusal = Refusal(message("command_unreadable", kind=type(error).__name__, reason=said_by(error)))
             self._send(Answer(UNREADABLE, refusal))
         self._poller.watch(self._pipe, self._note_command)
 
@@ -341,15 +340,15 @@ class ControlServer:
         if call.number <= self._given_up[0]:
             for side, arm in self._arms.items():
                 arm.manager.deactivate_commanding()
-                self._send(CycleFailed(side, _STOOD_STILL))
-            return Refusal(f"The command {call.name} came too late and is dropped; the arms hold.")
+                self._send(CycleFailed(side, clause(_STOOD_STILL)))
+            return Refusal(message("command_too_late", command=call.name))
         command = COMMANDS.get(call.name)
         if command is None:
-            return Refusal(f"There is no command {call.name!r}.")
+            return Refusal(message("command_unknown", command=call.name))
         try:
             return serve(self._commands, command, *call.args, **call.kwargs)
         except CommandRefused as refusal:
-            return Refusal(str(refusal))
+            return Refusal(refusal.said)
 
     def _begin_to_end(self) -> None:
         self._stop_at = self._clock.now() + LAST_HOLD
@@ -439,10 +438,10 @@ class ControlProcess:
         try:
             first = self._child.pipe.receive()
         except PipeClosed as error:
-            raise RobotNotReady("The control process ended while it started; its output says why.") from error
+            raise RobotNotReady(message("control_process_ended_at_start")) from error
         if isinstance(first, Refusal):
             self._child.join(_ANSWER_TIMEOUT)
-            raise NoConnection(first.sentence)
+            raise NoConnection(first.said)
         self.started_as = first
         self._reader.start()
         self._is_ready = True
@@ -457,7 +456,7 @@ class ControlProcess:
         newest = [read_snapshot(each.snapshots) for each in self.buffers.values()]
         age = time.monotonic() - min((each.time for each in newest if each.is_streaming), default=inf)
         if age > HUNG:
-            raise RobotNotReady(f"The control process has stood still for {age:.0f} s; restart the driver.")
+            raise RobotNotReady(message("control_process_stands_still", duration=age))
 
     def revive(self) -> bool:
         """Start the process again if it has ended by itself, with its controllers as at first.
@@ -509,14 +508,12 @@ class ControlProcess:
                 raise RobotNotReady(ENDED) from error
             if not self._answered.wait(_ANSWER_TIMEOUT):
                 self._given_up[0] = self._number
-                raise RobotNotReady(
-                    f"The control process did not answer within {_ANSWER_TIMEOUT:g} s; restart the driver."
-                )
+                raise RobotNotReady(message("control_process_does_not_answer", timeout=_ANSWER_TIMEOUT))
             if not self._answers:
                 raise RobotNotReady(ENDED)
             value = self._answers.pop()
         if isinstance(value, Refusal):
-            raise CommandRefused(value.sentence)
+            raise CommandRefused(value.said)
         return cast("_T", value)
 
     def stop(self) -> None:

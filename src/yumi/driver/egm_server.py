@@ -12,6 +12,7 @@ from math import hypot, isfinite
 from types import TracebackType
 from typing import Protocol, cast
 
+from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import ENCODE, RECEIVE, SEND, StageClock
 from yumi.control.cycle import WireCounters
@@ -141,7 +142,7 @@ class EgmServer:
         self._state: RobotState | None = None
         self._held = SensorMessage(0)
         self._is_stopped = False
-        self._hint = "; without robot= or host= this machine alone is heard" if host is None and robot is None else ""
+        self._hears_this_machine_only = host is None and robot is None
         if host is None:
             host = address_towards(robot) if robot else "127.0.0.1"
         self._link = UdpServer(host, port, remote=robot)
@@ -167,8 +168,11 @@ class EgmServer:
             yield state
         if self._state is None and not self._is_stopped:
             raise NoConnection(
-                f"No robot spoke on UDP port {self.port} within {self._timeout:g} s: start EGM in the RAPID program, "
-                f"and check the remote address and port of its UDPUC device{self._hint}."
+                message(
+                    "no_robot_spoke_on_this_machine" if self._hears_this_machine_only else "no_robot_spoke",
+                    port=self.port,
+                    timeout=self._timeout,
+                )
             )
 
     @property
@@ -272,24 +276,24 @@ class EgmServer:
 
     def _answered(self) -> RobotState:
         if self._state is None:
-            raise RobotNotReady("No robot has spoken yet: receive a state first, then answer it.")
+            raise RobotNotReady(message("no_state_to_answer"))
         return self._state
 
     def _take(self) -> None:
         now, session = self._clock.now(), self._session
         if session.silence(now) > self._silence:
             self._link.release()  # the robot may come back from another port
-        message = accept_from(self._link, session, self._link.receive(), now)
-        if message is not None:
+        received = accept_from(self._link, session, self._link.receive(), now)
+        if received is not None:
             is_fresh = session.is_first or session.is_resumed
             before = self._state.message if self._state and not is_fresh else None
             self._arrived = self._state = RobotState(
-                now, period(before, message), session.number, session.is_first, message
+                now, period(before, received), session.number, session.is_first, received
             )
             if session.is_first:
-                self._held = standstill(message)
+                self._held = standstill(received)
         elif not session.number and session.counters.malformed >= UNREADABLE:
-            raise ProtocolError(f"What speaks on UDP port {self.port} cannot be guided: {session.last_error}")
+            raise ProtocolError(message("sender_cannot_be_guided", port=self.port, reason=session.last_error))
 
 
 def standstill(message: RobotMessage) -> SensorMessage:
@@ -326,11 +330,11 @@ def reference(
         w, x, y, z = _finite("orientation of pose", pose.orientation, 4)
         norm = hypot(w, x, y, z)
         if abs(norm - 1.0) > _NORM_TOLERANCE:
-            raise CommandRefused(f"Reference refused: orientation of pose has norm {norm:g}; a unit quaternion has 1.")
+            raise CommandRefused(message("reference_not_unit_quaternion", norm=norm))
         orientation = (w / norm, x / norm, y / norm, z / norm)
     if data is not None:
         if len(data.numbers) > MOST_NUMBERS:
-            raise CommandRefused(f"Data refused: {len(data.numbers)} numbers; a RAPID program takes {MOST_NUMBERS}.")
+            raise CommandRefused(message("rapid_data_too_long", count=len(data.numbers), limit=MOST_NUMBERS))
         data = RapidData(data.flag, _finite("data", data.numbers, len(data.numbers)))
     return SensorMessage(
         seqno=0,
@@ -352,9 +356,7 @@ def correction(offset: Sequence[float], age: float) -> PathCorrection:
         CommandRefused: a value is not finite, or the age is negative.
     """
     if not 0.0 <= age <= _OLDEST_MEASUREMENT:
-        raise CommandRefused(
-            f"Correction refused: age is {age} s; a measurement is 0 to {_OLDEST_MEASUREMENT:g} s old."
-        )
+        raise CommandRefused(message("correction_of_other_age", age=age, limit=_OLDEST_MEASUREMENT))
     return PathCorrection(0, _vector("offset", offset), round(age * 1000.0))
 
 
@@ -376,10 +378,10 @@ def moves(message: SensorMessage) -> bool:
 def _finite(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
     given = tuple(float(value) for value in values)
     if len(given) != count:
-        raise CommandRefused(f"Reference refused: {name} has {len(given)} values; this robot takes {count}.")
+        raise CommandRefused(message("reference_of_other_length", name=name, count=len(given), needed=count))
     for value in given:
         if not isfinite(value):
-            raise CommandRefused(f"Reference refused: {name} has {value}; the robot takes finite numbers only.")
+            raise CommandRefused(message("reference_not_finite", name=name, value=value))
     return given
 
 

@@ -14,6 +14,7 @@ from functools import partial
 from threading import Lock
 from typing import Protocol
 
+from yumi.catalogue import Message, message, said_by
 from yumi.clock import POLL_PERIOD, Clock, comes_true, wait_until
 from yumi.driver.readiness import Request, RobotState, check_request
 from yumi.driver.state_machine import GRIPPER, MAIN, RUN_GRIPPER, SgCommand, read_machine_state
@@ -72,13 +73,12 @@ Check = Callable[[], None]
 """Raises when a gripper may not move."""
 
 
+Report = Callable[[Message], None]
+"""Takes what was done, or what is not as it should be."""
+
+
 def forbid_nothing() -> None:
     """The check where nothing forbids a motion."""
-
-
-def how_to_calibrate(side: Side) -> str:
-    """The commands that calibrate a gripper, for a sentence."""
-    return f"service {side.value}/gripper/calibrate, or robot.{side.word}.gripper.calibrate() in a script"
 
 
 def _full_name(side: Side, name: str) -> str:
@@ -141,7 +141,7 @@ class Gripper:
             CommandRefused: another command is being carried out.
         """
         if not self.busy.acquire(blocking=False):
-            raise CommandRefused(f"The {self.side.word} gripper carries out another command; wait for its end.")
+            raise CommandRefused(message("gripper_busy", gripper=self.side.word))
         try:
             yield
         finally:
@@ -172,15 +172,15 @@ class Gripper:
         """Whether its positions mean anything; raises as :meth:`state`."""
         return self._ask("hand_StatusCalibrated") != 0
 
-    def why_not_calibrate(self) -> str | None:
+    def why_not_calibrate(self) -> Message | None:
         """Why its fingers must not be closed without being asked for: they hold something, or move; else None.
 
         Positions mean nothing before calibration, so that a force is taken for something held. Raises as :meth:`state`.
         """
         state = self._ask_servo_state()
         if state is ServoState.KEEP_OBJECT:
-            return "it presses on something"
-        return None if state in _STANDING else "its fingers move"
+            return message("gripper_presses_on_something")
+        return None if state in _STANDING else message("gripper_fingers_move")
 
     # Fingers
 
@@ -201,7 +201,7 @@ class Gripper:
                 self._clock,
                 gripper.is_calibrated,
                 _MOMENT,
-                f"The {gripper.side.word} gripper could not be calibrated; check its 24 V supply and its fingers.",
+                message("gripper_calibration_failed", gripper=gripper.side.word),
             )
 
     def begin(self, goal: GripperGoal, check: Check = forbid_nothing) -> None:
@@ -219,14 +219,12 @@ class Gripper:
         def check_may_move() -> None:
             check()
             if self._is_stopped:
-                raise GoalNotReached(f"The {self.side.word} gripper was stopped before it moved.")
+                raise GoalNotReached(message("gripper_stopped_before_it_moved", gripper=self.side.word))
 
         self._is_stopped = self._is_jogging = False
         check()
         if self._value("hand_StatusCalibrated") == 0 and not self.is_calibrated():
-            raise RobotNotReady(
-                f"The {self.side.word} gripper is not calibrated; calibrate it first: {how_to_calibrate(self.side)}."
-            )
+            raise RobotNotReady(message("gripper_not_calibrated", gripper=self.side.word))
         if self._servo_state() is ServoState.ERROR:
             self._check_error(self._ask_servo_state())
         # Each time: whatever was written before, the controller may have been restarted since.
@@ -268,13 +266,13 @@ class Gripper:
                 self.stop()
                 return True
             if self._is_stopped:
-                raise GoalNotReached(f"The {self.side.word} gripper was stopped on its way.")
+                raise GoalNotReached(message("gripper_stopped", gripper=self.side.word))
             outcome = self.outcome(goal)
             if outcome is None:
                 on_feedback(self.last_position)
             return outcome is not None
 
-        refusal = f"The {self.side.word} gripper still moves after {self._timeout:g} s; look at it."
+        refusal = message("gripper_still_moves", gripper=self.side.word, timeout=self._timeout)
 
         def period() -> float:
             reported = self._signals and self._signals.value(self.side, "hand_SysState")
@@ -353,7 +351,7 @@ class Gripper:
             self._clock,
             lambda: self._ask_servo_state() is ServoState.READY,
             _MOMENT,
-            f"The {self.side.word} gripper does not stop; clear its error, or look at the event log.",
+            message("gripper_does_not_stop", gripper=self.side.word),
         )
 
     def hold(self) -> None:
@@ -387,28 +385,30 @@ class Gripper:
             self._clock,
             lambda: self._ask_servo_state() is not ServoState.ERROR,
             _MOMENT,
-            f"The {self.side.word} gripper still reports an error; check its 24 V supply and look at the event log.",
+            message("gripper_error_stays", gripper=self.side.word),
         )
 
     def _check_error(self, state: ServoState) -> None:
         if state is ServoState.ERROR:
-            raise RobotNotReady(
-                f"The {self.side.word} gripper reports error {self._ask('hand_SysError'):g}; look at the event log, "
-                "then clear it."
-            )
+            number = self._ask("hand_SysError")
+            raise RobotNotReady(message("gripper_reports_error", gripper=self.side.word, error=number))
 
     # Vacuum modules, by their numbers 1 and 2
 
     def check_vacuum(self, channel: int) -> None:
         """Refuse a vacuum module that the gripper does not have, as all methods below do; raises CommandRefused."""
         if channel not in CHANNELS:
-            raise CommandRefused(f"A gripper has vacuum 1 and 2 at most, not {channel}.")
-        channels, side = self.modules.vacuum_channels, self.side.word
+            raise CommandRefused(message("vacuum_channel_unknown", channel=channel))
+        channels = self.modules.vacuum_channels
         if channel not in channels:
-            has = f"vacuum {channels[0]} only" if channels else "no vacuum"
             raise CommandRefused(
-                f"The {side} gripper has {has}: it is configured as {self.modules.value}. If it has vacuum {channel}, "
-                f"set gripper.{side} in yumi.yaml."
+                message(
+                    "gripper_has_other_vacuum" if channels else "gripper_has_no_vacuum",
+                    gripper=self.side.word,
+                    has=tuple(channels),
+                    modules=self.modules.value,
+                    channel=channel,
+                )
             )
 
     def vacuum(self, channel: int) -> VacuumState:
@@ -422,11 +422,11 @@ class Gripper:
         Raises:
             RobotNotReady: the gripper is not calibrated, or did not obey.
         """
-        self._switch("VACUUM", "Vacuum", "vacuum", channel, is_on=is_on)
+        self._switch("VACUUM", "Vacuum", channel, is_on=is_on)
 
     def switch_blow_off(self, channel: int, *, is_on: bool) -> None:
         """Switch the blow-off of a module; its vacuum ends. Raises as :meth:`switch_vacuum`."""
-        self._switch("BLOW", "Blowoff", "blow-off", channel, is_on=is_on)
+        self._switch("BLOW", "Blowoff", channel, is_on=is_on)
 
     def wait_until_picked(self, channel: int, threshold: float, timeout: float) -> bool:
         """Wait until the pressure shows that something closes the cup; whether it does.
@@ -448,18 +448,23 @@ class Gripper:
         comes_true(self._clock, lambda: self.vacuum(channel).pressure >= _VENTED, _MOMENT)
         self.switch_blow_off(channel, is_on=False)
 
-    def _switch(self, command: str, signal: str, word: str, channel: int, *, is_on: bool) -> None:
+    def _switch(self, command: str, signal: str, channel: int, *, is_on: bool) -> None:
         self.check_vacuum(channel)
         if not self.is_calibrated():  # the robot's routine would do nothing
-            raise RobotNotReady(f"The {self.side.word} gripper is not calibrated; calibrate it first.")
+            raise RobotNotReady(message("gripper_not_calibrated", gripper=self.side.word))
+        is_vacuum = command == "VACUUM"
         switch = SgCommand[f"{command}_{'ON' if is_on else 'OFF'}_{channel}"]
         self._routines.run(self.side, switch, self._timeout)
         wait_until(
             self._clock,
             lambda: (self._ask(f"hand_Status{signal}{channel}") != 0) is is_on,
             _MOMENT,
-            f"The {self.side.word} gripper did not switch {word} {channel} {'on' if is_on else 'off'}; check that the "
-            "module is there and look at the event log.",
+            message(
+                "vacuum_not_switched" if is_vacuum else "blow_off_not_switched",
+                gripper=self.side.word,
+                channel=channel,
+                level="on" if is_on else "off",
+            ),
         )
 
     # Signals, by their names without the arm's suffix
@@ -477,9 +482,7 @@ class Gripper:
         except ControllerRefused as error:
             if error.status != _UNKNOWN:
                 raise
-            raise RobotNotReady(
-                f"The controller has no signal {full}; it has no {self.side.word} Smart Gripper."
-            ) from error
+            raise RobotNotReady(message("no_smart_gripper", gripper=self.side.word, signal=full)) from error
 
     def _servo_state(self) -> ServoState:
         return servo_state(self._value("hand_SysState"))
@@ -515,10 +518,10 @@ class GripperSetup:
         self,
         grippers: Mapping[Side, Gripper],
         report: Callable[[str], None],
-        warn: Callable[[str], None],
+        warn: Report,
         *,
         is_allowed: bool = True,
-        why_not: Callable[[Side], str | None] = lambda side: None,
+        why_not: Callable[[Side], Message | None] = lambda side: None,
         is_confirmed: Callable[[], bool] = lambda: True,
     ) -> None:
         self._grippers = grippers
@@ -527,7 +530,7 @@ class GripperSetup:
         self._is_allowed = is_allowed
         self._why_not = why_not
         self._is_confirmed = is_confirmed
-        self._warnings: dict[Side, str] = {}
+        self._warnings: dict[Side, Message] = {}
 
     def steps(self, *, is_tested: bool = False) -> list[str]:
         """What :meth:`run` and :func:`close_as_test` will do to the grippers as they are now, in words."""
@@ -551,7 +554,7 @@ class GripperSetup:
             chosen[0].calibrate(*chosen[1:])
         except _FAILURES as error:
             for gripper in chosen:
-                self._warn_if_new(gripper.side, f"The {gripper.side.word} gripper cannot be used: {error}")
+                self._warn_if_new(gripper.side, _unusable(gripper.side, error))
             return
         for gripper in chosen:
             self._warnings.pop(gripper.side, None)
@@ -564,30 +567,30 @@ class GripperSetup:
                 return False
             reason = self._why_not_now(gripper)
         except _FAILURES as error:
-            self._warn_if_new(side, f"The {side.word} gripper cannot be used: {error}")
+            self._warn_if_new(side, _unusable(side, error))
             return False
         if reason is not None:
-            self._warn_if_new(
-                side,
-                f"The {side.word} gripper is not calibrated, and is not calibrated now: {reason}. When its fingers may "
-                f"close: {how_to_calibrate(side)}.",
-            )
+            self._warn_if_new(side, message("gripper_left_uncalibrated", gripper=side.word, reason=reason))
         return reason is None
 
-    def _why_not_now(self, gripper: Gripper) -> str | None:
+    def _why_not_now(self, gripper: Gripper) -> Message | None:
         if not self._is_allowed:
-            return "gripper.calibrate is never"
+            return message("calibration_not_allowed_by_settings")
         if not self._is_confirmed():
-            return "the robot was stopped, and a gripper without calibration does not know what it holds"
+            return message("gripper_may_hold_something_after_stop")
         return self._why_not(gripper.side) or gripper.why_not_calibrate()
 
-    def _warn_if_new(self, side: Side, sentence: str) -> None:
-        if self._warnings.get(side) != sentence:
-            self._warnings[side] = sentence
-            self._warn(sentence)
+    def _warn_if_new(self, side: Side, said: Message) -> None:
+        if self._warnings.get(side) != said:
+            self._warnings[side] = said
+            self._warn(said)
 
 
-def close_as_test(grippers: Mapping[Side, Gripper], report: Callable[[str], None], warn: Callable[[str], None]) -> None:
+def _unusable(side: Side, error: Exception) -> Message:
+    return message("gripper_unusable", gripper=side.word, reason=said_by(error))
+
+
+def close_as_test(grippers: Mapping[Side, Gripper], report: Report, warn: Report) -> None:
     """Close each gripper to see that it does; one that holds something, or is not calibrated, is left as it is.
 
     Args:
@@ -598,17 +601,14 @@ def close_as_test(grippers: Mapping[Side, Gripper], report: Callable[[str], None
     for side, gripper in grippers.items():
         try:
             if gripper.is_holding():
-                report(f"The {side.word} gripper holds something and was not closed as a test.")
+                report(message("gripper_holds_and_was_not_tested", gripper=side.word))
                 continue
             gripper.begin(CLOSED)
             if gripper.wait(CLOSED) is not Outcome.CLOSED:
-                raise RobotNotReady(
-                    f"Its test failed: it was to close, and its fingers are at {gripper.last_position * 1e3:.1f} mm; "
-                    "look what is between them, or calibrate it with nothing between them."
-                )
-            report(f"The {side.word} gripper was closed as a test.")
+                raise RobotNotReady(message("gripper_test_failed", position=gripper.last_position))
+            report(message("gripper_tested", gripper=side.word))
         except _FAILURES as error:
-            warn(f"The {side.word} gripper cannot be used: {error}")
+            warn(_unusable(side, error))
 
 
 class GripperRoutines:
@@ -698,7 +698,7 @@ class GripperRoutines:
         def is_taken() -> bool:
             return rapid_values.decode(self._client.symbol(side.task, GRIPPER, "command_input")) == SgCommand.NONE
 
-        refusal = f"The {side.word} arm took no gripper command within {timeout:g} s; see that the RAPID program runs."
+        refusal = message("gripper_command_not_taken", arm=side.word, timeout=timeout)
         wait_until(self._clock, is_taken, timeout, refusal, check=check_may_move, period=_ROUTINE_POLL)
 
     def _write(self, side: Side, symbol: str, value: float) -> None:
@@ -707,7 +707,8 @@ class GripperRoutines:
     def _write_force(self, side: Side, force: float) -> None:
         current = rapid_values.decode(self._client.symbol(side.task, GRIPPER, "settings"))
         if not isinstance(current, tuple) or len(current) != 3:
-            raise RobotNotReady(f"{GRIPPER}/settings of {side.task} has an unknown layout: {current}.")
+            symbol = f"{side.task}/{GRIPPER}/settings"
+            raise RobotNotReady(message("rapid_record_of_unknown_layout", symbol=symbol, value=str(current)))
         max_speed, set_force, limit = current
         if set_force != force:
             self._client.set_symbol(side.task, GRIPPER, "settings", rapid_values.encode((max_speed, force, limit)))

@@ -9,7 +9,6 @@ import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import partial
 from threading import Lock
 
 from yumi.catalogue import Message, message
@@ -617,7 +616,11 @@ def bring_up(
             log(logging.WARNING, f"{ANNOUNCEMENT}{', '.join(steps)}.")
         manager.make_ready()
         if is_tested:
-            close_as_test(grippers, partial(log, logging.INFO), partial(log, logging.ERROR))
+            close_as_test(
+                grippers,
+                lambda said: log(logging.INFO, str(said)),
+                lambda said: log(logging.ERROR, str(said)),
+            )
         log(logging.INFO, "The robot is ready.")
     except YumiError as error:
         log(logging.ERROR, error.said)

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, message, quoted, said_by
 from yumi.control.collisions import MARGIN
 from yumi.control.limiter import FULL
 from yumi.control.tool_path import FASTEST, ToolLimits, Wall
@@ -28,7 +28,16 @@ from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, che
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Pose, Side, Vector
 from yumi.robot.kinematics import quaternion_from_euler_zyx
-from yumi.settings import Entry, Parameter, ParameterFile, Values, bounded, read_mapping, read_parameter_file
+from yumi.settings import (
+    Entry,
+    Parameter,
+    ParameterFile,
+    ParameterType,
+    Values,
+    bounded,
+    read_mapping,
+    read_parameter_file,
+)
 
 MAX_PORT = 65535
 PASSWORD_VARIABLE = "YUMI_PASSWORD"
@@ -143,9 +152,9 @@ class BoxSettings:
 
     def __post_init__(self) -> None:
         for name in ("position", "size", "rpy"):
-            _three(f"collision: a box's {name}", getattr(self, name))
+            _three("collision: boxes", name, getattr(self, name))
         if min(self.size) <= 0.0:
-            raise SettingsError(f"collision: a box's size is {list(self.size)}; each edge is longer than 0 m.")
+            raise SettingsError(message("box_without_size", place="collision: boxes", size=self.size))
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,12 +176,12 @@ class ToolSettings:
 
     def __post_init__(self) -> None:
         for name in ("start", "end"):
-            _three(f"collision: a tool's {name}", getattr(self, name))
+            _three("collision: tools", name, getattr(self, name))
 
 
-def _three(name: str, values: tuple[float, ...]) -> None:
+def _three(place: str, name: str, values: tuple[float, ...]) -> None:
     if len(values) != len(("x", "y", "z")):
-        raise SettingsError(f"{name} has {len(values)} values; give x, y, z.")
+        raise SettingsError(message("setting_is_no_vector", place=place, setting=name, count=len(values)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,13 +209,9 @@ class CollisionSettings:
         check_declared(self.tools(), self.obstacles())
 
     @property
-    def remarks(self) -> tuple[str, ...]:
+    def remarks(self) -> tuple[Message, ...]:
         """What a person is to know of it at every start."""
-        if self.enabled:
-            return ()
-        return (
-            "collision.enabled is false: nothing keeps the arms apart from each other, the body and declared boxes.",
-        )
+        return () if self.enabled else (message("nothing_keeps_arms_apart"),)
 
     def tools(self) -> Mapping[Side, tuple[Part, ...]]:
         """What each arm carries beside its gripper."""
@@ -251,9 +256,9 @@ class WallSettings:
 
     def __post_init__(self) -> None:
         for name in ("point", "normal"):
-            _three(f"tool_limits: a wall's {name}", getattr(self, name))
+            _three("tool_limits: walls", name, getattr(self, name))
         if not 1e-6 < hypot(*self.normal) < inf:
-            raise SettingsError("tool_limits: a wall's normal has no direction; give one such as [0, 0, 1].")
+            raise SettingsError(message("wall_without_direction", place="tool_limits: walls", normal=self.normal))
 
 
 @dataclass(frozen=True, slots=True)
@@ -309,15 +314,9 @@ class RosSettings:
 
     def __post_init__(self) -> None:
         if not _NAMESPACE.fullmatch(self.namespace):
-            raise SettingsError(
-                f"ros: namespace is {quoted(self.namespace)}; it must be names of letters, digits and underscores "
-                "with slashes between them, such as cell1."
-            )
+            raise SettingsError(message("namespace_not_of_ros", setting="ros: namespace", value=self.namespace))
         if not _PREFIX.fullmatch(self.prefix):
-            raise SettingsError(
-                f"ros: prefix is {quoted(self.prefix)}; it must be letters, digits and underscores and begin "
-                "with a letter, such as a_."
-            )
+            raise SettingsError(message("prefix_not_of_ros", setting="ros: prefix", value=self.prefix))
 
     @property
     def root(self) -> str:
@@ -430,7 +429,7 @@ def read_controllers(side: Side, path: Path | None = None) -> tuple[ControllerSe
         f"/{each.value}/{name}" for each, entries in listed.items() for name in ("controller_manager", *entries)
     )
     if not listed[side]:
-        raise SettingsError(f"{file.name}: /{side.value}/controller_manager lists no controller with a 'type'.")
+        raise SettingsError(message("no_controller_listed", file=file.name, name=f"/{side.value}/controller_manager"))
     return tuple(
         replace(settings, entries=file.parameters(f"/{side.value}/{name}")) for name, settings in listed[side].items()
     )
@@ -452,20 +451,28 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
         if key == "update_rate" and entry.value == _UPDATE_RATE:
             continue
         raise SettingsError(
-            f"{entry.place}: the controller manager has no setting {key} = {quoted(entry.value)}; it has: "
-            f"<controller>.type, <controller>.initial_state, update_rate = {_UPDATE_RATE}, which the robot's "
-            "datagrams give."
+            message(
+                "controller_manager_setting_unknown",
+                place=entry.place,
+                setting=key,
+                value=quoted(entry.value),
+                rate=_UPDATE_RATE,
+            )
         )
     states = {each.value: each for each in InitialState}
     listed: dict[str, ControllerSettings] = {}
     for name in names:
         kind, state = entries[f"{name}.type"], entries.get(f"{name}.initial_state")
         if not isinstance(kind.value, str):
-            raise SettingsError(f"{kind.place}: {name}.type is {quoted(kind.value)}; it must be a text.")
+            raise SettingsError(_at(kind.place, _wrong_type(f"{name}.type", kind.value, ParameterType.STRING)))
         if state is not None and state.value not in states:
-            raise SettingsError(
-                f"{state.place}: {name}.initial_state is {quoted(state.value)}; choose one of {', '.join(states)}."
+            no_choice = message(
+                "value_not_a_choice",
+                parameter=f"{name}.initial_state",
+                value=quoted(state.value),
+                choices=tuple(states),
             )
+            raise SettingsError(_at(state.place, no_choice))
         initial = None if state is None else states[str(state.value)]
         listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
     return listed
@@ -494,27 +501,36 @@ def _made(kind: Callable[..., Any], values: Mapping[str, Any], place: str) -> An
     try:
         return kind(**values)
     except CommandRefused as refusal:
-        raise SettingsError(f"{place}: {refusal}") from refusal
+        raise SettingsError(_at(place, said_by(refusal))) from refusal
+
+
+def _at(place: str, reason: Message) -> Message:
+    return message("setting_refused", place=place, reason=reason)
+
+
+def _wrong_type(name: str, value: object, kind: ParameterType) -> Message:
+    return message("value_of_wrong_type", parameter=name, value=quoted(value), type=kind.value)
 
 
 def _checked(kind: type, values: object, place: str) -> dict[str, Any]:
     """The arguments of the dataclass ``kind`` that ``values`` of a file make."""
     if not isinstance(values, dict):
-        raise SettingsError(f"{place} needs a mapping, it has {quoted(values)}.")
+        raise SettingsError(message("setting_needs_mapping", place=place, value=quoted(values)))
     hints = get_type_hints(kind)
     known = {item.name: item for item in fields(kind)}
     for key in values:
         if key not in known:
-            raise SettingsError(f"{place} has no setting {quoted(key)}; it has: {', '.join(known)}.")
-    return {key: _value(known[key], hints[key], value, f"{place}: {key}") for key, value in values.items()}
+            raise SettingsError(message("setting_unknown", place=place, setting=str(key), known=tuple(known)))
+    return {key: _value(known[key], hints[key], value, place) for key, value in values.items()}
 
 
-def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
+def _value(item: Field[Any], kind: Any, value: object, group: str) -> object:
+    place = f"{group}: {item.name}"
     if isinstance(kind, type) and is_dataclass(kind):
         return _made(kind, _checked(kind, value, place), place)
     if get_origin(kind) is Mapping:  # by names of the user's own
         if not isinstance(value, dict):
-            raise SettingsError(f"{place} needs a mapping of names, it has {quoted(value)}.")
+            raise SettingsError(message("setting_needs_names", place=place, value=quoted(value)))
         _, element = get_args(kind)
         return {str(name): element(**_checked(element, each, f"{place}: {name}")) for name, each in value.items()}
     if NoneType in get_args(kind):
@@ -526,7 +542,7 @@ def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
         try:
             return numbers.accept(value)
         except CommandRefused as refusal:
-            raise SettingsError(f"{place} {refusal}") from refusal
+            raise SettingsError(_at(group, said_by(refusal))) from refusal
     is_choice = issubclass(kind, Enum)
     rule = Parameter(
         item.name,
@@ -540,6 +556,6 @@ def _value(item: Field[Any], kind: Any, value: object, place: str) -> object:
         accepted = rule.accept(value)
     except CommandRefused as refusal:
         if not item.repr:  # a password: its value is not shown
-            raise SettingsError(f"{place} must be a text; put it in quotes.") from None
-        raise SettingsError(f"{place} {refusal}") from refusal
+            raise SettingsError(message("secret_is_no_text", place=place)) from None
+        raise SettingsError(_at(group, said_by(refusal))) from refusal
     return kind(accepted)

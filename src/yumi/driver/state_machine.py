@@ -17,6 +17,7 @@ from math import hypot, isclose, isfinite
 from threading import Lock
 from typing import Any, cast
 
+from yumi.catalogue import Message, message, quoted, said_by
 from yumi.clock import Clock, wait_until
 from yumi.control.controller import Buffer
 from yumi.control.limiter import FULL
@@ -91,14 +92,15 @@ class SpeedSetting:
             self._started_with.update(dict.fromkeys(arms, value))
             self._write()
 
-    def __str__(self) -> str:
-        """In a sentence."""
+    @property
+    def said(self) -> Message:
+        """What was asked for, and what holds."""
         if self.in_force < self._value:
-            return (
-                f"speed_scale is {self._value:g}, but EGM was started with {self.in_force:g}, which the robot's own "
-                "limit (MaxSpeedDeviation) keeps until EGM is started again: stop_egm, then start_egm."
-            )
-        return f"speed_scale is {self._value:g}: every controller moves with at most {self._value:.0%} of its speeds."
+            return message("speed_scale_waits_for_egm", value=self._value, in_force=self.in_force)
+        return message("speed_scale_in_force", value=self._value)
+
+    def __str__(self) -> str:
+        return str(self.said)
 
     def _of_arm(self, side: Side) -> float:
         return min(self._value, self._started_with[side]) if self.is_in_egm(side) else self._value
@@ -113,9 +115,10 @@ def checked_speed_scale(value: float) -> float:
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"speed_scale is {value!r}; give a number from {LOWEST_SPEED_SCALE:g} to 1.") from error
+        no_number = message("speed_scale_no_number", value=quoted(value), lowest=LOWEST_SPEED_SCALE, highest=FULL)
+        raise CommandRefused(no_number) from error
     if not LOWEST_SPEED_SCALE <= number <= FULL:
-        raise CommandRefused(f"speed_scale is {number:g}; allowed is {LOWEST_SPEED_SCALE:g} to 1.")
+        raise CommandRefused(message("speed_scale_out_of_range", value=number, lowest=LOWEST_SPEED_SCALE, highest=FULL))
     return number
 
 
@@ -225,12 +228,16 @@ class EgmMotionSettings:
             if text and not _is_value(text, layout):  # the controller would refuse it in the middle of a start
                 example = rapid_values.encode(layout)
                 raise SettingsError(
-                    f"egm_motion: {name} is {text!r}; it must be a RAPID {kind} such as {example}, with finite numbers."
+                    message(
+                        "egm_frame_not_rapid", setting=f"egm_motion: {name}", value=text, type=kind, example=example
+                    )
                 )
         try:
             self.own_tool()
         except CommandRefused as refusal:
-            raise SettingsError(f"egm_motion: tool is {self.tool!r}: {refusal}") from refusal
+            raise SettingsError(
+                message("egm_tool_refused", setting="egm_motion: tool", value=self.tool, reason=said_by(refusal))
+            ) from refusal
 
     def own_tool(self) -> Tool | None:
         """The :attr:`tool` with its load; None where that is empty."""
@@ -284,7 +291,7 @@ def merge_egm_settings(record: RapidValue, motion: EgmMotionSettings, *, is_allo
         (_,) = cast("tuple[RapidValue, ...]", stop)
     except (TypeError, ValueError) as error:
         raise ProtocolError(
-            f"{EGM}/settings on the robot has an unknown layout: {record}; load the RAPID modules of this version."
+            message("rapid_record_of_unknown_layout", symbol=f"{EGM}/settings", value=str(record))
         ) from error
     return (
         is_allowed,
@@ -340,7 +347,7 @@ class StateMachines:
             return read_machine_state(literal)
         except ProtocolError as error:
             raise RobotNotReady(
-                f"{side.task}/{MAIN}/current_state is {literal}; load the RAPID modules of this version."
+                message("machine_state_unknown", symbol=f"{side.task}/{MAIN}/current_state", value=literal)
             ) from error
 
     def states(self) -> Mapping[Side, MachineState]:
@@ -391,10 +398,7 @@ class StateMachines:
             RobotNotReady: EGM runs on the arm, or the robot did not take the settings; nothing was changed.
         """
         if self.state(side) is MachineState.RUN_EGM_ROUTINE:
-            raise RobotNotReady(
-                f"EGM runs on the {side.word} arm with the tool and payload it was started with; stop EGM (stop_egm), "
-                "set them, then start it again."
-            )
+            raise RobotNotReady(message("tool_fixed_while_egm_runs", arm=side.word))
         before = self._tools.get(side)
         self._tools[side] = tool
         try:
@@ -416,9 +420,15 @@ class StateMachines:
         for side in Side:
             self._write_settings(side, scale, is_allowed=side in arms)
         self._client.pulse_signal(START_JOINT)
-        remedy = "see that the RAPID program runs and EGM motions are allowed"
         try:
-            self._wait_for(MachineState.RUN_EGM_ROUTINE, arms, _START_DEADLINE, remedy)
+            wait_until(
+                self._clock,
+                lambda: self._are_in(MachineState.RUN_EGM_ROUTINE, arms),
+                _START_DEADLINE,
+                lambda: message(
+                    "state_machines_did_not_start_egm", timeout=_START_DEADLINE, machines=self._machines(arms)
+                ),
+            )
         finally:  # one of both may have started
             self._speed.note_start(starting, scale)
 
@@ -433,14 +443,19 @@ class StateMachines:
 
     def wait_for_idle(self, timeout: float) -> None:
         """Wait until both machines are idle, at most ``timeout`` [s]; raises RobotNotReady."""
-        self._wait_for(MachineState.IDLE, tuple(Side), timeout, "look at the event log on the FlexPendant")
+        arms = tuple(Side)
+        wait_until(
+            self._clock,
+            lambda: self._are_in(MachineState.IDLE, arms),
+            timeout,
+            lambda: message("state_machines_not_idle_in_time", timeout=timeout, machines=self._machines(arms)),
+        )
 
-    def _wait_for(self, state: MachineState, arms: Sequence[Side], timeout: float, remedy: str) -> None:
-        def sentence() -> str:
-            states = ", ".join(f"{side.word} arm {self.state(side).name}" for side in arms)
-            return f"The state machines did not reach {state.name} within {timeout:g} s ({states}); {remedy}."
+    def _are_in(self, state: MachineState, arms: Sequence[Side]) -> bool:
+        return all(self.state(side) is state for side in arms)
 
-        wait_until(self._clock, lambda: all(self.state(side) is state for side in arms), timeout, sentence)
+    def _machines(self, arms: Sequence[Side]) -> tuple[Message, ...]:
+        return tuple(message("machine", arm=side.word, machine=self.state(side).name) for side in arms)
 
     def _write_settings(self, side: Side, scale: float, *, is_allowed: bool) -> None:
         motion = replace(self._motion, max_speed_deviation=scale * self._motion.max_speed_deviation)
@@ -454,7 +469,9 @@ class StateMachines:
         self._client.set_symbol(side.task, EGM, "settings", rapid_values.encode(desired))
         written = rapid_values.decode(self._client.symbol(side.task, EGM, "settings"))
         if not _equal(written, desired):
-            raise RobotNotReady(f"{side.task} did not take the EGM settings: wrote {desired}, it holds {written}.")
+            raise RobotNotReady(
+                message("egm_settings_not_taken", task=side.task, written=str(desired), read=str(written))
+            )
 
 
 def tooldata(tool: Tool) -> str:
@@ -469,7 +486,7 @@ def read_machine_state(literal: str) -> MachineState:
     """The state of ``TRobMain/current_state``; raises ProtocolError when there is no such state."""
     value = rapid_values.decode(literal)
     if not isinstance(value, float) or value not in set(MachineState):
-        raise ProtocolError(f"{MAIN}/current_state is {literal}, which is not a state of the state machine.")
+        raise ProtocolError(message("machine_state_unknown", symbol=f"{MAIN}/current_state", value=literal))
     return MachineState(int(value))
 
 

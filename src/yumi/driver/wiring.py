@@ -27,6 +27,7 @@ from ipaddress import ip_address
 from math import radians
 from typing import NamedTuple
 
+from yumi.catalogue import message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import Controller, StageClock, find_parameter
@@ -131,10 +132,15 @@ def make_parts(
     for side, entries in plan.controllers.items():
         ready = {each.name: each for each in entries if each.state in {None, InitialState.INACTIVE}}
         if side in arms and (first not in ready or ready[first].kind == JointStateBroadcaster.kind):
-            choices = ", ".join(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
+            choices = tuple(name for name, each in ready.items() if each.kind != JointStateBroadcaster.kind)
             raise SettingsError(
-                f"ros.initial_joint_controller is {first!r}, which does not command the {side.word} arm; choose from: "
-                f"{choices}."
+                message(
+                    "initial_controller_commands_nothing",
+                    setting="ros.initial_joint_controller",
+                    controller=first,
+                    arm=side.word,
+                    choices=choices,
+                )
             )
     client = RwsClient(
         f"{robot.address}:{robot.rws_port}", user=robot.user, password=robot.password, timeout=robot.timeout
@@ -174,11 +180,9 @@ def build_grippers(
 def only_at_robot(settings: Settings) -> SingleInstance:
     """What makes sure that one program of this machine drives the robot of ``settings``."""
     address = f"{resolve(settings.robot.address)}:{settings.robot.rws_port}"
-    refusal = (
-        f"The robot at {address} is driven by another program ({{owner}}); end it first, or have that one move the "
-        "robot: `yumi state` and the other commands, yumi.attach() in a script."
+    return SingleInstance(
+        f"yumi-drives-{address}", lambda owner: message("robot_driven_by_another", address=address, owner=owner)
     )
-    return SingleInstance(f"yumi-drives-{address}", refusal)
 
 
 @dataclass(frozen=True, slots=True)
@@ -403,15 +407,22 @@ def start_controllers(
     for settings in controllers:
         for key, entry in settings.entries.items():
             if entry.place not in taken and not key.endswith(MANAGER_SETTINGS):
-                raise SettingsError(f"{entry.place}: no controller has a parameter {key!r}.")
+                raise SettingsError(message("parameter_of_no_controller", place=entry.place, parameter=key))
     return started
 
 
 def _start_controller(manager: ControllerManager, settings: ControllerSettings) -> ControllerSettings:
     name, state = settings.name, settings.state
     if settings.kind not in manager.kinds:
-        known = ", ".join(manager.kinds)
-        raise SettingsError(f"{settings.place}: controller {name!r} has type {settings.kind!r}; known are: {known}.")
+        raise SettingsError(
+            message(
+                "controller_of_unknown_type",
+                place=settings.place,
+                controller=name,
+                type=settings.kind,
+                known=tuple(manager.kinds),
+            )
+        )
     if state is InitialState.UNLOADED:
         return settings
     place = settings.place  # of what may be refused
@@ -431,5 +442,5 @@ def _start_controller(manager: ControllerManager, settings: ControllerSettings) 
             if state is InitialState.ACTIVE or (state is None and not commands):
                 manager.switch((name,), (), None)
     except (CommandRefused, SwitchFailed) as refusal:
-        raise SettingsError(f"{place}: {refusal}") from refusal
+        raise SettingsError(message("setting_refused", place=place, reason=said_by(refusal))) from refusal
     return replace(settings, entries=own)

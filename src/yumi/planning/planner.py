@@ -39,6 +39,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
@@ -151,7 +152,7 @@ class Planner:
         limits: JointLimits = YUMI_LIMITS,
     ) -> None:
         if find_spec("roboplan") is None or find_spec("roboplan.rrt") is None:
-            raise missing_extra("Planning needs RoboPlan", "planning")
+            raise missing_extra(message("planning_needs_roboplan"), "planning")
         self.limits, self.obstacles, self._tools = limits, tuple(obstacles), tools
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)

@@ -36,6 +36,7 @@ from threading import Thread, current_thread
 from types import ModuleType, TracebackType
 from typing import Any
 
+from yumi.catalogue import Message, message, said_by
 from yumi.errors import MissingPrerequisite, RobotNotReady, SettingsError
 from yumi.process.realtime import release_process
 
@@ -154,12 +155,9 @@ def start_thread(thread: Thread) -> None:
         raise MissingPrerequisite(no_thread(thread.name, error)) from error
 
 
-def no_thread(name: str, error: Exception) -> str:
+def no_thread(name: str, error: Exception) -> Message:
     """Why a thread could not be started, and what to do."""
-    return (
-        f"The operating system permits no further thread for {name} ({error}); raise the limits of processes and "
-        "memory (ulimit -u, ulimit -v) or end other programs."
-    )
+    return message("no_further_thread", thread=name, reason=said_by(error))
 
 
 # ---- commands
@@ -199,7 +197,9 @@ class Command:
         try:
             self._log_file = self.log.open("wb", buffering=0)
         except OSError as error:
-            raise SettingsError(f"The output of the {self.name} cannot go to {self.log}: {error.strerror}.") from error
+            raise SettingsError(
+                message("output_not_writable", program=self.name, file=str(self.log), reason=error.strerror)
+            ) from error
         self._process = subprocess.Popen(
             self._arguments,
             stdin=subprocess.PIPE,
@@ -254,13 +254,13 @@ class Command:
                 polls -= 1
                 continue
             if line is None:
-                raise RobotNotReady(last or f"The {self.name} exited without a message; see {self.log}.")
+                raise RobotNotReady(last or message("exited_silently", program=self.name, log=str(self.log)))
             for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, PAGE_READY):
                 if line.startswith(ready):
                     return line.removeprefix(ready).strip()
             on_line(line)
             last = line.removeprefix("Error: ") or last
-        raise RobotNotReady(f"The {self.name} was not ready within {timeout:g} s; see {self.log}.")
+        raise RobotNotReady(message("program_not_ready_in_time", program=self.name, timeout=timeout, log=str(self.log)))
 
     def stop(self) -> None:
         """End it in order; it stops motion and ends EGM by itself."""
@@ -340,10 +340,7 @@ def _from_the_system(name: str) -> Iterator[None]:
     try:
         yield
     except (OSError, MemoryError) as error:
-        raise MissingPrerequisite(
-            f"The operating system does not let the process {name} start ({error}); see that the limits of this "
-            "program are not too low (ulimit -n, ulimit -u, ulimit -v)."
-        ) from error
+        raise MissingPrerequisite(message("no_further_process", process=name, reason=said_by(error))) from error
 
 
 @contextmanager
@@ -535,10 +532,10 @@ class SingleInstance:
 
     Args:
         name: what may run once.
-        refusal: the message when another process has the lock; ``{owner}`` in it becomes that process.
+        refusal: what is said when another process has the lock, which it is given.
     """
 
-    def __init__(self, name: str, refusal: str) -> None:
+    def __init__(self, name: str, refusal: Callable[[Message], Message]) -> None:
         self._name = f"{_NOT_IN_FILE_NAMES.sub('_', name)}.lock"
         self._refusal = refusal
         self._file: int | None = None
@@ -561,8 +558,8 @@ class SingleInstance:
         except OSError as error:
             number = os.read(file, 32).decode("ascii", "replace").strip()
             os.close(file)
-            owner = f"process {number}" if number else "it is starting"
-            raise RobotNotReady(self._refusal.format(owner=owner)) from error
+            owner = message("owner_process", process=number) if number else message("owner_starting")
+            raise RobotNotReady(self._refusal(owner)) from error
         os.truncate(file, 0)
         os.write(file, f"{os.getpid()}\n".encode("ascii"))
         self._file = file
@@ -590,12 +587,9 @@ def lock_folder() -> Path:
     except OSError as error:
         raise _no_lock(folder, error.strerror) from error
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid() or found.st_mode & 0o077:
-        raise _no_lock(folder, "it is not this user's own, or open to others")
+        raise RobotNotReady(message("lock_folder_open_to_others", folder=str(folder)))
     return folder
 
 
 def _no_lock(folder: Path, reason: str | None) -> RobotNotReady:
-    return RobotNotReady(
-        f"No lock against a second driver can be made in {folder}: {reason}; set XDG_RUNTIME_DIR to a folder that only "
-        "you may enter."
-    )
+    return RobotNotReady(message("no_lock", folder=str(folder), reason=reason or ""))

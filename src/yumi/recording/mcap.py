@@ -42,7 +42,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from yumi import __version__
-from yumi.catalogue import Message
+from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import FlightRecorder, Frame
@@ -318,7 +318,6 @@ _LARGEST_CHUNK = 16 * 2**20  # decompressed [bytes]; programs that rewrite recor
 _LARGEST_RATIO = 200  # of decompression; cycles of an arm at rest, all zeros, reach 38
 
 _NEWEST = 2**63 - 1  # [ns since 1970]; pandas and numpy have no later time
-_FROM_WHERE = "Give a file that `yumi up --record` or the flight recorder wrote."
 
 
 @dataclass(frozen=True, slots=True)
@@ -371,7 +370,7 @@ class RecordingWriter:
         try:
             from mcap.writer import Writer  # noqa: PLC0415 - an extra; nothing else needs it
         except ImportError as error:
-            raise missing_extra("Recordings need mcap", "record") from error
+            raise missing_extra(message("recordings_need_mcap"), "record") from error
         file.parent.mkdir(parents=True, exist_ok=True)
         self._stream = file.open("wb")
         self._epoch = epoch
@@ -518,32 +517,49 @@ def recorded_messages(file: Path) -> Iterator[tuple[str | None, int, Any]]:
             continue
         try:
             if nanoseconds > _NEWEST:
-                raise ValueError("it is of a time after the year 2262")
+                raise _Unreadable(message("recorded_after_2262"))
             value = decoders[topic](data)
         except RecursionError:
-            raise _damaged(file, f"a message on {topic} is nested too deeply") from None
+            raise _damaged(file, message("recorded_message_nested_too_deeply", topic=topic)) from None
         except ValueError as error:
-            raise _damaged(file, f"a message on {topic} cannot be read: {str(error)[:200]}") from error
+            raise _damaged(file, message("recorded_message_unreadable", topic=topic, reason=_said(error))) from error
         ours += 1
         yield topic, nanoseconds, value
     if not ours and foreign:
-        some = ", ".join(f"{topic[:40]!r}" for topic in [*foreign][:3]) + (", …" if len(foreign) > 3 else "")
         raise ProtocolError(
-            f"{file} is an MCAP file, but not a recording of yumi: it has messages on {some} and none in JSON on "
-            f"{', '.join(decoders)}. {_FROM_WHERE}"
+            message(
+                "recording_of_another_program",
+                file=str(file),
+                count=len(foreign),
+                topics=tuple(topic[:40] for topic in [*foreign][:3]),
+                needed=tuple(decoders),
+            )
         )
     if not ours:
         raise ProtocolError(
-            f"{file} has nothing in it: "
-            + ("it was closed" if is_closed else "it was cut off, or is being written,")
-            + f" before anything was recorded. {_FROM_WHERE}"
+            message("recording_closed_empty" if is_closed else "recording_cut_off_empty", file=str(file))
         )
     if is_closed:
         yield None, 0, None
 
 
-def _damaged(file: Path, reason: str) -> ProtocolError:
-    return ProtocolError(f"{file} is not a recording of yumi, or it is damaged: {reason}. {_FROM_WHERE}")
+class _Unreadable(ValueError):
+    """What makes a file, or a message in it, unreadable; a ValueError, as the decoders of others raise them."""
+
+    def __init__(self, said: Message) -> None:
+        super().__init__(said)
+        self.said = said
+
+
+def _said(error: Exception) -> Message:
+    """What an error says of a file, which may quote it: of others' errors, 200 characters at most."""
+    if isinstance(error, _Unreadable):
+        return error.said
+    return message("text", text=str(error)[:200] or type(error).__name__)
+
+
+def _damaged(file: Path, reason: Message) -> ProtocolError:
+    return ProtocolError(message("recording_damaged", file=str(file), reason=reason))
 
 
 class JointMessage(NamedTuple):
@@ -592,7 +608,8 @@ def joint_messages(file: Path) -> Iterator[JointMessage]:
                 reader.numbers("I")
             position = reader.numbers(f"{reader.count(8)}d")
         except (ValueError, struct.error) as error:
-            raise _damaged(file, f"a message on {topic[:40]} cannot be read: {error}") from error
+            reason = message("recorded_message_unreadable", topic=topic[:40], reason=_said(error))
+            raise _damaged(file, reason) from error
         yield JointMessage(topic, nanoseconds / 1e9, names, position)
 
 
@@ -605,7 +622,7 @@ class _CdrReader:
 
     def __init__(self, data: bytes) -> None:
         if data[:2] not in (b"\0\0", b"\0\1"):
-            raise ValueError("it is not in XCDR1")
+            raise _Unreadable(message("not_in_xcdr1"))
         self._order, self._data, self._at = "<" if data[1] else ">", data[4:], 0
 
     def numbers(self, form: str) -> tuple[Any, ...]:
@@ -619,7 +636,7 @@ class _CdrReader:
         """How many elements of at least so many bytes follow."""
         (count,) = self.numbers("I")
         if count * least > len(self._data) - self._at:
-            raise ValueError(f"{count} elements do not fit in it")
+            raise _Unreadable(message("elements_do_not_fit", count=count))
         return int(count)
 
     def text(self) -> str:
@@ -636,7 +653,7 @@ def _messages(file: Path) -> Iterator[tuple[str, str, str, int, bytes] | None]:
         from mcap.stream_reader import MAGIC_SIZE, StreamReader  # noqa: PLC0415
         from zstandard import ZstdError  # noqa: PLC0415 - comes with mcap
     except ImportError as error:
-        raise missing_extra("Recordings need mcap", "record") from error
+        raise missing_extra(message("recordings_need_mcap"), "record") from error
     try:
         with file.open("rb") as stream:
             reader = StreamReader(stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST_RECORD)
@@ -649,10 +666,10 @@ def _messages(file: Path) -> Iterator[tuple[str, str, str, int, bytes] | None]:
     except EndOfFile:
         return  # its writer was stopped; what is complete has been read
     except InvalidMagic as error:
-        raise _damaged(file, "it does not begin and end as an MCAP file does") from error
+        raise _damaged(file, message("not_mcap")) from error
     except (McapError, ZstdError, struct.error, TypeError, ValueError, OverflowError, MemoryError) as error:
         # The last two: a damaged length asks for more than there is.
-        raise _damaged(file, str(error)[:200] or type(error).__name__) from error
+        raise _damaged(file, _said(error)) from error
 
 
 def _on_channels(records: Iterable[Any]) -> Iterator[tuple[str, str, str, int, bytes] | None]:
@@ -669,7 +686,7 @@ def _on_channels(records: Iterable[Any]) -> Iterator[tuple[str, str, str, int, b
         elif isinstance(record, Message):
             channel = channels.get(record.channel_id)
             if channel is None:
-                raise ValueError("a message is on a channel that was not declared")
+                raise _Unreadable(message("channel_not_declared"))
             schema = schemas.get(channel.schema_id, "")
             yield channel.topic, channel.message_encoding, schema, record.log_time, record.data
         elif isinstance(record, Footer):
@@ -701,11 +718,11 @@ def _decompressed(records: Iterable[Any]) -> Iterator[Any]:
             try:
                 data = LZ4FrameFile(packed).read(most + 1)
             except (EOFError, RuntimeError) as error:
-                raise ValueError(f"a chunk cannot be decompressed: {error}") from error
+                raise _Unreadable(message("chunk_not_decompressed", reason=_said(error))) from error
         elif record.compression:
-            raise ValueError(f"a chunk is compressed with {record.compression[:40]!r}; allowed: zstd, lz4")
+            raise _Unreadable(message("chunk_compression_unknown", compression=record.compression[:40]))
         if len(data) > most:
-            raise ValueError(f"a chunk of {len(record.data)} bytes has more than {most} bytes when decompressed")
+            raise _Unreadable(message("chunk_too_large", size=len(record.data), limit=most))
         yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=True)
 
 
@@ -782,7 +799,7 @@ class Recorder:
         try:
             self._full = FullRecorder(file, epoch, self._recorders, self._report, self._clock, sources)
         except OSError as error:
-            raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
+            raise SettingsError(message("recording_not_writable", file=str(file), reason=error.strerror)) from error
         self._full.start()
 
     def on_event(self, event: Event, now: float, time_of_day: float) -> None:

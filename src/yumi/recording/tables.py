@@ -10,6 +10,7 @@ from pathlib import Path
 from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
+from yumi.catalogue import message
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, missing_extra
 from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, recorded_messages
@@ -25,7 +26,6 @@ TableName = Literal["cycles", "events", "grippers", "state"]
 _TABLES: tuple[TableName, ...] = get_args(TableName)
 """The tables of a recording."""
 
-_NEEDS_PANDAS = "{} needs pandas and pyarrow (CSV needs neither: yumi record export FILE FILE.csv)"
 _VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
 
 
@@ -56,7 +56,7 @@ def rows(file: Path, what: TableName = "cycles") -> Iterator[Mapping[str, Any]]:
         MissingPrerequisite: mcap is not installed.
     """
     if what not in _TABLES:
-        raise CommandRefused(f"A recording has no table {what!r}; it has: {', '.join(_TABLES)}.")
+        raise CommandRefused(message("recording_without_table", table=what, known=_TABLES))
     topics = {EVENTS, STATE} & {what} or {f"{side.value}/{what.removesuffix('s')}" for side in Side}
     begin: int | None = None
     for topic, nanoseconds, value in recorded_messages(file):
@@ -105,7 +105,7 @@ def read_recording(file: Path | str, what: TableName = "cycles") -> pd.DataFrame
     try:
         import pandas  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise missing_extra(_NEEDS_PANDAS.format("A DataFrame"), "data") from error
+        raise missing_extra(message("data_frame_needs_pandas"), "data") from error
     columns: dict[str, list[Any]] = {}
     for count, row in enumerate(rows(Path(file), what)):
         for name, value in row.items():
@@ -131,17 +131,17 @@ def export(file: Path, output: Path, what: TableName = "cycles") -> int:
         OSError: the output cannot be written.
     """
     if output.suffix not in {".csv", ".parquet"}:
-        raise CommandRefused(f"{output} ends in {output.suffix!r}; give a file that ends in .csv or .parquet.")
+        raise CommandRefused(message("table_format_unknown", file=str(output), ending=output.suffix))
     first = next(iter(rows(file, what)), None)
     if first is None:
-        raise CommandRefused(f"{file} has no {what}; yumi up --record writes all tables, a flight record has cycles.")
+        raise CommandRefused(message("recording_without_rows", file=str(file), table=what))
     output.parent.mkdir(parents=True, exist_ok=True)
     if output.suffix == ".parquet":
         table = read_recording(file, what)
         try:
             table.to_parquet(output)
         except ImportError as error:
-            raise missing_extra(_NEEDS_PANDAS.format("Parquet"), "data") from error
+            raise missing_extra(message("parquet_needs_pandas"), "data") from error
         return len(table)
     count = 0
     with output.open("w", encoding="utf-8", newline="") as stream:
@@ -186,7 +186,7 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
 
     frames = recording.frames.get(side, ())
     if not frames:
-        return Text(f"No cycle of the {side.word} arm is recorded.")
+        return Text(str(message("no_cycle_of_arm", arm=side.word)))
     stop = recording.stop
     zero = stop.time if stop else frames[-1].time
     headline = stop.sentence if stop else "Nothing stopped a motion; these are the last cycles."
@@ -286,7 +286,7 @@ def draw_recording(recording: Recording, side: Side, file: Path) -> None:
     """
     frames = recording.frames.get(side, ())
     if not frames:
-        raise CommandRefused(f"No cycle of the {side.word} arm is recorded; choose the other arm with --arm.")
+        raise CommandRefused(message("no_cycle_of_arm", arm=side.word))
     stop = recording.stop
     zero = stop.time if stop else frames[-1].time
     # An event long after the last cycle: the last cycles are what there is to see.
@@ -379,5 +379,5 @@ def _figure(width: float, height: float) -> Any:
     try:
         from matplotlib.figure import Figure  # noqa: PLC0415 - an extra; nothing else needs it
     except ImportError as error:
-        raise missing_extra("Pictures need matplotlib", "plot") from error
+        raise missing_extra(message("pictures_need_matplotlib"), "plot") from error
     return Figure(figsize=(width, height), layout="constrained")

@@ -180,7 +180,7 @@ class RosDriver:
         self._gripper_setup = GripperSetup(
             grippers.grippers,
             manager.step,
-            log_error,
+            lambda said: log_error(str(said)),
             is_allowed=grippers.settings.calibrate is CalibrateWhen.AT_START,
             is_confirmed=lambda: not manager.is_unattended,
         )

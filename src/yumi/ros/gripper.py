@@ -453,7 +453,7 @@ class Grippers:
         streams: Mapping[Side, Any],
         log: Callable[[str], None],
         timers: TimerThread,
-        why_not: Callable[[Side], str | None] = lambda side: None,
+        why_not: Callable[[Side], Message | None] = lambda side: None,
         calibrate: Callable[[Gripper], None] = Gripper.calibrate,
         frames: str = "",
     ) -> None:

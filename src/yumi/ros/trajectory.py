@@ -159,7 +159,7 @@ class _OpenGoal:
         self.handle: Any = None
         self.ends: dict[Side, TrajectoryEnded] = {}
         self.is_over = Flag()
-        self.reason = ENDED
+        self.reason = str(ENDED)
         self.feedback_due = 0.0
 
     @property
@@ -265,7 +265,7 @@ class TrajectoryAction:
         self._end_feedback()
         self._server.destroy()
 
-    def _end_open_goals(self, reason: str = ENDED) -> None:
+    def _end_open_goals(self, reason: str = str(ENDED)) -> None:
         """No controller will report their end any more."""
         with self._lock:
             for goal in self._open.values():

@@ -15,6 +15,7 @@ from typing import Any
 
 import httpx
 
+from yumi.catalogue import message
 from yumi.clock import Clock, ManualClock
 from yumi.driver.bringup import Bringup
 from yumi.driver.state_machine import EgmMotionSettings
@@ -149,7 +150,7 @@ class MemoryRws:
         target = request.url.raw_path.decode("ascii")
         reply = self.handle(HttpRequest(request.method, target, tuple(request.headers.items()), request.read()))
         if not isinstance(reply, HttpReply):
-            raise ConnectionLost("memory closed the connection without an HTTP answer.")
+            raise ConnectionLost(message("memory_gave_no_answer"))
         headers = httpx.Headers(list(reply.headers), encoding="utf-8")
         return httpx.Response(reply.status, headers=headers, content=reply.body)
 
@@ -158,7 +159,7 @@ class MemoryRws:
         headers = (("Cookie", cookies), ("Upgrade", "websocket"), ("Sec-WebSocket-Protocol", listener.protocol))
         reply = self.handle(HttpRequest("GET", target, headers, peer="socket"))
         if not isinstance(reply, Upgrade):
-            raise ControllerRefused("memory does not open a WebSocket.", status=reply.status if reply else 0)
+            raise ControllerRefused(message("memory_opened_no_websocket"), status=reply.status if reply else 0)
         channel = MemoryChannel(listener)
         self._channels.append(channel)
         reply.attach(channel)

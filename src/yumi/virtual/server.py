@@ -40,6 +40,7 @@ from typing import TypeVar
 
 from aiohttp import WSCloseCode, web
 
+from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
 from yumi.egm.udp import UdpClient, is_loopback, resolve
 from yumi.errors import NoConnection, SettingsError, missing_extra
@@ -680,7 +681,7 @@ def self_signed_context(host: str) -> ssl.SSLContext:
         from cryptography.hazmat.primitives import hashes, serialization  # noqa: PLC0415
         from cryptography.hazmat.primitives.asymmetric import ec  # noqa: PLC0415
     except ModuleNotFoundError as error:
-        raise missing_extra("HTTPS needs the package cryptography", "robotware7") from error
+        raise missing_extra(message("https_needs_cryptography"), "robotware7") from error
     key = ec.generate_private_key(ec.SECP256R1())
     name = x509.Name([x509.NameAttribute(x509.NameOID.COMMON_NAME, "Virtual controller")])
     hosts: list[x509.GeneralName] = [x509.DNSName("localhost")]

@@ -9,7 +9,9 @@ from importlib.metadata import EntryPoint
 import pytest
 from click.testing import CliRunner
 
+from yumi.catalogue import message
 from yumi.cli import main as cli
+from yumi.errors import missing_extra
 
 
 @pytest.fixture(autouse=True)
@@ -30,11 +32,8 @@ def test_help_lists_a_command_that_cannot_be_loaded() -> None:
 @pytest.mark.parametrize("arguments", [(), ("--seconds", "3")])
 def test_command_that_cannot_be_loaded_says_what_to_install(arguments: tuple[str, ...]) -> None:
     result = CliRunner().invoke(cli.main, ["study", *arguments])
-    assert (result.exit_code, result.output) == (
-        1,
-        "Error: yumi study is not installed completely (No module named 'no_such_package'): pip install "
-        "'yumi-ros2[evaluation]', or `make setup WITH=evaluation` in a clone of yumi-ros2.\n",
-    )
+    lacks = message("command_installed_in_part", command="study", reason="No module named 'no_such_package'")
+    assert (result.exit_code, result.output) == (1, f"Error: {missing_extra(lacks, 'evaluation')}\n")
 
 
 def test_command_line_needs_neither_ros_nor_the_evaluation() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from refusals import refused
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, Snapshot
 from yumi.driver import control_process
@@ -113,7 +114,7 @@ def test_command_that_is_not_answered_is_given_up_for_the_process_too(
 ) -> None:
     monkeypatch.setattr(control_process, "_ANSWER_TIMEOUT", 0.01)
     for number in (1, 2):
-        with pytest.raises(RobotNotReady, match="did not answer"):
+        with refused(RobotNotReady, "control_process_does_not_answer", timeout=0.01):
             control.call(Commands.hold, LEFT)
         assert control._given_up[0] == number
 
@@ -130,12 +131,12 @@ def test_command_is_refused_and_not_kept_for_a_process_that_is_starting_again(
     with ThreadPoolExecutor(1) as other:
         revived = other.submit(control.revive)
         assert again.is_waited_for.wait(LONG)
-        with pytest.raises(RobotNotReady, match=STARTING):
+        with refused(RobotNotReady, STARTING.code):
             control.call(Commands.hold, LEFT)
         assert (again.sent, control._given_up[0]) == ([], 0)
         again.says.put("started")
         assert revived.result(LONG)
-    with pytest.raises(RobotNotReady, match="did not answer"):
+    with refused(RobotNotReady, "control_process_does_not_answer", timeout=0.01):
         control.call(Commands.hold, LEFT)
     assert len(again.sent) == 1
     again.says.put(PipeClosed)
@@ -152,7 +153,8 @@ def test_process_that_stands_still_while_a_robot_streams_is_found_out(
     made = Snapshot(time.monotonic() - HUNG - 1.0, is_streaming=is_streaming, is_running=True)
     control.buffers[LEFT].snapshots.write(made)
     if is_streaming:
-        with pytest.raises(RobotNotReady, match="The control process has stood still for 3 s; restart the driver"):
+        with refused(RobotNotReady, "control_process_stands_still") as refusal:
             control.check()
+        assert refusal.value.said.values["duration"] == pytest.approx(HUNG + 1.0, abs=0.5)
     else:
         control.check()

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from yumi.catalogue import clause, message
 from yumi.clock import ManualClock
 from yumi.control.loop import AllowedCollisions
 from yumi.control.shared_state import ControllerFailed, CycleFailed, ReportsDropped, shared_numbers
@@ -215,8 +216,8 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     run(arms, parent, clock)
     answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
     assert isinstance(answers[4], Refusal)
-    assert answers[4].sentence.startswith("The command list_controllers failed with TypeError: ")
-    assert answers[5] == Refusal("There is no command 'nothing'.")
+    assert "list_controllers failed with TypeError: " in clause(answers[4].said)
+    assert answers[5] == Refusal(message("command_unknown", command="nothing"))
 
 
 @pytest.mark.timeout(10)
@@ -248,7 +249,7 @@ def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
     run(arms, parent, clock, given_up=given_up)
     answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
     assert answers == {
-        4: Refusal("The command list_controllers came too late and is dropped; the arms hold."),
+        4: Refusal(message("command_too_late", command="list_controllers")),
         5: None,
     }
     assert served == [tuple(Side)[1]]
@@ -261,7 +262,7 @@ def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
 def test_control_process_calls_nothing_but_commands(arms: dict[Side, Arm], parent: Parent, clock: ManualClock) -> None:
     parent.messages = [Call(3, "_publish", (Side.RIGHT,), {}), Stop()]
     run(arms, parent, clock)
-    assert Answer(3, Refusal("There is no command '_publish'.")) in parent.received
+    assert Answer(3, Refusal(message("command_unknown", command="_publish"))) in parent.received
 
 
 class TalkativeArm(Arm):

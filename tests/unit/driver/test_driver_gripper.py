@@ -8,6 +8,8 @@ from threading import Thread
 
 import pytest
 
+from refusals import refused
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSetup, GripperSignals
 from yumi.driver.state_machine import SgCommand
@@ -140,17 +142,18 @@ def test_goal_that_waits_for_the_other_gripper_moves_no_fingers_after_a_stop(
         if not next(checks):
             return
         if not is_persons:
-            raise RobotNotReady("The robot was stopped.")
+            raise RobotNotReady(message("stopped_by", causes=(), stop=""))
         gripper.stop()
 
-    with pytest.raises(GoalNotReached if is_persons else RobotNotReady, match="stopped"):
+    with pytest.raises(GoalNotReached if is_persons else RobotNotReady) as refusal:
         gripper.begin(goal, check)
+    assert refusal.value.said.code == ("gripper_stopped_before_it_moved" if is_persons else "stopped_by")
     assert "RUN_SG_ROUTINE" not in robot.log
 
 
 def test_command_that_is_not_taken_fails_after_its_time(robot: Robot, clock: ManualClock) -> None:
     robot.looks = 1000
-    with pytest.raises(RobotNotReady, match="The right arm took no gripper command within 10 s; see that the RAPID"):
+    with refused(RobotNotReady, "gripper_command_not_taken", arm="right", timeout=10.0):
         GripperRoutines(robot, clock).run(Side.RIGHT, SgCommand.CALIBRATE, 10.0)
     assert clock.now() == pytest.approx(10.0, abs=0.2)
 
@@ -236,19 +239,19 @@ def test_fingers_that_stand_still_on_their_way_are_stalled_and_let_go(robot: Rob
 
 def test_gripper_that_does_not_stop_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.JOG_OPEN)
-    with pytest.raises(RobotNotReady, match="The left gripper does not stop; clear its error, or look at the event"):
+    with refused(RobotNotReady, "gripper_does_not_stop", gripper="left"):
         gripper_of(robot, Side.LEFT, clock).stop()
 
 
 def test_error_that_does_not_go_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.ERROR)
-    with pytest.raises(RobotNotReady, match="The left gripper still reports an error; check its 24 V supply"):
+    with refused(RobotNotReady, "gripper_error_stays", gripper="left"):
         gripper_of(robot, Side.LEFT, clock).clear_error()
     assert robot.log[:2] == ["hand_CmdClearErr_L=1", "hand_CmdClearErr_L=0"]
 
 
 def may_not() -> None:
-    raise RobotNotReady("The right gripper is inactive; activate it first.")
+    raise RobotNotReady(message("gripper_fingers_move"))
 
 
 def test_gripper_that_may_not_move_any_more_is_reported_nothing(robot: Robot, clock: ManualClock) -> None:
@@ -256,7 +259,7 @@ def test_gripper_that_may_not_move_any_more_is_reported_nothing(robot: Robot, cl
     robot.show(Side.RIGHT, ServoState.READY)
     for move in (lambda: gripper.begin(go_to(0.01), may_not), lambda: gripper.jog(opens=True, check=may_not)):
         robot.log.clear()
-        with pytest.raises(RobotNotReady, match="is inactive"):
+        with refused(RobotNotReady, "gripper_fingers_move"):
             move()
         assert not [line for line in robot.log if "command_input" in line or line.endswith("=1")]
 
@@ -272,7 +275,7 @@ def test_speed_is_that_of_the_order_or_the_usual_one(robot: Robot, clock: Manual
 
 def test_wait_gives_up_a_gripper_that_does_not_come_to_rest(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.AGILE_GRIP_INWARD, 0.01)
-    with pytest.raises(RobotNotReady, match="The left gripper still moves after 10 s; look at it"):
+    with refused(RobotNotReady, "gripper_still_moves", gripper="left", timeout=10.0):
         gripper_of(robot, Side.LEFT, clock).wait(CLOSE)
 
 
@@ -303,18 +306,15 @@ def test_outcome_is_what_the_gripper_measures(
 
 def test_error_of_the_gripper_is_reported(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.LEFT, ServoState.ERROR)
-    with pytest.raises(RobotNotReady, match="The left gripper reports error 0; look at the event log, then clear it"):
+    with refused(RobotNotReady, "gripper_reports_error", gripper="left", error=0.0):
         gripper_of(robot, Side.LEFT, clock).begin(CLOSE)
 
 
 def test_robot_without_grippers_is_reported_and_left(robot: Robot, clock: ManualClock) -> None:
     robot.show(Side.RIGHT, ServoState.READY)
-    complaints: list[str] = []
+    complaints: list[object] = []
     setup = GripperSetup({side: gripper_of(robot, side, clock) for side in Side}, complaints.append, complaints.append)
     for _ in range(3):  # it is reported once
         setup.run()
-    (sentence,) = complaints
-    assert sentence == (
-        "The left gripper cannot be used: The controller has no signal hand_StatusCalibrated_L; "
-        "it has no left Smart Gripper."
-    )
+    missing = message("no_smart_gripper", gripper="left", signal="hand_StatusCalibrated_L")
+    assert complaints == [message("gripper_unusable", gripper="left", reason=missing)]

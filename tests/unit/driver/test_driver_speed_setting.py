@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+from refusals import assert_says, refused
+from yumi.catalogue import Action
 from yumi.control.controller import MemoryBuffer
 from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import Factor
@@ -33,7 +35,8 @@ class Arms:
 def test_both_arms_are_told_what_is_set() -> None:
     arms = Arms(0.1)
     assert arms.told() == [0.1, 0.1]
-    assert arms.setting.set(0.5) == "speed_scale is 0.5: every controller moves with at most 50% of its speeds."
+    arms.setting.set(0.5)
+    assert_says(arms.setting.said, "speed_scale_in_force", value=0.5)
     assert arms.told() == [0.5, 0.5]
     assert (arms.setting.value, arms.setting.in_force) == (0.5, 0.5)
 
@@ -41,14 +44,14 @@ def test_both_arms_are_told_what_is_set() -> None:
 @pytest.mark.parametrize("value", [0.0, -0.1, 0.009, 1.001, 2, nan, inf, -inf, 1e308])
 def test_value_out_of_range_is_refused_and_changes_nothing(value: float) -> None:
     arms = Arms(0.3)
-    with pytest.raises(CommandRefused, match=r"speed_scale is .*; allowed is 0\.01 to 1\."):
+    with refused(CommandRefused, "speed_scale_out_of_range", lowest=0.01, highest=1.0):
         arms.setting.set(value)
     assert (arms.setting.value, arms.told()) == (0.3, [0.3, 0.3])
 
 
 @pytest.mark.parametrize("value", ["fast", None, [1.0]])
 def test_value_that_is_no_number_is_refused(value: Any) -> None:
-    with pytest.raises(CommandRefused, match=r"speed_scale is .*; give a number from 0\.01 to 1\."):
+    with refused(CommandRefused, "speed_scale_no_number", value=repr(value), lowest=0.01, highest=1.0):
         Arms().setting.set(value)
 
 
@@ -56,10 +59,9 @@ def test_arm_is_told_no_more_than_the_robots_own_limit_was_lowered_to_when_egm_s
     arms = Arms(0.1)
     arms.setting.note_start([Side.RIGHT], 0.1)
     arms.in_egm.add(Side.RIGHT)
-    assert arms.setting.set(1.0) == (
-        "speed_scale is 1, but EGM was started with 0.1, which the robot's own limit (MaxSpeedDeviation) keeps until "
-        "EGM is started again: stop_egm, then start_egm."
-    )
+    arms.setting.set(1.0)
+    assert_says(arms.setting.said, "speed_scale_waits_for_egm", value=1.0, in_force=0.1)
+    assert arms.setting.said.actions == (Action.RESTART_EGM,)
     told = {side: box.read() for side, box in arms.buffers.items()}
     assert told[Side.RIGHT] is not None
     assert told[Side.RIGHT][1] == (0.1,)

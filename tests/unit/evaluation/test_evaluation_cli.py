@@ -7,7 +7,9 @@ import importlib.util
 import pytest
 from click.testing import CliRunner
 
+from yumi.catalogue import message
 from yumi.cli.main import main
+from yumi.errors import missing_extra
 from yumi_evaluation import cli
 
 
@@ -17,7 +19,8 @@ def test_missing_extra_is_named_before_anything_is_computed(monkeypatch: pytest.
     monkeypatch.setattr(cli, "find_spec", lambda name: None if name in missing else importlib.util.find_spec(name))
     result = CliRunner().invoke(main, [command])
     assert result.exit_code == 1
-    assert "This command needs jinja2 and matplotlib: pip install 'yumi-ros2[evaluation]'" in result.output
+    needs = message("command_needs_packages", packages=("jinja2", "matplotlib"))
+    assert str(missing_extra(needs, "evaluation")) in result.output
 
 
 def test_unknown_contender_and_wake_mode_are_refused_with_those_that_exist() -> None:

@@ -22,6 +22,7 @@ from typing import NoReturn, cast
 import httpx
 import pytest
 
+from refusals import refused
 from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import write_goal
 from yumi.control.shared_state import Event, Snapshot, is_fault, new_cycle_event, read_snapshot, shared_numbers
@@ -79,7 +80,7 @@ def test_missing_semaphores_are_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_process_without_a_descriptor_is_refused_in_a_sentence() -> None:
-    with no_descriptor_left(), pytest.raises(MissingPrerequisite, match="does not let the process arm start"):
+    with no_descriptor_left(), refused(MissingPrerequisite, "no_further_process", process="arm"):
         ChildProcess("arm", end_at_once)
 
 
@@ -88,21 +89,21 @@ def test_connection_without_a_descriptor_is_refused_in_a_sentence() -> None:
         address = f"127.0.0.1:{server.getsockname()[1]}"
         transport = HttpTransport(address)
         request = httpx.Request("GET", f"http://{address}/", extensions=until(SystemClock().now() + 1.0, 1.0))
-        with no_descriptor_left(), pytest.raises(NoConnection) as refused:
+        with no_descriptor_left(), pytest.raises(NoConnection) as refusal:
             transport.handle_request(request)
         transport.close()
     assert (
-        str(refused.value) == f"No file descriptor is left for a connection to {address}; raise the limit (ulimit -n)."
+        str(refusal.value) == f"No file descriptor is left for a connection to {address}; raise the limit (ulimit -n)."
     )
 
 
 def test_web_socket_without_a_descriptor_is_refused_in_a_sentence() -> None:
     with pytest.raises(NoConnection, match="cannot be reached"):
         WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)  # its modules are read before the limit
-    with no_descriptor_left(), pytest.raises(NoConnection) as refused:
+    with no_descriptor_left(), pytest.raises(NoConnection) as refusal:
         WebSocket("127.0.0.1:9", "/poll/1", "", LISTENER, 1.0)
     sentence = "No file descriptor is left for the WebSocket of 127.0.0.1:9; raise the limit (ulimit -n)."
-    assert str(refused.value) == sentence
+    assert str(refusal.value) == sentence
 
 
 @pytest.mark.filterwarnings("ignore::ResourceWarning")  # of a pair of sockets that websockets leaves to the collector
@@ -116,7 +117,7 @@ def test_web_socket_without_a_thread_is_refused_in_a_sentence(monkeypatch: pytes
 
     with HttpServer(lambda _: Upgrade("rws", lambda channel: None), 0) as server:
         monkeypatch.setattr(threading.Thread, "start", no_thread_of_ours)
-        with pytest.raises(MissingPrerequisite, match="permits no further thread for the WebSocket"):
+        with refused(MissingPrerequisite, "no_further_thread", thread="the WebSocket"):
             WebSocket(server.address, "/poll/1", "", LISTENER, 1.0)
         monkeypatch.undo()
         gc.collect()
@@ -138,9 +139,9 @@ def test_output_of_a_child_is_read_on_when_the_disk_is_full(monkeypatch: pytest.
 
 def test_output_of_a_child_that_cannot_be_written_is_refused_in_a_sentence(tmp_path: Path) -> None:
     log = tmp_path / "missing" / "log"
-    with pytest.raises(SettingsError) as refused:
+    reason = "No such file or directory"
+    with refused(SettingsError, "output_not_writable", program="driver", file=str(log), reason=reason):
         Command("driver", ["up"], log).__enter__()
-    assert str(refused.value) == f"The output of the driver cannot go to {log}: No such file or directory."
 
 
 class MovingRobots:
@@ -266,14 +267,11 @@ resource.setrlimit(resource.RLIMIT_AS, (used + 4_000_000, resource.RLIM_INFINITY
 try:
     SupervisedThread("watchdog", lambda: None, Event()).start()
 except MissingPrerequisite as error:
-    print(error)
+    print(error.said.code, error.said.values["thread"], error.said.values["reason"])
 """
 
 
 def test_thread_that_finds_no_memory_is_refused_in_a_sentence() -> None:
     """A real limit, in a process of its own."""
     done = subprocess.run([sys.executable, "-c", NO_ROOM_FOR_A_STACK], capture_output=True, text=True, check=True)
-    assert done.stdout == (
-        "The operating system permits no further thread for watchdog (can't start new thread); raise the limits of "
-        "processes and memory (ulimit -u, ulimit -v) or end other programs.\n"
-    )
+    assert done.stdout == "no_further_thread watchdog can't start new thread\n"

@@ -8,10 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from refusals import refused
+from yumi.catalogue import Message, message
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import SingleInstance, lock_folder
 
 NAME = "yumi-test at 127.0.0.1:80/x"
+
+
+def taken(owner: Message) -> Message:
+    return message("ros_domain_taken", owner=owner)
 
 
 @pytest.fixture(autouse=True)
@@ -21,9 +27,9 @@ def folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 
 def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
-    first, second = (SingleInstance(NAME, "Another one runs ({owner}); stop it.") for _ in range(2))
+    first, second = (SingleInstance(NAME, taken) for _ in range(2))
     first.claim()
-    with pytest.raises(RobotNotReady, match=rf"Another one runs \(process {os.getpid()}\); stop it"):
+    with refused(RobotNotReady, "ros_domain_taken", owner=message("owner_process", process=str(os.getpid()))):
         second.claim()
     first.release()
     second.claim()
@@ -32,15 +38,15 @@ def test_only_one_may_claim_a_name_and_the_other_learns_who_did() -> None:
 
 def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
     text = (
-        f"from yumi.process.supervision import SingleInstance\nSingleInstance({NAME!r}, '').claim()\n"
+        f"from yumi.process.supervision import SingleInstance\nSingleInstance({NAME!r}, str).claim()\n"
         "print('claimed', flush=True)\ninput()"
     )
     child = subprocess.Popen([sys.executable, "-c", text], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     with child:
         assert child.stdout is not None
         assert child.stdout.readline() == "claimed\n"
-        own = SingleInstance(NAME, "{owner}")
-        with pytest.raises(RobotNotReady, match=f"process {child.pid}"):
+        own = SingleInstance(NAME, taken)
+        with refused(RobotNotReady, "ros_domain_taken", owner=message("owner_process", process=str(child.pid))):
             own.claim()
         child.kill()
     own.claim()
@@ -48,7 +54,7 @@ def test_name_is_free_again_when_its_process_was_killed(folder: Path) -> None:
 
 
 def test_lock_cannot_be_taken_or_read_by_other_users(folder: Path) -> None:
-    only = SingleInstance(NAME, "")
+    only = SingleInstance(NAME, taken)
     only.claim()
     (file,) = folder.iterdir()
     assert file.stat().st_mode & 0o077 == 0
@@ -65,5 +71,5 @@ def test_folder_for_temporary_files_serves_where_there_is_no_folder_of_the_login
     assert own == folder / f"yumi-{os.getuid()}"
     assert own.stat().st_mode & 0o777 == 0o700
     own.chmod(0o755)
-    with pytest.raises(RobotNotReady, match="not this user's own, or open to others; set XDG_RUNTIME_DIR"):
-        SingleInstance(NAME, "").claim()
+    with refused(RobotNotReady, "lock_folder_open_to_others", folder=str(own)):
+        SingleInstance(NAME, taken).claim()

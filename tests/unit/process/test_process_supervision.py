@@ -9,6 +9,8 @@ from threading import Event
 
 import pytest
 
+from refusals import refused
+from yumi.catalogue import message
 from yumi.errors import MissingPrerequisite
 from yumi.process import supervision
 from yumi.process.supervision import Failures, SupervisedThread
@@ -118,10 +120,7 @@ def test_thread_that_the_system_refuses_is_said_in_a_sentence(monkeypatch: pytes
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
     thread = SupervisedThread("robot-watch", lambda: None, Event())
-    with pytest.raises(MissingPrerequisite) as refused:
+    reason = message("text", text="can't start new thread")
+    with refused(MissingPrerequisite, "no_further_thread", thread="robot-watch", reason=reason):
         thread.start()
     thread.join()
-    assert str(refused.value) == (
-        "The operating system permits no further thread for robot-watch (can't start new thread); raise the limits "
-        "of processes and memory (ulimit -u, ulimit -v) or end other programs."
-    )

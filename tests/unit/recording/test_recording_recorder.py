@@ -8,6 +8,7 @@ from threading import Event as Flag
 import pytest
 
 from flight import CYCLE, LOST, flown, record_motion
+from refusals import refused
 from yumi.clock import ManualClock, SystemClock, comes_true
 from yumi.control.cycle import RECORDED_CYCLES, FlightRecorder
 from yumi.control.shared_state import (
@@ -272,5 +273,5 @@ def test_recording_is_asked_for_once_the_driver_runs(records: Recorder, said: li
 
 
 def test_recording_to_a_folder_is_refused(records: Recorder, tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=f"Cannot record to {tmp_path}: Is a directory"):
+    with refused(SettingsError, "recording_not_writable", file=str(tmp_path), reason="Is a directory"):
         records.record_all(tmp_path, EPOCH)

@@ -16,9 +16,11 @@ from lz4 import frame as lz4
 from mcap.writer import CompressionType, Writer
 
 from flight import LOST, flown, write_flight_record
+from refusals import codes_in, refused
+from yumi.catalogue import clause, remedy_of
 from yumi.cli.main import main
 from yumi.errors import ProtocolError
-from yumi.recording.mcap import RecordingWriter, frame_message, read_recording, recorded_event
+from yumi.recording.mcap import RecordingWriter, frame_message, read_recording, recorded_event, recorded_messages
 from yumi.robot.joints import Side
 
 CYCLE = frame_message(flown(1).frames()[0])
@@ -101,22 +103,22 @@ REFUSED = {
     "not UTF-8": (written(("state", b'{"time": 1, "reason": "\xff\xfe"}')), "decode byte 0xff"),
     "half a surrogate": (written(("state", b'{"time": 1, "reason": "\\ud800"}')), "cannot be read"),
     "number of 5000 digits": (written(("state", b'{"time": ' + b"9" * 5000 + b"}")), "out of range"),
-    "time that no program has": (written(cycle(), time=2**64 - 1), "after the year 2262"),
+    "time that no program has": (written(cycle(), time=2**64 - 1), "recorded_after_2262"),
     "other topics": (
         written(("/tf", b"{}"), ("/odom", b"{}")),
-        "messages on '/tf', '/odom' and none in JSON on events",
+        "recording_of_another_program",
     ),
-    "other encoding": (written(cycle(), encoding="cdr"), "messages on 'r/cycle' and none in JSON"),
-    "0 bytes": (content(b""), "has nothing in it: it was cut off"),
-    "only the magic": (content(MAGIC), "has nothing in it: it was cut off"),
-    "cut in the first chunk": (cut_in_the_first_chunk, "has nothing in it: it was cut off"),
-    "closed at once": (closed_at_once, "has nothing in it: it was closed before anything was recorded"),
-    "text": (content(b"time,position\n0.0,1.0\n"), "does not begin and end as an MCAP file does"),
-    "zstd bomb": (with_chunk("zstd", zstandard.compress(LARGE), len(LARGE)), "when decompressed"),
-    "zstd bomb that lies": (with_chunk("zstd", zstandard.compress(LARGE), 100), "when decompressed"),
-    "lz4 bomb": (with_chunk("lz4", lz4.compress(LARGE), len(LARGE)), "when decompressed"),
-    "chunk that is not lz4": (with_chunk("lz4", b"0123456789", 10), "cannot be decompressed"),
-    "chunk of unknown compression": (with_chunk("rar", b"0123456789", 10), "'rar'; allowed: zstd, lz4"),
+    "other encoding": (written(cycle(), encoding="cdr"), "recording_of_another_program"),
+    "0 bytes": (content(b""), "recording_cut_off_empty"),
+    "only the magic": (content(MAGIC), "recording_cut_off_empty"),
+    "cut in the first chunk": (cut_in_the_first_chunk, "recording_cut_off_empty"),
+    "closed at once": (closed_at_once, "recording_closed_empty"),
+    "text": (content(b"time,position\n0.0,1.0\n"), "not_mcap"),
+    "zstd bomb": (with_chunk("zstd", zstandard.compress(LARGE), len(LARGE)), "chunk_too_large"),
+    "zstd bomb that lies": (with_chunk("zstd", zstandard.compress(LARGE), 100), "chunk_too_large"),
+    "lz4 bomb": (with_chunk("lz4", lz4.compress(LARGE), len(LARGE)), "chunk_too_large"),
+    "chunk that is not lz4": (with_chunk("lz4", b"0123456789", 10), "chunk_not_decompressed"),
+    "chunk of unknown compression": (with_chunk("rar", b"0123456789", 10), "chunk_compression_unknown"),
 }
 
 
@@ -134,13 +136,23 @@ def test_file_that_cannot_be_read_is_refused_with_one_sentence(
         "list": ["--folder", str(tmp_path)],
         "export": [str(file), str(tmp_path / "x.csv"), "--table", "state"],
     }.get(command[1], [str(file)])
+    with pytest.raises(ProtocolError) as refusal:
+        list(recorded_messages(file))
+    said = refusal.value.said
+    assert reason in codes_in(said) or reason in clause(said)  # the words are those of the decoder of JSON
+    assert (said.values["file"], bool(remedy_of(said))) == (str(file), True)
     result = CliRunner().invoke(main, [*command, *given])
     assert (result.exit_code, type(result.exception)) == (1, SystemExit), result.output
-    assert reason in result.output
-    assert str(file) in result.output
+    assert str(said) in result.output
     assert "Traceback" not in result.output
-    assert "Give a file that" in result.output
     assert not (tmp_path / "x.csv").exists()
+
+
+def test_topics_of_another_program_are_named(tmp_path: Path) -> None:
+    written(("/tf", b"{}"), ("/odom", b"{}"))(tmp_path / "x.mcap")
+    with refused(ProtocolError, "recording_of_another_program", count=2, topics=("/tf", "/odom")) as refusal:
+        read_recording(tmp_path / "x.mcap")
+    assert "events" in refusal.value.said.values["needed"]
 
 
 def test_file_that_expands_to_a_gigabyte_is_refused_before_it_is_decompressed(tmp_path: Path) -> None:
@@ -151,9 +163,10 @@ def test_file_that_expands_to_a_gigabyte_is_refused_before_it_is_decompressed(tm
     assert file.stat().st_size < 50_000
     tracemalloc.start()
     try:
-        with pytest.raises(ProtocolError, match="bytes when decompressed"):
+        with pytest.raises(ProtocolError) as refusal:
             read_recording(file)
         assert tracemalloc.get_traced_memory()[1] < 2**21
+        assert "chunk_too_large" in codes_in(refusal.value.said)
     finally:
         tracemalloc.stop()
 

@@ -7,6 +7,8 @@ from click.testing import CliRunner
 from matplotlib.figure import Figure
 
 from flight import LOST, SENTENCE, flown, write_flight_record
+from refusals import refused
+from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.errors import CommandRefused
 from yumi.recording.mcap import Recording, read_recording, recorded_event
@@ -102,7 +104,7 @@ def test_gap_is_where_no_cycle_was_recorded() -> None:
 
 def test_show_says_that_the_other_arm_is_not_recorded(runner: CliRunner, file: Path) -> None:
     result = runner.invoke(main, ["record", "show", str(file), "--arm", "left"])
-    assert "No cycle of the left arm is recorded." in result.output
+    assert str(message("no_cycle_of_arm", arm="left")) in result.output
 
 
 def test_show_refuses_a_file_of_another_kind(runner: CliRunner, tmp_path: Path) -> None:
@@ -124,7 +126,7 @@ def test_list_says_that_there_is_nothing(runner: CliRunner, tmp_path: Path) -> N
 
 
 def test_picture_of_nothing_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(CommandRefused, match="No cycle of the right arm is recorded; choose the other arm with --arm"):
+    with refused(CommandRefused, "no_cycle_of_arm", arm="right"):
         draw_recording(Recording(), Side.RIGHT, tmp_path / "x.png")
 
 

@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 
 import yumi
 from flight import LOST, flown
+from refusals import refused
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.readiness import RobotState
@@ -57,7 +58,8 @@ def test_events_grippers_and_state_are_tables_too(file: Path) -> None:
 
 
 def test_unknown_table_is_refused(file: Path) -> None:
-    with pytest.raises(CommandRefused, match="no table 'faults'; it has: cycles, events, grippers, state"):
+    known = ("cycles", "events", "grippers", "state")
+    with refused(CommandRefused, "recording_without_table", table="faults", known=known):
         list(rows(file, "faults"))  # type: ignore[arg-type]
 
 
@@ -71,18 +73,18 @@ def test_export_writes_every_row_as_csv(file: Path, tmp_path: Path, table: str, 
 
 
 def test_export_refuses_other_endings_and_empty_tables(tmp_path: Path, file: Path) -> None:
-    with pytest.raises(CommandRefused, match=r"give a file that ends in \.csv or \.parquet"):
+    with refused(CommandRefused, "table_format_unknown"):
         export(file, tmp_path / "table.xlsx")
     with RecordingWriter(tmp_path / "cycles.mcap", EPOCH) as writer:
         writer.add_frame(Side.LEFT, flown(1).frames()[0])
-    with pytest.raises(CommandRefused, match=r"cycles\.mcap has no grippers"):
+    with refused(CommandRefused, "recording_without_rows", table="grippers"):
         export(tmp_path / "cycles.mcap", tmp_path / "table.csv", "grippers")
     assert not (tmp_path / "table.csv").exists()
 
 
 def test_missing_pandas_is_reported_with_the_extra(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPrerequisite, match=r"pip install 'yumi-ros2\[data\]', or `make setup WITH=data`"):
+    with refused(MissingPrerequisite, "extra_missing", extra="data"):
         yumi.read_recording(file)
 
 

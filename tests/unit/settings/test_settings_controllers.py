@@ -1,10 +1,11 @@
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 import pytest
 
+from refusals import refused
+from yumi.catalogue import Message, clause, message
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
 from yumi.driver.wiring import check_controllers
@@ -82,30 +83,37 @@ def test_parameter_file_understands_anchors_and_empty_sections(file: Path) -> No
     assert values(file, text, "/l/d") == {}
 
 
+def of_no_type(line: int, parameter: str, value: str) -> Message:
+    return message("value_of_no_type", place=f"mine.yaml line {line}", parameter=parameter, value=value)
+
+
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "said"),
     [
-        ("- 1", "mine.yaml must hold a mapping of settings."),
-        ("/c: [", "mine.yaml is not YAML in line 1, column 6; quote texts"),
-        ("/c: 3", "mine.yaml line 1: /c needs a mapping 'ros__parameters'."),
-        ("/c:\n  ros__parameters: 3", "mine.yaml line 2: /c needs a mapping 'ros__parameters'."),
-        ("/c:\n  p: 3", "mine.yaml line 2: /c/p needs a mapping 'ros__parameters'."),
-        ("/c:\n  ros__parameters:\n    p:", "mine.yaml line 3: p is None; it must be a truth value, a number"),
-        ("/c:\n  ros__parameters:\n    p: [1, x]", "mine.yaml line 3: p is [1, 'x']; it must be"),
-        ("/c:\n  ros__parameters:\n    p: [yes]", "mine.yaml line 3: p is [True]; it must be"),
-        ("/c:\n  ros__parameters:\n    g: {p: 2024-01-01}", "mine.yaml line 3: g.p is datetime.date(2024, 1, 1)"),
-        ("/c:\n  ros__parameters:\n    p: 1\n    p: 2", "mine.yaml line 4: p stands in line 3 already; remove one."),
-        (f"/c: {{ros__parameters: {{p: [{'9' * 400}]}}}}", f"mine.yaml line 1: p is [{'9' * 79}…; it must be a truth"),
+        ("- 1", message("settings_without_mapping", file="mine.yaml")),
+        ("/c: [", message("settings_not_yaml_at", line=1, column=6)),
+        ("/c: 3", message("section_without_parameters", place="mine.yaml line 1", name="/c")),
+        ("/c:\n  ros__parameters: 3", message("section_without_parameters", place="mine.yaml line 2", name="/c")),
+        ("/c:\n  p: 3", message("section_without_parameters", place="mine.yaml line 2", name="/c/p")),
+        ("/c:\n  ros__parameters:\n    p:", of_no_type(3, "p", "None")),
+        ("/c:\n  ros__parameters:\n    p: [1, x]", of_no_type(3, "p", "[1, 'x']")),
+        ("/c:\n  ros__parameters:\n    p: [yes]", of_no_type(3, "p", "[True]")),
+        ("/c:\n  ros__parameters:\n    g: {p: 2024-01-01}", of_no_type(3, "g.p", "datetime.date(2024, 1, 1)")),
+        (
+            "/c:\n  ros__parameters:\n    p: 1\n    p: 2",
+            message("setting_given_twice", file="mine.yaml", line=4, setting="p", first=3),
+        ),
+        (f"/c: {{ros__parameters: {{p: [{'9' * 400}]}}}}", of_no_type(1, "p", f"[{'9' * 79}…")),
     ],
 )
-def test_parameter_file_is_refused_with_a_sentence(file: Path, text: str, sentence: str) -> None:
+def test_parameter_file_is_refused_with_line_and_value(file: Path, text: str, said: Message) -> None:
     file.write_text(text)
-    with pytest.raises(SettingsError, match=re.escape(sentence)):
+    with refused(SettingsError, said.code, **said.values):
         read_parameter_file(file)
 
 
 def test_missing_parameter_file_is_named(file: Path) -> None:
-    with pytest.raises(SettingsError, match=re.escape(f"Cannot read {file}: No such file or directory.")):
+    with refused(SettingsError, "settings_unreadable", file=str(file), reason="No such file or directory"):
         read_parameter_file(file)
 
 
@@ -127,42 +135,88 @@ def test_controllers_may_be_listed_for_both_arms_at_once(file: Path) -> None:
     assert [settings.name for side in Side for settings in read_controllers(side, file)] == ["position", "position"]
 
 
+def no_node(name: str) -> Message:
+    known = ("/r/controller_manager", "/r/position", "/l/controller_manager")
+    return message("section_of_no_node", place="mine.yaml line 7", name=name, known=known)
+
+
+def no_setting(setting: str, value: str) -> Message:
+    place = "mine.yaml line 7"
+    return message("controller_manager_setting_unknown", place=place, setting=setting, value=value, rate=250)
+
+
+def refused_at(line: int, reason: Message) -> Message:
+    return message("setting_refused", place=f"mine.yaml line {line}", reason=reason)
+
+
 @pytest.mark.parametrize(
-    ("more", "sentence"),
+    ("more", "said"),
     [
-        ("/r/place: {ros__parameters: {p: 1}}", "mine.yaml line 7: /r/place is not the name of anything here;"),
-        ("/r/place: {ros__parameters: }", "mine.yaml line 7: /r/place is not the name of anything here;"),
-        ("/l/position: {ros__parameters: {p: 1}}", "there are: /r/controller_manager, /r/position, /l/controller_m"),
-        ("      kind: x", "mine.yaml line 7: the controller manager has no setting position.kind = 'x'; it has: <con"),
-        ("    other: {initial_state: active}", "line 7: the controller manager has no setting other.initial_state"),
-        ("    update_rte: 250", "mine.yaml line 7: the controller manager has no setting update_rte = 250"),
-        ("    other: {type: 3}", "mine.yaml line 7: other.type is 3; it must be a text."),
-        ("    other: {type: a/B}", "mine.yaml line 7: controller 'other' has type 'a/B'; known are: joint_state_broad"),
+        ("/r/place: {ros__parameters: {p: 1}}", no_node("/r/place")),
+        ("/r/place: {ros__parameters: }", no_node("/r/place")),
+        ("/l/position: {ros__parameters: {p: 1}}", no_node("/l/position")),
+        ("      kind: x", no_setting("position.kind", "'x'")),
+        ("    other: {initial_state: active}", no_setting("other.initial_state", "'active'")),
+        ("    update_rte: 250", no_setting("update_rte", "250")),
         (
-            "    two words: {type: yumi_controllers/JointPositionController}",
-            "mine.yaml line 7: Controller name 'two wo",
+            "    other: {type: 3}",
+            refused_at(7, message("value_of_wrong_type", parameter="other.type", value="3", type="a text")),
+        ),
+        (
+            "    other: {type: a/B}",
+            message("controller_of_unknown_type", place="mine.yaml line 7", controller="other", type="a/B"),
         ),
         (
             "      initial_state: on",
-            "line 7: position.initial_state is True; choose one of unloaded, unconfigured,",
+            refused_at(
+                7,
+                message(
+                    "value_not_a_choice",
+                    parameter="position.initial_state",
+                    value="True",
+                    choices=tuple(each.value for each in InitialState),
+                ),
+            ),
         ),
-        ("      initial_state: active", "mine.yaml line 6: Controller 'position' cannot start: EGM is not running"),
-        ("/r/position: {ros__parameters: {q: 1}}", "mine.yaml line 7: Controller 'position' has no parameter 'q'"),
-        ("/r/position: {ros__parameters: {p: x}}", "line 7: Parameter 'p' of controller 'position' is 'x'; it must be"),
         (
-            "/r/position:\n  ros__parameters:\n    p: 3",
-            "line 9: Parameter 'p' of controller 'position' is 3; allowed",
+            "/r/position: {ros__parameters: {p: x}}",
+            refused_at(
+                7,
+                message(
+                    "controller_parameter_refused",
+                    controller="position",
+                    reason=message("value_of_wrong_type", parameter="p", value="'x'", type="a number"),
+                ),
+            ),
         ),
-        ("/**:\n  ros__parameters:\n    q: 3", "mine.yaml line 9: no controller has a parameter 'q'."),
+        (
+            "/**:\n  ros__parameters:\n    q: 3",
+            message("parameter_of_no_controller", place="mine.yaml line 9", parameter="q"),
+        ),
     ],
 )
-def test_controllers_are_refused_with_file_and_line(file: Path, more: str, sentence: str) -> None:
-    with pytest.raises(SettingsError, match=re.escape(sentence)):
+def test_controllers_are_refused_with_file_and_line(file: Path, more: str, said: Message) -> None:
+    with refused(SettingsError, said.code, **said.values):
         checked(file, LISTED + more)
 
 
+@pytest.mark.parametrize(
+    ("more", "line", "words"),
+    [
+        ("    two words: {type: yumi_controllers/JointPositionController}", 7, "'two words'"),
+        ("      initial_state: active", 6, "EGM is not running"),
+        ("/r/position: {ros__parameters: {q: 1}}", 7, "'q'"),
+        ("/r/position:\n  ros__parameters:\n    p: 3", 9, "p is 3; allowed"),
+    ],
+)
+def test_what_a_controller_refuses_is_said_with_file_and_line(file: Path, more: str, line: int, words: str) -> None:
+    with refused(SettingsError, "setting_refused", place=f"mine.yaml line {line}") as refusal:
+        checked(file, LISTED + more)
+    assert words in clause(refusal.value.said.values["reason"])
+
+
 def test_update_rate_other_than_the_robots_is_refused(file: Path) -> None:
-    with pytest.raises(SettingsError, match="has no setting update_rate = 100; it has:"):
+    with refused(SettingsError, "controller_manager_setting_unknown", setting="update_rate", value="100", rate=250):
         checked(file, LISTED.replace("250", "100"))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from refusals import refused
 from yumi.driver.settings import RosSettings
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import SettingsError
@@ -32,7 +33,7 @@ def test_frame_prefix_wins_over_the_namespace(given: str) -> None:
 
 @pytest.mark.parametrize("given", ["~", "1cell", "a//b", "cell 1", "a-b", "{a}"])
 def test_namespace_that_ros_does_not_know_is_refused(given: str) -> None:
-    with pytest.raises(SettingsError, match="it must be names of letters, digits and underscores"):
+    with refused(SettingsError, "namespace_not_of_ros", setting="ros: namespace", value=given):
         RosSettings(namespace=given)
 
 

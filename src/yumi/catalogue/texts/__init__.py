@@ -9,11 +9,15 @@ from yumi.catalogue.texts.actions import ACTIONS as ACTIONS
 from yumi.catalogue.texts.arms import ARMS
 from yumi.catalogue.texts.command_line import COMMAND_LINE
 from yumi.catalogue.texts.controller import CONTROLLER
+from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.endpoint import ENDPOINT
 from yumi.catalogue.texts.events import EVENTS
+from yumi.catalogue.texts.grippers import GRIPPERS
 from yumi.catalogue.texts.page import PAGE
+from yumi.catalogue.texts.recordings import RECORDINGS
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 from yumi.catalogue.texts.ros import ROS
+from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
@@ -24,6 +28,12 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "ROS 2": ROS,
     "Page": PAGE,
     "Command line": COMMAND_LINE,
+    "Grippers": GRIPPERS,
+    "Driver": DRIVER,
+    "Settings": SETTINGS,
+    "Prerequisites": PREREQUISITES,
+    "Installation and doctor": SET_UP,
+    "Recordings": RECORDINGS,
 }
 """All texts by subject, as the documentation lists them."""
 

@@ -25,7 +25,7 @@ from ipaddress import IPv4Interface, ip_address
 from pathlib import Path
 from typing import Protocol
 
-from yumi.catalogue import clause, message, remedy_of
+from yumi.catalogue import Message, clause, message, remedy_of, said_by
 from yumi.clock import Clock, wait_until
 from yumi.driver.bringup import (
     GRIPPER_PRODUCT,
@@ -77,14 +77,22 @@ class Finding:
     Attributes:
         requirement: what is needed, in two or three words.
         verdict: whether it is met; a note keeps nothing from working.
-        found: what was found.
-        remedy: what to do about it; empty where nothing is to be done.
+        said: what was found, and what to do about it.
     """
 
     requirement: str
     verdict: Verdict
-    found: str
-    remedy: str = ""
+    said: Message
+
+    @property
+    def found(self) -> str:
+        """What was found."""
+        return clause(self.said)
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it; empty where nothing is to be done."""
+        return remedy_of(self.said)
 
     @property
     def why(self) -> str:
@@ -158,9 +166,8 @@ _BACKGROUND = {
 
 
 def problem(requirement: str, error: Exception) -> Finding:
-    """The finding of an error; its message has the remedy after a semicolon."""
-    found, _, remedy = str(error).rstrip(".").partition("; ")
-    return Finding(requirement, Verdict.PROBLEM, found, remedy)
+    """The finding of an error."""
+    return Finding(requirement, Verdict.PROBLEM, said_by(error))
 
 
 CLOCK_TOLERANCE = 60.0
@@ -173,12 +180,7 @@ NEEDED_GRANTS = {
 }
 """What the user of the driver needs, and for what; `yumi install` needs more."""
 
-_DISPENSABLE = {
-    GRIPPER_MODULE: "the grippers cannot be used",
-    WATCHDOG: "the robot does not stop when the driver dies",
-}
-_INSTALL = "yumi install"
-_LOAD = f"load the RAPID modules of this package: {_INSTALL}"
+_DISPENSABLE = (GRIPPER_MODULE, WATCHDOG)
 _MOST_SESSIONS, _MANY_SESSIONS = 70, 50
 
 
@@ -195,18 +197,18 @@ def examine_controller(
     try:
         system = client.connect()
     except LoginRefused as error:
-        yield Finding("reachable", Verdict.OK, client.address)
+        yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
         yield problem("login", error)
         return
     except YumiError as error:
         yield problem("reachable", error)
         return
-    yield Finding("reachable", Verdict.OK, client.address)
-    yield Finding("login", Verdict.OK, f"system {system.name!r}")
+    yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
+    yield Finding("login", Verdict.OK, message("logged_in", system=system.name))
     yield from _system(system)
     checks = LaunchChecks(client, addresses)
     for side in Side:
-        yield _checked(f"arm {side.unit}", "moved by this controller", partial(checks.check_unit, side))
+        yield _checked(f"arm {side.unit}", message("arm_moved_by_controller"), partial(checks.check_unit, side))
     for look in (_mode, _motors, _execution, _panel, _masterships, _grants, _sessions, _tasks):
         yield from _guarded(partial(look, client))
     for side in Side:
@@ -222,7 +224,7 @@ def examine_controller(
     yield _clock(client, now())
 
 
-def _checked(requirement: str, found: str, check: Callable[[], None]) -> Finding:
+def _checked(requirement: str, found: Message, check: Callable[[], None]) -> Finding:
     try:
         check()
     except YumiError as error:
@@ -235,70 +237,66 @@ def _guarded(look: Callable[[], list[Finding]]) -> list[Finding]:
     try:
         return look()
     except YumiError as error:
-        return [Finding("answers", Verdict.PROBLEM, str(error), "look at the controller's event log")]
+        return [Finding("answers", Verdict.PROBLEM, message("could_not_be_read", reason=said_by(error)))]
 
 
 def _system(system: SystemInfo) -> Iterator[Finding]:
     version = ".".join(map(str, system.robotware))
     if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-        remedy = "have it updated to RobotWare 6.09 or newer, but not 7"
-        yield Finding("RobotWare", Verdict.PROBLEM, f"{version}, which has no EGM for seven axes", remedy)
+        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_old", version=version))
     elif system.robotware[0] > NEWEST_ROBOTWARE:
-        yield Finding("RobotWare", Verdict.PROBLEM, f"{version}; this driver speaks to RobotWare 6", "")
+        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_new", version=version))
     else:
-        yield Finding("RobotWare", Verdict.OK, version)
+        yield Finding("RobotWare", Verdict.OK, message("as_found", value=version))
     for option, loss in REQUIRED_OPTIONS.items():
         if option in system.options:
-            yield Finding("option", Verdict.OK, option)
+            yield Finding("option", Verdict.OK, message("as_found", value=option))
         else:
-            yield Finding("option", Verdict.PROBLEM, f"{option} is missing: {loss}", "have ABB add it to the system")
+            yield Finding("option", Verdict.PROBLEM, message("option_missing", option=option, loss=loss))
     for name in ADD_INS:
         if name in system.options:
-            yield Finding("add-in", Verdict.OK, f"{name}: the state machine may be ABB's own")
+            yield Finding("add-in", Verdict.OK, message("add_in_found", add_in=name))
     if GRIPPER_PRODUCT in system.options:
-        yield Finding("gripper product", Verdict.OK, GRIPPER_PRODUCT)
+        yield Finding("gripper product", Verdict.OK, message("as_found", value=GRIPPER_PRODUCT))
     else:
-        yield Finding("gripper product", Verdict.NOTE, f"{GRIPPER_PRODUCT} is missing: the grippers cannot be used")
+        yield Finding("gripper product", Verdict.NOTE, message("gripper_product_missing", product=GRIPPER_PRODUCT))
 
 
 def _mode(client: RwsClient) -> list[Finding]:
     mode = client.operating_mode()
     if mode is OperatingMode.AUTO:
-        return [Finding("operating mode", Verdict.OK, mode.value)]
-    remedy = "turn it to AUTO on the FlexPendant"
-    found = f"{mode.value}: programs on a computer may change nothing, but with a privilege that a person grants (RMMP)"
-    return [Finding("operating mode", Verdict.PROBLEM, found, remedy)]
+        return [Finding("operating mode", Verdict.OK, message("as_found", value=mode.value))]
+    return [Finding("operating mode", Verdict.PROBLEM, message("mode_keeps_programs_out", mode=mode.value))]
 
 
 def _motors(client: RwsClient) -> list[Finding]:
     state = client.controller_state()
     if state is ControllerState.MOTORS_ON:
-        return [Finding("motors", Verdict.OK, "on")]
+        return [Finding("motors", Verdict.OK, message("motors_are_on"))]
     robot = RobotState(controller_state=state)
     stop = unmet(NO_STOP, robot)
     if stop is not None:
-        reason = stop.reason(robot, tuple(Side))
-        return [Finding("motors", Verdict.PROBLEM, f"{state.value}: {clause(reason)}", remedy_of(reason))]
-    return [Finding("motors", Verdict.NOTE, f"{state.value}; `yumi up` switches them on")]
+        kept_off = message("motors_kept_off", state=state.value, reason=stop.reason(robot, tuple(Side)))
+        return [Finding("motors", Verdict.PROBLEM, kept_off)]
+    return [Finding("motors", Verdict.NOTE, message("motors_not_on_yet", state=state.value))]
 
 
 def _execution(client: RwsClient) -> list[Finding]:
     if client.execution() is ExecutionState.RUNNING:
-        return [Finding("RAPID program", Verdict.OK, "runs")]
-    return [Finding("RAPID program", Verdict.NOTE, "stopped; `yumi up` moves its pointers to main and starts it")]
+        return [Finding("RAPID program", Verdict.OK, message("program_is_running"))]
+    return [Finding("RAPID program", Verdict.NOTE, message("program_not_running_yet"))]
 
 
 def _panel(client: RwsClient) -> list[Finding]:
     findings = []
     state = client.collision_state()
     if state in (CollisionState.TRIGGERED, CollisionState.TRIGGERED_ACKNOWLEDGED):
-        remedy = "look at the robot, then let `yumi recover` confirm it"
-        findings.append(
-            Finding("collision", Verdict.PROBLEM, "an arm has collided, and the program was stopped", remedy)
-        )
+        findings.append(Finding("collision", Verdict.PROBLEM, message("arm_has_collided")))
     percent = client.speed_ratio()
-    verdict, remedy = (Verdict.OK, "") if percent else (Verdict.PROBLEM, "raise it on the FlexPendant")
-    findings.append(Finding("speed ratio", verdict, f"{percent} %", remedy))
+    if percent:
+        findings.append(Finding("speed ratio", Verdict.OK, message("speed_ratio", percent=percent)))
+    else:
+        findings.append(Finding("speed ratio", Verdict.PROBLEM, message("speed_ratio_zero")))
     return findings
 
 
@@ -306,14 +304,9 @@ def _masterships(client: RwsClient) -> list[Finding]:
     """Who holds the right to change something; a driver needs it for moments only."""
     held = [(domain, holder) for domain in MASTERSHIPS if (holder := client.mastership(domain))]
     if not held:
-        return [Finding("mastership", Verdict.OK, "free")]
+        return [Finding("mastership", Verdict.OK, message("mastership_free"))]
     return [
-        Finding(
-            "mastership",
-            Verdict.PROBLEM,
-            f"{holder} holds that of {domain}",
-            "release it there (RobotStudio, FlexPendant)",
-        )
+        Finding("mastership", Verdict.PROBLEM, message("mastership_held", holder=holder, domain=domain))
         for domain, holder in held
     ]
 
@@ -322,49 +315,33 @@ def _grants(client: RwsClient) -> list[Finding]:
     """What the user may do; a controller that does not say it in ABB's words is not judged."""
     missing = missing_grants(client, NEEDED_GRANTS)
     if not missing:
-        return [Finding("grants", Verdict.OK, f"the user has {len(client.grants())}")]
-    remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user"
-    return [Finding("grants", Verdict.PROBLEM, f"the user lacks {', '.join(missing)}", remedy)]
+        return [Finding("grants", Verdict.OK, message("grants_found", count=len(client.grants())))]
+    return [Finding("grants", Verdict.PROBLEM, message("grants_missing", grants=tuple(missing)))]
 
 
 def _sessions(client: RwsClient) -> list[Finding]:
     """How many clients there are, as far as the controller shows them."""
     used = len(client.users())
     if used <= _MANY_SESSIONS:
-        return [Finding("sessions", Verdict.OK, f"{used} of {_MOST_SESSIONS} clients are known")]
-    remedy = "end programs that log in again and again without logging out; an idle session ends after 5 minutes"
-    return [Finding("sessions", Verdict.NOTE, f"{used} of {_MOST_SESSIONS} clients are logged in", remedy)]
+        return [Finding("sessions", Verdict.OK, message("sessions_found", count=used, limit=_MOST_SESSIONS))]
+    return [Finding("sessions", Verdict.NOTE, message("many_sessions", count=used, limit=_MOST_SESSIONS))]
 
 
 def _tasks(client: RwsClient) -> list[Finding]:
     tasks = {task.name: task for task in client.tasks()}
     ours = [tasks[side.task] for side in Side if side.task in tasks]
     idle = [task.name for task in ours if not task.is_active]
-    findings = [
-        Finding(
-            "task", Verdict.PROBLEM, f"{name} is switched off, and does not start", "switch it on in the task panel"
-        )
-        for name in idle
-    ]
+    findings = [Finding("task", Verdict.PROBLEM, message("task_switched_off", task=name)) for name in idle]
     still = [task.name for task in ours if not task.is_motion_task]
-    findings += [
-        Finding(
-            "task",
-            Verdict.PROBLEM,
-            f"{name} does not move a mechanical unit",
-            "see Controller, Task in the configuration",
-        )
-        for name in still
-    ]
-    return findings or [Finding("task", Verdict.OK, ", ".join(task.name for task in ours))]
+    findings += [Finding("task", Verdict.PROBLEM, message("task_moves_nothing", task=name)) for name in still]
+    return findings or [Finding("task", Verdict.OK, message("tasks_found", tasks=tuple(task.name for task in ours)))]
 
 
 def _foreign_program(client: RwsClient, side: Side) -> list[Finding]:
     """Modules of others with a main: two mains do not link, and another one alone is not the state machine."""
-    remedy = f"save it and remove it, or let `{_INSTALL} --replace-main` do so"
     try:
         return [
-            Finding(f"program in {side.task}", Verdict.PROBLEM, f"{name} has a main of its own", remedy)
+            Finding(f"program in {side.task}", Verdict.PROBLEM, message("module_has_main", module=name))
             for name, _ in foreign_mains(client, side)
         ]
     except ControllerRefused:  # there is no such task, which the modules' own finding says
@@ -377,33 +354,36 @@ def _modules(client: RwsClient, side: Side, *, has_add_in: bool) -> list[Finding
     try:
         loaded = {module.name.lower() for module in client.modules(side.task)}
     except ControllerRefused as error:
-        return [Finding(name, Verdict.PROBLEM, f"there is no such task ({error})", "see that this is a YuMi")]
+        reason = said_by(error)
+        return [Finding(name, Verdict.PROBLEM, message("modules_without_task", task=side.task, reason=reason))]
     ours = delivered_modules()
     missing = [module for module in ours if module.lower() not in loaded]
     findings = []
     needed = [module for module in missing if module not in _DISPENSABLE]
     if needed:
-        findings.append(Finding(name, Verdict.PROBLEM, f"{', '.join(needed)} missing", _LOAD))
+        findings.append(Finding(name, Verdict.PROBLEM, message("modules_missing", modules=tuple(needed))))
     for module in (each for each in missing if each in _DISPENSABLE):
-        findings.append(Finding(name, Verdict.NOTE, f"{module} missing: {_DISPENSABLE[module]}", _LOAD))
+        what = message("gripper_module_missing" if module == GRIPPER_MODULE else "watchdog_missing", module=module)
+        findings.append(Finding(name, Verdict.NOTE, what))
     if needed:
         return findings
-    version = _checked(f"version in {side.task}", f"{PROGRAM_VERSION}", lambda: LaunchChecks(client).check_task(side))
+    is_version = message("as_found", value=f"{PROGRAM_VERSION}")
+    version = _checked(f"version in {side.task}", is_version, lambda: LaunchChecks(client).check_task(side))
     try:
         texts = {module: client.module_text(side.task, module) for module in ours if module not in missing}
     except (ControllerRefused, ProtocolError) as error:
-        found = f"all needed are loaded; their texts cannot be compared: {error}"
+        found = message("modules_not_comparable", reason=said_by(error))
         return [*findings, Finding(name, Verdict.NOTE, found), version]
     changed = [
         module for module, text in texts.items() if module != OWN_MODULE and essence(text) != essence(ours[module])
     ]
     if changed:
-        verdict = Verdict.NOTE if has_add_in else Verdict.PROBLEM
-        why = ", as ABB's add-in has its own" if has_add_in else ""
-        found = f"{', '.join(changed)} not as in this package{why}"
-        findings.append(Finding(name, verdict, found, f"unless that is meant, {_LOAD}"))
+        if has_add_in:
+            findings.append(Finding(name, Verdict.NOTE, message("modules_of_add_in", modules=tuple(changed))))
+        else:
+            findings.append(Finding(name, Verdict.PROBLEM, message("modules_differ", modules=tuple(changed))))
     elif not missing:
-        findings.append(Finding(name, Verdict.OK, "all loaded, as in this package"))
+        findings.append(Finding(name, Verdict.OK, message("modules_as_delivered")))
     return [*findings, version]
 
 
@@ -416,28 +396,23 @@ def _signals(client: RwsClient) -> list[Finding]:
     missing = [name for name in wanted if name not in configured]
     findings = []
     if missing:
-        findings.append(
-            Finding("signals", Verdict.PROBLEM, f"{', '.join(missing)} missing", f"load EIO.cfg: {_INSTALL}")
-        )
+        findings.append(Finding("signals", Verdict.PROBLEM, message("signals_missing", signals=tuple(missing))))
     for name, attributes in wanted.items():
         found = configured.get(name)
         if found is None:
             continue
         if found.get("Device"):
-            what = f"is on the device {found['Device']}: another signal has its name"
-            findings.append(Finding(f"signal {name}", Verdict.PROBLEM, what, "rename that one, then load EIO.cfg"))
+            what = message("signal_on_device", device=found["Device"])
+            findings.append(Finding(f"signal {name}", Verdict.PROBLEM, what))
         for attribute in ("SignalType", "Access"):
             have, needed = found.get(attribute, ""), attributes.get(attribute, "")
             if have.lower() != needed.lower():
-                what = f"has {attribute} {have!r}, not {needed!r}"
-                findings.append(
-                    Finding(f"signal {name}", Verdict.PROBLEM, what, f"change it, or load EIO.cfg: {_INSTALL}")
-                )
+                what = message("signal_differs", attribute=attribute, value=have, needed=needed)
+                findings.append(Finding(f"signal {name}", Verdict.PROBLEM, what))
     late = [name for name in wanted if name in configured and name.lower() not in in_use]
     if late:
-        what = f"{', '.join(late)} configured, but not in use yet"
-        findings.append(Finding("restart", Verdict.PROBLEM, what, "restart the controller"))
-    return findings or [Finding("signals", Verdict.OK, f"all {len(wanted)} of the state machine")]
+        findings.append(Finding("restart", Verdict.PROBLEM, message("signals_not_in_use", signals=tuple(late))))
+    return findings or [Finding("signals", Verdict.OK, message("signals_found", count=len(wanted)))]
 
 
 def _motion_data(client: RwsClient) -> list[Finding]:
@@ -447,9 +422,8 @@ def _motion_data(client: RwsClient) -> list[Finding]:
         there = set()
     missing = [name for side in Side for name in (side.unit, f"{side.unit}_RAW") if name not in there]
     if missing:
-        what = f"{', '.join(missing)} missing in External Motion Interface Data"
-        return [Finding("motion data", Verdict.PROBLEM, what, f"load MOC.cfg: {_INSTALL}")]
-    return [Finding("motion data", Verdict.OK, "filtered and raw, for both arms")]
+        return [Finding("motion data", Verdict.PROBLEM, message("motion_data_missing", names=tuple(missing)))]
+    return [Finding("motion data", Verdict.OK, message("motion_data_found"))]
 
 
 def _device(client: RwsClient, side: Side, address: EgmAddress) -> Finding:
@@ -461,15 +435,14 @@ def _device(client: RwsClient, side: Side, address: EgmAddress) -> Finding:
         return problem(name, error)
     if checks.remarks:
         return problem(name, RobotNotReady(checks.remarks[0]))
-    return Finding(name, Verdict.OK, f"sends to {address.host}:{address.port}, where it is awaited")
+    return Finding(name, Verdict.OK, message("device_sends_here", host=address.host, port=address.port))
 
 
 def _shared_port(client: RwsClient) -> list[Finding]:
     devices = {each.name: each.attributes for each in client.cfg("SIO", "COM_TRP")}
     ports = {devices[side.unit].get("RemotePortNumber") for side in Side if side.unit in devices}
     if len(ports) == 1 and all(side.unit in devices for side in Side):
-        what = f"ROB_R and ROB_L both send to port {ports.pop()}"
-        return [Finding("UDPUC devices", Verdict.PROBLEM, what, f"give each arm a port of its own: {_INSTALL}")]
+        return [Finding("UDPUC devices", Verdict.PROBLEM, message("devices_share_port", port=ports.pop()))]
     return []
 
 
@@ -478,23 +451,22 @@ def _gripper(client: RwsClient, side: Side) -> list[Finding]:
     try:
         is_calibrated = client.signal(f"hand_StatusCalibrated_{side.name[0]}").value != 0
     except ControllerRefused:
-        remedy = "connect it, or leave the grippers out"
-        return [Finding(name, Verdict.NOTE, "the controller has no signals of it: it is not there", remedy)]
+        return [Finding(name, Verdict.NOTE, message("gripper_not_there"))]
     if is_calibrated:
-        return [Finding(name, Verdict.OK, "calibrated")]
-    return [Finding(name, Verdict.OK, "not calibrated yet; `yumi up` calibrates it, its fingers close")]
+        return [Finding(name, Verdict.OK, message("gripper_is_calibrated"))]
+    return [Finding(name, Verdict.OK, message("gripper_not_calibrated_yet"))]
 
 
 def _clock(client: RwsClient, here: datetime) -> Finding:
     try:
         robot = client.clock()
     except YumiError as error:
-        return Finding("clock", Verdict.NOTE, f"cannot be read: {error}")
+        return Finding("clock", Verdict.NOTE, message("clock_unreadable", reason=said_by(error)))
     off = abs((robot - here).total_seconds())
     if off <= CLOCK_TOLERANCE:
-        return Finding("clock", Verdict.OK, f"{off:.0f} s from this machine's")
-    found = f"{robot:%Y-%m-%d %H:%M:%S} there, {here:%Y-%m-%d %H:%M:%S} here (local times, zones are not compared)"
-    return Finding("clock", Verdict.NOTE, found, "set it on the FlexPendant, so that its event log can be matched")
+        return Finding("clock", Verdict.OK, message("clock_agrees", difference=off))
+    times = message("clock_differs", there=f"{robot:%Y-%m-%d %H:%M:%S}", here=f"{here:%Y-%m-%d %H:%M:%S}")
+    return Finding("clock", Verdict.NOTE, times)
 
 
 _UFW = Path("/etc/ufw/ufw.conf")
@@ -506,7 +478,6 @@ _SMALLEST_MTU = 576
 """The smallest one of IPv4; a datagram of EGM has a few hundred bytes, so that it is never cut with this."""
 
 _DISCOVERY = ("LOCALHOST", "SUBNET", "SYSTEM_DEFAULT")
-_DISCOVERY_REMEDY = "set it to LOCALHOST, or to SUBNET for several machines, or unset it"
 _LAST_DOMAIN = 232
 _SAFE_DOMAIN = 101
 """Above this, ports of ROS 2 lie where Linux takes those of outgoing connections."""
@@ -536,31 +507,25 @@ def examine_machine(
     yield from examine_route(robot, addresses, cards())
     ports = [address.port for address in addresses.values()]
     if len({*ports}) < len(ports):
-        found = f"both arms' datagrams are awaited at port {ports[0]}"
-        yield Finding("UDP ports here", Verdict.PROBLEM, found, "give the arms two ports in the settings (egm)")
+        yield Finding("UDP ports here", Verdict.PROBLEM, message("arms_share_port", port=ports[0]))
     for side, address in addresses.items():
         name = f"UDP port {address.port} here"
         try:
             UdpServer(address.host, address.port).close()
-            yield Finding(name, Verdict.OK, f"free for the {side.word} arm")
+            yield Finding(name, Verdict.OK, message("port_free", arm=side.word))
         except NoConnection as error:
             yield problem(name, error)
     yield _firewall(robot, ports, run or _run_program, ufw)
     limits = (
-        ("real-time priority", resource.RLIMIT_RTPRIO, "more jitter under load", "rtprio 99"),
-        ("locked memory", resource.RLIMIT_MEMLOCK, "rare delays when memory is short", "memlock unlimited"),
+        ("real-time priority", resource.RLIMIT_RTPRIO, message("priority_not_permitted")),
+        ("locked memory", resource.RLIMIT_MEMLOCK, message("locked_memory_not_permitted")),
     )
-    for name, limit, loss, line in limits:
+    for name, limit, refused in limits:
         highest = resource.getrlimit(limit)[1]
         is_permitted = (
             os.geteuid() == 0 or highest == resource.RLIM_INFINITY or (highest > 0 and limit == resource.RLIMIT_RTPRIO)
         )
-        yield Finding(
-            name,
-            Verdict.OK if is_permitted else Verdict.NOTE,
-            "permitted" if is_permitted else f"not permitted to this user; EGM works, with {loss}",
-            "" if is_permitted else f"add '{line}' for the user to /etc/security/limits.d",
-        )
+        yield Finding(name, Verdict.OK, message("permitted")) if is_permitted else Finding(name, Verdict.NOTE, refused)
     yield from _ros(environment)
 
 
@@ -569,55 +534,48 @@ def examine_route(
 ) -> Iterator[Finding]:
     """The card that faces the robot, and others that could be taken for it."""
     if ip_address(robot).is_loopback:
-        yield Finding("route", Verdict.OK, "the robot is on this machine")
+        yield Finding("route", Verdict.OK, message("robot_on_this_machine"))
         return
     for host in dict.fromkeys(address.host for address in addresses.values()):
         card = next((card for card in cards if card.address == host), None)
         if card is None:
-            found = f"no network card has the address {host}, where datagrams are awaited"
-            yield Finding("route", Verdict.PROBLEM, found, "set egm.listen to auto, or give the card this address")
+            yield Finding("route", Verdict.PROBLEM, message("no_card_with_address", host=host))
             continue
         network = IPv4Interface(f"{card.address}/{card.mask}").network
+        named = f"{card.name} ({card.address})"
         if ip_address(robot) in network:
-            yield Finding("route", Verdict.OK, f"{card.name} ({card.address}) is in the robot's network {network}")
+            yield Finding("route", Verdict.OK, message("card_in_network", card=named, network=str(network)))
         else:
-            found = f"{card.name} ({card.address}) is in {network}, the robot {robot} is not: a router is between them"
-            remedy = "connect this machine to the robot's network by a cable, with an address of its own there"
-            yield Finding("route", Verdict.NOTE, found, remedy)
+            found = message("card_in_other_network", card=named, network=str(network), robot=robot)
+            yield Finding("route", Verdict.NOTE, found)
         others = [
             each
             for each in cards
             if each.name != card.name and ip_address(robot) in IPv4Interface(f"{each.address}/{each.mask}").network
         ]
         if others:
-            names = ", ".join(f"{each.name} ({each.address})" for each in others)
-            yield Finding(
-                "network card",
-                Verdict.PROBLEM,
-                f"{names} is in the robot's network, too, beside {card.name} ({card.address})",
-                "leave one card in that network: datagrams may leave by the other, and the robot ignores them",
-            )
-        faults = [
-            (card.is_wireless, "a radio link (Wi-Fi)", "use a cable: a radio link delays single datagrams by far"),
-            (card.is_tunnel, "a tunnel (VPN)", "connect by a cable"),
-            (not card.is_up, "not connected", "plug the cable in"),
-            (card.mtu < _SMALLEST_MTU, f"set to packets of {card.mtu} bytes", f"sudo ip link set {card.name} mtu 1500"),
-        ]
-        seen = [(what, remedy) for is_so, what, remedy in faults if is_so]
-        for what, remedy in seen:
-            yield Finding("network card", Verdict.PROBLEM, f"{card.name} is {what}", remedy)
+            names = tuple(f"{each.name} ({each.address})" for each in others)
+            yield Finding("network card", Verdict.PROBLEM, message("cards_share_network", others=names, card=named))
+        faults = (
+            (card.is_wireless, message("card_is_wireless", card=card.name)),
+            (card.is_tunnel, message("card_is_tunnel", card=card.name)),
+            (not card.is_up, message("card_not_connected", card=card.name)),
+            (card.mtu < _SMALLEST_MTU, message("card_with_small_mtu", card=card.name, mtu=card.mtu)),
+        )
+        seen = [fault for is_so, fault in faults if is_so]
+        for fault in seen:
+            yield Finding("network card", Verdict.PROBLEM, fault)
         if not seen and not others:
-            yield Finding("network card", Verdict.OK, f"{card.name}, MTU {card.mtu}")
+            yield Finding("network card", Verdict.OK, message("card_found", card=card.name, mtu=card.mtu))
 
 
 def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:
     """What can be known of it without root; a firewall that drops EGM is the most frequent fault of a new set-up."""
     wanted = f"{min(ports)}:{max(ports)}"
     if ip_address(robot).is_loopback:
-        return Finding("firewall", Verdict.OK, "does not matter to this machine's own address")
+        return Finding("firewall", Verdict.OK, message("firewall_does_not_matter"))
     if ufw.is_file() and _UFW_ON.search(ufw.read_text(encoding="utf-8", errors="replace")):
-        remedy = f"sudo ufw allow from {robot} to any port {wanted} proto udp"
-        return Finding("firewall", Verdict.NOTE, "ufw is on, its rules are not readable without root", remedy)
+        return Finding("firewall", Verdict.NOTE, message("ufw_is_on", robot=robot, ports=wanted))
     for name, *arguments in _LISTINGS:
         program = shutil.which(name, path=_SYSTEM_PATH)
         if program is None:
@@ -627,13 +585,13 @@ def _firewall(robot: str, ports: list[int], run: Run, ufw: Path) -> Finding:
         except (OSError, subprocess.TimeoutExpired):
             done = None
         if done is None or done.returncode != 0:
-            remedy = f"see with sudo that UDP ports {wanted} are open to {robot}"
-            return Finding("firewall", Verdict.NOTE, f"{name}: not readable without root", remedy)
+            found = message("firewall_unreadable", firewall=name, ports=wanted, robot=robot)
+            return Finding("firewall", Verdict.NOTE, found)
         if _CLOSES.search(done.stdout) and not all(str(port) in done.stdout for port in ports):
-            found = f"{name} closes something, and does not name all of the ports {wanted}"
-            return Finding("firewall", Verdict.NOTE, found, f"see that UDP ports {wanted} are open to {robot}")
-        return Finding("firewall", Verdict.OK, f"{name} shows nothing that closes UDP ports {wanted}")
-    return Finding("firewall", Verdict.OK, "none found (ufw, nft, iptables)")
+            found = message("firewall_closes_something", firewall=name, ports=wanted, robot=robot)
+            return Finding("firewall", Verdict.NOTE, found)
+        return Finding("firewall", Verdict.OK, message("firewall_open", firewall=name, ports=wanted))
+    return Finding("firewall", Verdict.OK, message("no_firewall_found"))
 
 
 def _run_program(command: list[str]) -> subprocess.CompletedProcess[str]:
@@ -642,30 +600,27 @@ def _run_program(command: list[str]) -> subprocess.CompletedProcess[str]:
 
 def _ros(environment: Mapping[str, str]) -> Iterator[Finding]:
     if find_spec("rclpy") is None:
-        remedy = "install yumi-ros2[ros] or source your ROS 2 Jazzy, unless you need no ROS"
-        yield Finding("ROS 2", Verdict.NOTE, "not installed for this Python", remedy)
+        yield Finding("ROS 2", Verdict.NOTE, message("ros_not_installed"))
     else:
-        yield Finding("ROS 2", Verdict.OK, environment.get("ROS_DISTRO", "installed"))
+        yield Finding("ROS 2", Verdict.OK, message("as_found", value=environment.get("ROS_DISTRO", "installed")))
     text = environment.get("ROS_DOMAIN_ID", "0") or "0"
     if not text.isdecimal() or int(text) > _LAST_DOMAIN:
-        found = f"ROS_DOMAIN_ID is {text!r}"
-        yield Finding("ROS domain", Verdict.PROBLEM, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
+        yield Finding("ROS domain", Verdict.PROBLEM, message("ros_domain_invalid", value=text, highest=_SAFE_DOMAIN))
     elif int(text) > _SAFE_DOMAIN:
-        found = f"ROS_DOMAIN_ID is {text}: its ports may be taken by outgoing connections"
-        yield Finding("ROS domain", Verdict.NOTE, found, f"set it to a number from 0 to {_SAFE_DOMAIN}")
+        yield Finding("ROS domain", Verdict.NOTE, message("ros_domain_high", value=text, highest=_SAFE_DOMAIN))
     else:
-        yield Finding("ROS domain", Verdict.OK, text)
+        yield Finding("ROS domain", Verdict.OK, message("as_found", value=text))
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
     if environment.get("ROS_LOCALHOST_ONLY") and reach:
-        found = f"ROS_LOCALHOST_ONLY, which is set too, overrules ROS_AUTOMATIC_DISCOVERY_RANGE={reach}"
-        yield Finding("ROS discovery", Verdict.NOTE, found, "unset ROS_LOCALHOST_ONLY")
+        yield Finding("ROS discovery", Verdict.NOTE, message("ros_discovery_overruled", value=reach))
     elif reach.upper() == "OFF":
-        yield Finding("ROS discovery", Verdict.NOTE, "OFF: no other program finds the driver", _DISCOVERY_REMEDY)
+        yield Finding("ROS discovery", Verdict.NOTE, message("ros_discovery_off"))
     elif reach and reach.upper() not in _DISCOVERY:
-        found = f"ROS_AUTOMATIC_DISCOVERY_RANGE is {reach!r}, which means SUBNET: all machines of the network find it"
-        yield Finding("ROS discovery", Verdict.PROBLEM, found, _DISCOVERY_REMEDY)
+        yield Finding("ROS discovery", Verdict.PROBLEM, message("ros_discovery_invalid", value=reach))
+    elif reach:
+        yield Finding("ROS discovery", Verdict.OK, message("as_found", value=reach))
     else:
-        yield Finding("ROS discovery", Verdict.OK, reach or "as the driver sets it")
+        yield Finding("ROS discovery", Verdict.OK, message("ros_discovery_of_driver"))
 
 
 START_STREAM, STOP_STREAM = "EGM_START_STREAM", "EGM_STOP_STREAM"
@@ -790,7 +745,7 @@ def streaming(client: RwsClient, clock: Clock, on_progress: OnProgress = lambda 
             clock,
             lambda: all(_machine_state(client, side) is MachineState.IDLE for side in Side),
             _IDLE_DEADLINE,
-            "The state machine on the robot does not become idle; look at the FlexPendant.",
+            message("state_machine_does_not_become_idle"),
         )
         on_progress("start the position streams")
         client.pulse_signal(START_STREAM)
@@ -811,13 +766,17 @@ def _others_off(client: RwsClient, on_progress: OnProgress) -> Iterator[None]:
         try:
             client.select_task(task, True)
         except YumiError:
-            left_off.append(f"Task {task} is still switched off; select it on the FlexPendant (QuickSet menu, Tasks).")
-            on_progress(left_off[-1])
+            left_off.append(task)
+            on_progress(str(message("tasks_left_off", tasks=(task,))))
 
     def report(kind: object, error: BaseException | None, trace: object) -> None:
         """The error, if there was one, comes after what is left off; a Ctrl-C stays one."""
         if left_off and (error is None or isinstance(error, YumiError)):
-            raise RobotNotReady(" ".join((*left_off, *([f"Before that: {error}"] if error else [])))) from error
+            if error is None:
+                raise RobotNotReady(message("tasks_left_off", tasks=tuple(left_off)))
+            raise RobotNotReady(
+                message("tasks_left_off_after", tasks=tuple(left_off), reason=said_by(error))
+            ) from error
 
     with ExitStack() as undo:
         undo.push(report)  # the last that is done
@@ -834,13 +793,9 @@ def _refuse_other_program(client: RwsClient, side: Side) -> None:
     try:
         client.symbol(side.task, MAIN, "current_state")
     except ControllerRefused as error:
-        raise RobotNotReady(
-            f"{side.task} has no state machine of this package, so nothing is started there; load it: yumi install."
-        ) from error
+        raise RobotNotReady(message("no_state_machine_to_start", task=side.task)) from error
     for name, _ in foreign_mains(client, side):
-        raise RobotNotReady(
-            f"{side.task} has another program: its module {name} has a main, so nothing is started; save and remove it."
-        )
+        raise RobotNotReady(message("other_program_not_started", task=side.task, module=name))
 
 
 def _refuse_open_stop(client: RwsClient, clock: Clock) -> None:
@@ -870,8 +825,8 @@ def obstacle_to_stream(findings: Sequence[Finding]) -> Finding | None:
     )
     if found is None:
         return None
-    what = f"not tried, nothing was started: {found.requirement}: {found.found}"
-    return Finding("EGM stream", Verdict.NOTE, what, "solve that first")
+    what = message("stream_not_tried", requirement=found.requirement, reason=found.said)
+    return Finding("EGM stream", Verdict.NOTE, what)
 
 
 def examine_stream(
@@ -887,36 +842,29 @@ def examine_stream(
     for side, stream in streams.items():
         name, address = f"EGM {side.word}", addresses[side]
         if stream.position is None and stream.malformed:
-            what = f"what comes to port {address.port} is not EGM of a seven-axis arm"
-            yield Finding(name, Verdict.PROBLEM, what, "see what sends there: it is not this robot")
+            yield Finding(name, Verdict.PROBLEM, message("stream_not_egm", port=address.port))
         elif stream.position is None:
-            what = f"the robot sends, and nothing comes to {address.host}:{address.port}: it is dropped on the way"
-            yield Finding(
-                name,
-                Verdict.PROBLEM,
-                what,
-                f"open UDP port {address.port} in this machine's firewall, and see the route",
-            )
+            yield Finding(name, Verdict.PROBLEM, message("stream_dropped", host=address.host, port=address.port))
         elif not stream.is_of(stands[side]):
-            other = " but those of the other arm" if stream.is_of(stands[side.other]) else ""
-            what = f"the datagrams at port {address.port} are not this arm's{other}"
-            yield Finding(name, Verdict.PROBLEM, what, f"exchange the ports of the UDPUC devices: {_INSTALL}")
+            is_other = stream.is_of(stands[side.other])
+            what = message("stream_of_other_arm" if is_other else "stream_not_of_this_arm", port=address.port)
+            yield Finding(name, Verdict.PROBLEM, what)
         else:
             yield from _stream_quality(name, stream)
 
 
 def _stream_quality(name: str, stream: ArmStream) -> Iterator[Finding]:
-    numbers = (
-        f"{stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost, jitter "
-        f"{stream.jitter * 1e3:.2f} ms, worst {stream.worst_jitter * 1e3:.1f} ms"
+    numbers = message(
+        "stream_quality",
+        received=stream.received,
+        period=stream.period,
+        lost=stream.lost,
+        jitter=stream.jitter,
+        worst=stream.worst_jitter,
     )
     if stream.loss > _WORST_LOSS:
-        yield Finding(
-            name, Verdict.PROBLEM, f"{stream.loss:.1%} is lost on the way: {numbers}", "use a cable, and no VPN"
-        )
+        yield Finding(name, Verdict.PROBLEM, message("stream_lossy", loss=stream.loss, quality=numbers))
     elif stream.jitter > _WORST_JITTER:
-        yield Finding(
-            name, Verdict.NOTE, f"it comes irregularly: {numbers}", "use a cable; look at the load of this machine"
-        )
+        yield Finding(name, Verdict.NOTE, message("stream_irregular", quality=numbers))
     else:
         yield Finding(name, Verdict.OK, numbers)

@@ -19,6 +19,7 @@ from math import isclose
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 
+from yumi.catalogue import Message, message, quoted
 from yumi.driver.bringup import GRIPPER_PRODUCT, OLDEST_ROBOTWARE, REQUIRED_OPTIONS, EgmAddress
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
@@ -289,7 +290,7 @@ def _with_own_routines(present: Contents, wanted: Contents) -> Contents:
     return own.completed_from(wanted)
 
 
-def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[str]]:
+def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[Message]]:
     """What was there before, but what others have changed since as it is now; with notes of that.
 
     The user's own module stays as a file, and goes from the tasks, as it may name what goes, too. A program of another
@@ -302,13 +303,13 @@ def _without_loss(present: Contents, before: Contents) -> tuple[Contents, list[s
     kept, notes = Contents(), []
     if edited is not None and file in before.files and before.files[file] is None:
         kept = Contents({file: edited, FOLDER: ""})
-        notes.append(f"{file} was changed: it stays as a file")
+        notes.append(message("own_file_stays", file=file))
     names = {name.lower() for name in ours}
     for module, text in before.modules.items():
         now = present.modules.get(module)
         if now is not None and module.name.lower() not in names and not _is_same_module(now, text):
             kept = Contents(modules={module: now}).completed_from(kept)
-            notes.append(f"{module.name} in {module.task} was loaded since: it stays as it is")
+            notes.append(message("module_loaded_since_stays", module=module.name, task=module.task))
     return kept.completed_from(before), notes
 
 
@@ -370,7 +371,7 @@ class Record:
                 record.is_restart_due, record.backups = bool(value["is_restart_due"]), tuple(value["backups"])
             except (OSError, ValueError, KeyError, TypeError, AssertionError) as error:
                 raise SettingsError(
-                    f"The record {record.path} cannot be read: {error!r}; restore the backup beside it."
+                    message("record_unreadable", file=str(record.path), reason=quoted(error))
                 ) from error
         return record
 
@@ -387,8 +388,7 @@ class Record:
             trial.unlink()
         except OSError as error:
             raise SettingsError(
-                f"What was there before is kept in {self.path.parent}, which cannot be written: {error.strerror}; "
-                "choose another folder with XDG_STATE_HOME. Nothing was changed."
+                message("record_folder_not_writable", folder=str(self.path.parent), reason=error.strerror)
             ) from error
 
     def save(self) -> None:
@@ -412,9 +412,7 @@ class Record:
                 os.fsync(opened.fileno())
             new.replace(self.path)
         except OSError as error:
-            raise SettingsError(
-                f"The record {self.path} cannot be written: {error.strerror}; nothing was changed."
-            ) from error
+            raise SettingsError(message("record_not_writable", file=str(self.path), reason=error.strerror)) from error
 
     def close(self) -> None:
         """Everything is as before: keep the record under another name, so that nothing is rolled back twice."""
@@ -438,8 +436,8 @@ class Plan:
     changes: tuple[Change, ...]
     wanted: Contents
     present: Contents
-    refusals: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    refusals: tuple[Message, ...] = ()
+    notes: tuple[Message, ...] = ()
     is_restart_due: bool = False
 
     @property
@@ -496,21 +494,15 @@ class Installation:
         refusals = [*self._unsuitable(system), *self._ungranted(grants), *self._busy()]
         notes = []
         if add_in is not None:
-            notes.append(
-                f"ABB's Add-In {add_in!r} is on the controller: it has the same interface, so its modules and signals "
-                "stay, and only the destinations of the EGM datagrams are set"
-            )
+            notes.append(message("add_in_keeps_modules", add_in=add_in))
         if not has_grippers:
-            notes.append(f"the product {GRIPPER_PRODUCT!r} is missing: {GRIPPER_MODULE} is left out, which needs it")
-        for removal, found, remedy in self._foreign_mains(wanted) if add_in is None else ():
+            notes.append(message("module_left_out", product=GRIPPER_PRODUCT, module=GRIPPER_MODULE))
+        for removal, found in self._foreign_mains(wanted) if add_in is None else ():
             if replaces_main:
                 wanted = removal.completed_from(wanted)
-                notes.append(f"{found}: it goes, and comes back with --roll-back")
+                notes.append(message("other_main_goes", program=found))
             else:
-                refusals.append(
-                    f"{found}, and a task can have only one; {remedy}, or say --replace-main: it comes back with "
-                    "--roll-back"
-                )
+                refusals.append(message("other_main_in_task", program=found))
         present = self.read(wanted)
         wanted = _with_own_routines(present, wanted)
         for key, attributes in wanted.cfg.items():
@@ -518,16 +510,21 @@ class Installation:
             for name in ("SignalType", "Type", "Device"):
                 if attributes and now and now.get(name, "") != attributes.get(name, ""):
                     refusals.append(
-                        f"{key.domain} {key.type} has another {key.name}, with {name} {now.get(name, '')!r} instead of "
-                        f"{attributes.get(name, '')!r}; rename it (FlexPendant: Control Panel, Configuration), as "
-                        "its name is needed"
+                        message(
+                            "configured_name_taken",
+                            type=f"{key.domain} {key.type}",
+                            name=key.name,
+                            attribute=name,
+                            value=now.get(name, ""),
+                            needed=attributes.get(name, ""),
+                        )
                     )
         return self._plan(present, wanted, refusals, notes)
 
-    def _plan(self, present: Contents, wanted: Contents, refusals: Iterable[str], notes: Iterable[str]) -> Plan:
+    def _plan(self, present: Contents, wanted: Contents, refusals: Iterable[Message], notes: Iterable[Message]) -> Plan:
         is_due = self._record.is_restart_due
         if is_due:
-            notes = (*notes, "the controller has not restarted since its configuration was changed: it does now")
+            notes = (*notes, message("restart_is_due"))
         return Plan(differences(present, wanted), wanted, present, tuple(refusals), tuple(notes), is_due)
 
     def plan_roll_back(self) -> Plan:
@@ -538,10 +535,7 @@ class Installation:
         """
         before = self._record.before
         if before is None:
-            raise CommandRefused(
-                f"There is nothing to roll back: {self._record.path} does not exist. It is on the computer that "
-                "installed; `yumi uninstall` takes away what has the names of this package."
-            )
+            raise CommandRefused(message("nothing_to_roll_back", file=str(self._record.path)))
         present = self.read(before)
         wanted, notes = _without_loss(present, before)
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
@@ -552,60 +546,51 @@ class Installation:
             return self.plan_roll_back()
         add_in = _add_in_of(system)
         if add_in is not None:
-            refusal = (
-                f"ABB's Add-In {add_in!r} is on the controller, and this machine has no record of an installation: "
-                "what has the names of this package is the Add-In's; remove it from the computer that installed"
-            )
+            refusal = message("names_are_of_add_in", add_in=add_in)
             return Plan((), Contents(), Contents(), (refusal, *self._busy()))
         ours = delivered(addresses)
         present = self.read(ours.absent())
         wanted, kept = _without_loss(present, ours.absent())
-        notes = ["this machine has no record of an installation: what has the names of this package goes", *kept]
+        notes = [message("removed_by_name"), *kept]
         for module, text in present.modules.items():
             if text is not None and module.name != OWN_MODULE and not _is_same_module(text, ours.modules.get(module)):
-                notes.append(f"{module.name} in {module.task} was changed since; the change is lost")
+                notes.append(message("change_of_module_lost", module=module.name, task=module.task))
         return self._plan(present, wanted, (*self._ungranted(_GRANTS), *self._busy()), notes)
 
-    def _unsuitable(self, system: SystemInfo) -> Iterator[str]:
+    def _unsuitable(self, system: SystemInfo) -> Iterator[Message]:
         version = ".".join(map(str, system.robotware))
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            yield f"RobotWare {version} has no EGM for seven axes; have it updated to 6.09 or newer, but not 7"
+            yield message("robotware_too_old", version=version)
         elif system.robotware[0] > NEWEST_ROBOTWARE:
-            yield f"RobotWare {version} has another protocol (Robot Web Services 2); this package is for RobotWare 6"
+            yield message("robotware_too_new", version=version)
         for option, loss in REQUIRED_OPTIONS.items():
             if option not in system.options:
-                yield f"the option {option!r} is missing: {loss}; have ABB add it to the system"
+                yield message("option_missing", option=option, loss=loss)
         tasks = {task.name for task in self._client.tasks()}
         for side in Side:
             if side.task not in tasks:
-                yield f"there is no task {side.task}; see that this is a YuMi (IRB 14000)"
+                yield message("no_task", task=side.task)
 
-    def _busy(self) -> Iterator[str]:
+    def _busy(self) -> Iterator[Message]:
         mode = self._client.operating_mode()
         if mode is not OperatingMode.AUTO:
-            yield f"the operating mode is {mode.value}; turn it to AUTO on the FlexPendant"
+            yield message("not_in_auto", mode=mode.value)
         if self._client.execution() is ExecutionState.RUNNING:
-            yield "a RAPID program runs; stop it first (the stop button of the FlexPendant)"
+            yield message("program_runs_on_controller")
         for domain in MASTERSHIPS:
             if holder := self._client.mastership(domain):
-                yield f"{holder} holds the mastership of {domain}; release it there (RobotStudio, FlexPendant)"
+                yield message("mastership_held", holder=holder, domain=domain)
 
-    def _ungranted(self, needed: Mapping[Grant, str]) -> Iterator[str]:
+    def _ungranted(self, needed: Mapping[Grant, str]) -> Iterator[Message]:
         if missing := missing_grants(self._client, needed):
-            remedy = "give them to the user in RobotStudio (User Accounts), or log in as another user (--user)"
-            yield f"the user lacks {', '.join(missing)}; {remedy}"
+            yield message("grants_missing", grants=tuple(missing))
 
-    def _foreign_mains(self, wanted: Contents) -> Iterator[tuple[Contents, str, str]]:
-        """What has a ``main`` and is not of this package: its removal, what it is, and how it is removed by hand."""
+    def _foreign_mains(self, wanted: Contents) -> Iterator[tuple[Contents, Message]]:
+        """What has a ``main`` and is not of this package: its removal, and what it is."""
         for side in Side:
             for name, text in foreign_mains(self._client, side):
-                found = f"its module {name} ({len(text.splitlines())} lines) has a main"
-                yield (
-                    Contents(modules={ModuleKey(side.task, name): None}),
-                    f"{side.task} has a program of its own: {found}",
-                    "save it and remove it (FlexPendant: Program Editor, Tasks and Programs, Show Modules, File, "
-                    "Delete Module)",
-                )
+                found = message("module_with_main", task=side.task, module=name, lines=len(text.splitlines()))
+                yield Contents(modules={ModuleKey(side.task, name): None}), found
         tasks = {side.task.lower() for side in Side}
         for name, (_, attributes) in self._instances("SYS", "CAB_TASK_MODULES").items():
             key = CfgKey("SYS", "CAB_TASK_MODULES", name)
@@ -620,11 +605,7 @@ class Installation:
                     raise
                 continue  # what is not there is not loaded
             if has_main(text):
-                yield (
-                    Contents(cfg={key: None}),
-                    f"the configuration loads {name} at each start, which has a main",
-                    "remove it (FlexPendant: Control Panel, Configuration, Controller, Automatic Loading of Modules)",
-                )
+                yield Contents(cfg={key: None}), message("configured_module_with_main", file=name)
 
     def read(self, wanted: Contents) -> Contents:
         """What is there of all that is named in ``wanted``."""
@@ -678,14 +659,14 @@ class Installation:
             YumiError: the controller refused a step, or it is gone; ``undo`` is possible then.
         """
         for refusal in (*plan.refusals, *self._busy()):  # it may have been started since the plan was made
-            raise RobotNotReady(f"Nothing was changed: {refusal}.")
+            raise RobotNotReady(message("nothing_changed", reason=refusal))
         if plan.is_empty:
             return
         self._record.check_writable()  # before the controller works for minutes, or is changed
         if makes_backup and plan.changes:
             self._back_up()
             for refusal in self._busy():  # a backup takes minutes
-                raise RobotNotReady(f"Nothing was changed: {refusal}.")
+                raise RobotNotReady(message("nothing_changed", reason=refusal))
         self._keep(plan.wanted)
         self._apply(plan.wanted)
 
@@ -701,8 +682,7 @@ class Installation:
         tree = self._client.read_tree(where, lambda each: self._report(f"download {each}"))
         if not any(path.upper().startswith(_BACKUP_INFO) for path in tree):
             raise RobotNotReady(
-                f"Nothing was changed: what is in {where} is not a backup, it has no {_BACKUP_INFO}; make one on the "
-                "FlexPendant (Backup and Restore), and say --no-backup."
+                message("nothing_changed", reason=message("no_backup", folder=where, needed=_BACKUP_INFO))
             )
         folder = self._record.path.parent
         try:
@@ -712,7 +692,7 @@ class Installation:
                 local.write_bytes(content)
         except OSError as error:
             raise SettingsError(
-                f"The backup cannot be written to {folder / name}: {error.strerror}; nothing was changed."
+                message("backup_not_writable", folder=str(folder / name), reason=error.strerror)
             ) from error
         self._record.backups += (name,)
 
@@ -741,7 +721,7 @@ class Installation:
             RobotNotReady: the plan has refusals, a program runs, or what was read back is not what was wanted.
         """
         for refusal in (*plan.refusals, *self._busy()):
-            raise RobotNotReady(f"Nothing was changed: {refusal}.")
+            raise RobotNotReady(message("nothing_changed", reason=refusal))
         if self._record.before is None:
             if not plan.changes:
                 return
@@ -763,7 +743,7 @@ class Installation:
         self._apply_cfg(present, wanted)
         if self._record.is_restart_due:
             for refusal in self._busy():  # a user may have begun to work with it
-                raise RobotNotReady(f"The controller was not restarted, which is due: {refusal}; then go on.")
+                raise RobotNotReady(message("not_restarted", reason=refusal))
             self._client.wait_for_restart(self._report)
             self._record.is_restart_due = False
             self._record.save()
@@ -775,9 +755,7 @@ class Installation:
             if not (change.sign == "-" and change.place.startswith("directory "))
         ]
         if left:
-            raise RobotNotReady(
-                f"{len(left)} of the changes cannot be read back, first: {left[0]}; look at the controller's event log."
-            )
+            raise RobotNotReady(message("changes_not_read_back", count=len(left), first=str(left[0])))
 
     def _write_files(self, present: Contents, wanted: Contents) -> None:
         for path, text in sorted(wanted.files.items()):  # a directory before what is in it

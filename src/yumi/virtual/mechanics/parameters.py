@@ -20,7 +20,7 @@ from math import degrees, radians
 from pathlib import Path
 from typing import cast
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, quoted, said_by
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.joints import Joints
 from yumi.settings import Parameter, read_mapping
@@ -110,7 +110,7 @@ def _number(path: Path, parameter: Parameter, value: object) -> float:
     try:
         accepted = parameter.accept(value)
     except CommandRefused as error:
-        raise SettingsError(f"{path.name}: {parameter.name} {error}") from error
+        raise SettingsError(message("setting_refused", place=path.name, reason=said_by(error))) from error
     return float(cast("float", accepted))
 
 
