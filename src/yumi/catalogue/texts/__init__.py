@@ -7,13 +7,20 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 from yumi.catalogue.texts.actions import ACTIONS as ACTIONS
 from yumi.catalogue.texts.arms import ARMS
+from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.events import EVENTS
+from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
+from yumi.catalogue.texts.robot import ROBOT
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "May the robot move": ROBOT_STATE,
     "Events of the controller": EVENTS,
     "Arms": ARMS,
+    "Motions": MOTION,
+    "Controllers": CONTROLLERS,
+    "EGM": EGM,
+    "Model of the robot": ROBOT,
 }
 """All texts by subject, as the documentation lists them."""
 
