@@ -167,8 +167,15 @@ def _check_names(names: Sequence[str], most: int, taken: Set[str], side: Side | 
     """Of the tools of an arm, or of the boxes."""
     arm = {"arm": side.word} if side else {}
     if len(names) > most:
-        code = "tool_one_too_many" if side else "box_one_too_many"
-        raise CommandRefused(message(code, name=names[most], count=len(names), most=most, **arm))
+        raise CommandRefused(
+            message(
+                "tool_one_too_many" if side else "box_one_too_many",
+                name=names[most],
+                count=len(names),
+                most=most,
+                **arm,
+            )
+        )
     for index, name in enumerate(names):
         if not name.strip():
             raise CommandRefused(message("tool_without_name" if side else "box_without_name", name=name, **arm))

@@ -62,7 +62,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "release_stop": _ON_PAGE["release_stop"],
         "retreat": _ON_PAGE["retreat"],
         "switch": Words("run `yumi switch`", "`yumi switch`"),
-        "give_radians": _ON_PAGE["give_radians"],
+        "give_radians": Words("add --degrees", "--degrees"),
     },
     "page": _ON_PAGE,
     "virtual_page": {

@@ -9,7 +9,7 @@ from yumi.catalogue.text import Text
 _RANGE = "its range is {lower:.1°} to {upper:.1°}"
 
 _GOALS: Mapping[str, tuple[str, str]] = {
-    "goal_joint_not_finite": ("{joint} is {value}", "give a finite number of radians"),
+    "goal_joint_not_finite": ("{joint} is {value}; a position is a finite number of radians", ""),
     "goal_joint_out_of_range": (f"{{joint}} is {{position:.1°}}; {_RANGE}", ""),
     "goal_joint_in_degrees": (
         f"{{joint}} is {{position:.1°}}; {_RANGE}; {{position:g}} looks like degrees",
@@ -101,6 +101,14 @@ _TRAJECTORIES: Mapping[str, tuple[str, str]] = {
         "wait until it stands",
     ),
     "trajectory_of_other_arm": ("it is planned for the {arm} arm; this controller moves the {own_arm} one", ""),
+    "trajectory_with_efforts": (
+        "a point has efforts; this robot takes positions, velocities and accelerations",
+        "",
+    ),
+    "joint_tolerance_not_a_number": (
+        "a tolerance of {joint} is nan",
+        "give a number, 0 for the controller's own, -1 for none",
+    ),
     "tolerance_not_a_number": ("a tolerance is nan", "give a number, 0 for the controller's own, -1 for none"),
 }
 
@@ -129,7 +137,7 @@ MOTION: Mapping[str, Text] = {
     "pose_not_finite": Text("pose refused: {pose} has a value that is not finite", "give metres and a quaternion"),
     "pose_too_far": Text(
         "pose refused: {pose} is {distance:g} m from the body; at most {farthest:g} m are allowed",
-        "give positions in metres",
+        "positions are in metres",
     ),
     "pose_not_unit": Text(
         "pose refused: the orientation of {pose} has length {length:.3f}", "give a unit quaternion, w first"
@@ -149,6 +157,7 @@ MOTION: Mapping[str, Text] = {
     "goal_reached": Text("the goal is reached"),
     "goal_replaced": Text("another goal replaced this one"),
     "trajectory_replaced": Text("a newer trajectory has replaced this one"),
+    "motion_replaced_by_stream": Text("a stream of the tool has replaced this motion"),
     "motion_stopped": Text("the arm was commanded to stop"),
     "motion_cancelled": Text("the motion was cancelled; the arm is at rest"),
     "controller_deactivated": Text("the controller was deactivated; the arm holds"),

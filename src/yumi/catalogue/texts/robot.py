@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 
 _NAMES: Mapping[str, tuple[str, str]] = {
-    "one_too_many": ("it is one of {count}; allowed are {most}", ""),
+    "one_too_many": ("it is one of {count}, allowed are {most}", ""),
     "without_name": ("it has no name", "give one such as table or needle"),
     "named_as_robot": ("a part of the robot has this name", "give another one"),
     "named_twice": ("another one has this name", "give each a name of its own"),
