@@ -73,7 +73,7 @@ def in_shell_words(error: YumiError) -> YumiError:
         ("robot.recover(confirm=...)", "yumi recover"),
         ("Call robot.recover()", "Run `yumi recover`"),
         ("robot.recover()", "yumi recover"),
-        ("give radians", "add --degrees"),
+        ("use yumi.degrees(...)", "add --degrees"),
         ("call recover", "run `yumi recover`"),
         ("(recover)", "(yumi recover)"),
         ("Call start_egm", "Run `yumi start`"),

@@ -125,7 +125,7 @@ def test_sensor_codec_for_seven_axes_refuses_a_robot_with_six() -> None:
 def test_sensor_codec_refuses_a_robot_with_four_axes() -> None:
     robot = robot_datagram()
     robot.planned.joints.joints[:] = [1.0] * 4
-    with refused(ProtocolError, "datagram_axes_not_of_yumi", part="planned", joints=4, external=1):
+    with refused(ProtocolError, "datagram_axes_not_of_robot", part="planned", joints=4, external=1):
         SensorCodec(axes=6).decode(robot.SerializeToString())
 
 

@@ -58,8 +58,8 @@ ROBOT: Mapping[str, Text] = {
     # ---- tools and loads
     "load_not_finite": Text("the {part} has a value that is not finite: {values}", "give finite numbers"),
     "load_out_of_range": Text(
-        "the {part} has {mass:g} kg at {distance:g} m from the flange; allowed is a mass from 0 to {most:g} kg, at "
-        "most {farthest:g} m away"
+        "the {part} has {mass:g} kg at {distance:g} m from the flange",
+        "give a mass from 0 to {most:g} kg, at most {farthest:g} m away",
     ),
     "inertia_negative": Text("the {part} has a negative moment of inertia", "give that about its own centre"),
     "load_too_heavy": Text(
