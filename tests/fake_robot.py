@@ -14,6 +14,7 @@ from yumi.api.motion import (
     MotionExecutor,
     MotionRegistry,
 )
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
@@ -111,4 +112,8 @@ class FakeRobot:
     def end(self, command: ControllerCommand, outcome: GoalOutcome = GoalOutcome.REACHED, sentence: str = "so") -> None:
         """The control process reports how a motion has ended."""
         identity = command.message.identity  # type: ignore[attr-defined]
-        self.motions.note(ControllerReport(command.side, command.controller, GoalEnded(identity, outcome, sentence)))
+        self.motions.note(
+            ControllerReport(
+                command.side, command.controller, GoalEnded(identity, outcome, message("text", text=sentence))
+            )
+        )

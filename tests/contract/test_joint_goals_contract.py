@@ -14,6 +14,7 @@ import pytest
 from controller_arms import PerfectArm
 from egm_loop import CONTROLLER, EgmLoop
 from trajectories import sent_beside_speeds
+from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, StageClock
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
@@ -118,7 +119,7 @@ def test_arm_reaches_a_point_and_says_so_when_it_stands_there(arm: ArmUnderGoals
     goal = moved(arm.position)
     arm.order(JointGoal(goal, 1))
     arm.until(lambda: bool(arm.notices), 2.0)
-    assert arm.notices == [GoalEnded(1, GoalOutcome.REACHED, "the goal is reached")]
+    assert arm.notices == [GoalEnded(1, GoalOutcome.REACHED, message("goal_reached"))]
     assert arm.position == pytest.approx(goal, abs=0.002)
 
 

@@ -9,6 +9,7 @@ from math import dist, radians
 import pytest
 
 from trajectories import moved, planned, swing
+from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.control.controllers.joint_position import (
@@ -170,7 +171,7 @@ def test_scale_that_changes_in_the_middle_of_a_fast_trajectory_is_smooth_and_kee
     arm.set(1.0)
     end = arm.run_to_notice(5.0)
     assert isinstance(end, TrajectoryEnded)
-    assert (end.outcome, end.sentence) == (Outcome.SUCCEEDED, "The goal is reached.")
+    assert (end.outcome, end.said) == (Outcome.SUCCEEDED, message("goal_reached"))
     assert_smooth(arm.arm.cycles[first:])
 
 
@@ -228,7 +229,7 @@ def test_point_to_point_motion_takes_a_new_scale_a_new_goal_and_a_stop_in_its_mi
     arm.arm.run(0.03)
     arm.order("goal", JointGoal(moved(HOME, 0.2), 4))
     arm.arm.run_until(lambda: bool(arm.notices) and arm.notices[-1].identity == 4, 20.0)  # type: ignore[attr-defined]
-    assert arm.notices[-1] == GoalEnded(4, GoalOutcome.REACHED, "the goal is reached")
+    assert arm.notices[-1] == GoalEnded(4, GoalOutcome.REACHED, message("goal_reached"))
     assert str(arm.notices[-1]) == "Motion 4: the goal is reached."  # in the log
     assert_smooth(arm.arm.cycles[first:])
 

@@ -10,6 +10,7 @@ from sys import getrefcount
 import pytest
 from trajectory_arms import NAME, SIDE, TrajectoryArm, perfect_arm, virtual_arm
 
+from refusals import assert_says, refused
 from trajectories import REST, dual_arm_trajectory, moved, planned, swing
 from yumi.control.controllers.joint_trajectory import (
     UNLIMITED,
@@ -92,8 +93,8 @@ def test_way_outside_of_the_path_tolerance_ends_the_motion(arm: TrajectoryArm) -
     arm.follow(swing(HOME, 1.0, 1.5), tolerances=CLOSE)
     end = arm.end()
     assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.PATH_TOLERANCE_VIOLATED)
-    assert end.sentence.startswith("yumi_joint_6_l was ")
-    assert end.sentence.endswith("; its path tolerance is 0.50°.")
+    assert_says(end.said, "joint_off_trajectory", joint="yumi_joint_6_l", tolerance=radians(0.5))
+    assert abs(end.said.values["distance"]) > radians(0.5)
 
 
 def test_path_velocity_tolerance_bites(arm: TrajectoryArm) -> None:
@@ -101,7 +102,7 @@ def test_path_velocity_tolerance_bites(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 1.0, 1.5), tolerances=Tolerances(path_velocity=joints([0.01] * 7)))
     end = arm.end()
     assert end.code == ResultCode.PATH_TOLERANCE_VIOLATED
-    assert "rad/s off the planned speed at" in end.sentence
+    assert_says(end.said, "joint_off_speed", tolerance=0.01)
 
 
 def test_goal_that_is_not_reached_in_time_ends_the_motion() -> None:
@@ -110,7 +111,8 @@ def test_goal_that_is_not_reached_in_time_ends_the_motion() -> None:
     arm.follow(swing(HOME, 0.3333, 1.0))
     end = arm.end(3.0)
     assert (end.outcome, end.code) == (Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED)
-    assert "from the goal 0.20 s after the end of the trajectory; its goal tolerance is 0.00°." in end.sentence
+    assert_says(end.said, "joint_off_goal", joint=joint_names(SIDE)[6], tolerance=1e-15)
+    assert end.said.values["late"] == pytest.approx(0.2, abs=0.005)
 
 
 def test_goal_time_of_zero_waits_for_ever() -> None:
@@ -189,7 +191,7 @@ def test_trajectory_may_replace_one_that_is_being_cancelled(arm: TrajectoryArm) 
 )
 def test_tolerance_that_is_no_number_is_refused(tolerances: Tolerances) -> None:
     arm = perfect_arm()
-    with pytest.raises(TrajectoryRefused, match="a tolerance is nan; give a number, 0 for the controller's own"):
+    with refused(TrajectoryRefused, "tolerance_not_a_number"):
         arm.follow(swing(HOME, 1.0, 2.0), tolerances=tolerances)
 
 
@@ -249,15 +251,17 @@ def test_stamp_that_is_partly_past_is_caught_up_with_without_a_step(arm: Traject
 
 
 def test_stamp_that_is_wholly_past_is_refused(arm: TrajectoryArm) -> None:
-    with pytest.raises(TrajectoryRefused, match=r"it ended 0\.500 s ago; send it before its end") as caught:
+    with refused(TrajectoryRefused, "trajectory_is_over") as caught:
         arm.follow(swing(HOME, 0.5, 1.0, start=arm.now - 1.5))
+    assert caught.value.said.values["late"] == pytest.approx(0.5, abs=5e-4)
     assert caught.value.code == ResultCode.OLD_HEADER_TIMESTAMP
 
 
 def test_refused_trajectory_does_not_disturb_the_motion(arm: TrajectoryArm) -> None:
     arm.follow(swing(HOME, 0.5, 1.0), tolerances=CLOSE)
     arm.run(0.4)
-    with pytest.raises(TrajectoryRefused, match="its first point, due at 0 s, has yumi_joint_6_l at 57"):
+    place = {"time": 0.0, "joint": "yumi_joint_6_l", "first": HOME[6] + 1.0}
+    with refused(TrajectoryRefused, "trajectory_begins_elsewhere", **place):
         arm.follow(swing(moved(HOME, 1.0), 0.5, 1.0), goal=2)
     assert (arm.end().goal, arm.ended[0].outcome) == (1, Outcome.SUCCEEDED)
 
@@ -265,14 +269,15 @@ def test_refused_trajectory_does_not_disturb_the_motion(arm: TrajectoryArm) -> N
 def test_plan_for_the_other_arm_is_refused(arm: TrajectoryArm) -> None:
     other = JointTrajectory(joint_names(Side.RIGHT), (TrajectoryPoint(1.0, home(Side.RIGHT)),))
     plan = plan_trajectory(other, (Side.RIGHT,), YUMI_LIMITS)[Side.RIGHT]
-    with pytest.raises(TrajectoryRefused, match="it is planned for the right arm; this controller moves the left one"):
+    with refused(TrajectoryRefused, "trajectory_of_other_arm", arm="right", own_arm="left"):
         arm.follow(plan)
 
 
 def test_orders_it_does_not_know_are_refused(arm: TrajectoryArm) -> None:
-    with pytest.raises(CommandRefused, match=r"JointTrajectoryController takes no str\."):
+    kind = "joint_trajectory_controller/JointTrajectoryController"
+    with refused(CommandRefused, "command_of_other_controller", type=kind, command="str"):
         arm.order("home")
-    with pytest.raises(CommandRefused, match=r"the factor is 1\.5; allowed is 0 to 1\."):
+    with refused(CommandRefused, "speed_scale_out_of_range", factor=1.5):
         arm.order(ScaleSpeed(1.5))
 
 
@@ -282,7 +287,7 @@ def test_deactivated_controller_ends_its_motion(arm: TrajectoryArm) -> None:
     arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
     end = arm.end(0.1)
     assert (end.outcome, end.code) == INVALID
-    assert end.sentence == "The controller was deactivated; the arm holds."
+    assert_says(end.said, "controller_deactivated")
 
 
 def test_controller_that_is_activated_again_holds(arm: TrajectoryArm) -> None:
@@ -299,7 +304,7 @@ def test_controller_that_takes_over_a_moving_arm_takes_no_trajectory_until_it_st
     arm.run(1.0)
     arm.loop.manager.switch((), (NAME,), arm.loop.line.state)
     arm.loop.manager.switch((NAME,), (), arm.loop.line.state)
-    with pytest.raises(TrajectoryRefused, match="the arm still moves from before this controller was activated; wait"):
+    with refused(TrajectoryRefused, "trajectory_while_arm_moves"):
         arm.follow(planned([TrajectoryPoint(1.0, HOME, REST)]), goal=2)
     arm.run(0.5)
     arm.follow(planned([TrajectoryPoint(2.0, HOME, REST)]), goal=2)
@@ -331,9 +336,7 @@ def only_axis(index: int, to: float, seconds: float, arm: TrajectoryArm) -> Foll
 
 def test_joints_that_a_goal_leaves_out_hold_where_that_is_allowed(arm: TrajectoryArm) -> None:
     order = only_axis(6, HOME[6] + 0.5, 1.0, arm)
-    with pytest.raises(
-        TrajectoryRefused, match=r"it leaves out yumi_joint_1_l, .*; name all joints, or set .* to true"
-    ):
+    with refused(TrajectoryRefused, "trajectory_is_partial", missing=joint_names(SIDE)[:6]):
         arm.order(order)
     arm.set({"allow_partial_joints_goal": True})
     arm.order(order)

@@ -160,8 +160,7 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
         (
             [NAMES[1]],
             [-130.0],
-            "yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees: joint_commands takes "
-            "radians.",
+            "yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; give radians.",
         ),
     ],
 )
@@ -300,7 +299,7 @@ def test_forward_topic_passes_seven_speeds_on(node: Node, buffers: Boxes) -> Non
             GoalKind.FORWARD_POSITION,
             {"mine"},
             [0.0, -130.0, -135.0, 30.0, 0.0, 40.0, 0.0],
-            "Goal refused: yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees: ",
+            "Goal refused: yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; give",
         ),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [0.0] * 14, "Speed refused: it has 14 values; an arm has 7 joints."),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [inf] * 7, "Speed refused: yumi_joint_1_r is inf; a speed is a finite"),

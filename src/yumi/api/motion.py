@@ -966,7 +966,7 @@ def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Jo
             f"{', '.join(joint_names(side))}."
         )
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
-        check_position(name, index, value, "use yumi.degrees(...)")
+        check_position(name, index, value)
     return joints(values)
 
 

@@ -49,6 +49,7 @@ class Action(Enum):
     RELEASE_STOP = "release_stop"
     RETREAT = "retreat"
     SWITCH = "switch"
+    GIVE_RADIANS = "give_radians"
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,9 +211,9 @@ def _actions(said: Message) -> Iterator[Action]:
 class _Words(Formatter):
     """Fills the fields of a text.
 
-    Formats beside Python's own: ``.1°`` degrees of rad, ``.0mm``, ``.0ms``, ``quoted``, ``cut``, ``list`` (a, b, c),
-    ``or`` (a, b or c), and for messages ``sentence``, ``remedy`` and ``full`` (what happened, and what to do, within a
-    sentence); without one a message is its clause.
+    Formats beside Python's own: ``.1°`` degrees of rad, ``.0mm``, ``.0ms``, ``quoted``, ``cut``, ``list`` (a, b, c, or
+    none), ``or`` (a, b or c), ``and``, and for messages ``sentence``, ``remedy`` and ``full`` (what happened, and what
+    to do, within a sentence); without one a message is its clause.
     """
 
     def __init__(self, said: Message, front_end: FrontEnd) -> None:
@@ -247,7 +248,9 @@ class _Words(Formatter):
     def _list(self, values: Sequence[Any], format_spec: str) -> str:
         is_list = format_spec in {"list", "or", "and"}
         texts = [self.format_field(each, "" if is_list else format_spec) for each in values]
-        if format_spec in {"or", "and"} and texts:
+        if is_list and not texts:
+            return "none"
+        if format_spec in {"or", "and"}:
             return enumerated(texts, format_spec)
         if format_spec == "sentence":
             return " ".join(texts)

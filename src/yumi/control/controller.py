@@ -14,10 +14,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, IntFlag
-from math import degrees, inf, isfinite, isnan, nan, pi, radians, sqrt
+from math import inf, isfinite, isnan, nan, pi, radians, sqrt
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
-from yumi.catalogue import cut, quoted
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ArmCommand, ArmState, Joints
 from yumi.settings import Parameter, Value, Values, texts
@@ -88,25 +88,25 @@ class Controller(ABC):
         """
         return None
 
-    def check(self, message: object, state: ArmState | None) -> None:
-        """Whether :meth:`receive` would take ``message`` now; changes nothing.
+    def check(self, command: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would take ``command`` now; changes nothing.
 
         Raises:
             CommandRefused: it would not, and why.
         """
-        raise CommandRefused(f"A controller of type {self.kind} takes no commands.")
+        raise CommandRefused(message("controller_takes_no_commands", type=self.kind))
 
-    def receive(self, message: object, state: ArmState | None) -> None:
+    def receive(self, command: object, state: ArmState | None) -> None:
         """Take a command between two cycles: a trajectory, a cancel. Only while active.
 
         Args:
-            message: a picklable value the controller knows.
+            command: a picklable value the controller knows.
             state: the arm's newest state; None while it is not heard.
 
         Raises:
             CommandRefused: it breaks a rule; nothing was changed.
         """
-        self.check(message, state)
+        self.check(command, state)
 
     def note_withheld(self, position: Joints) -> None:
         """The limiter holds the arm at ``position`` [rad], (7,), short of what is commanded.
@@ -286,10 +286,16 @@ def check_joints(values: Values, joint_names: Sequence[str], *, in_order: bool) 
     given = texts(values, "joints")
     if given == tuple(joint_names) or (not in_order and sorted(given) == sorted(joint_names)):
         return
-    order = " in this order: commands come by index" if in_order else ", in any order"
     foreign = next((name for name in given if name not in joint_names), None)
-    reason = f"{quoted(foreign)} is not a joint of this arm" if foreign else f"it is {cut(', '.join(given))}"
-    raise CommandRefused(f"Parameter 'joints': {reason}; name {', '.join(joint_names)}{order}.")
+    if foreign is not None:
+        raise CommandRefused(message("parameter_joint_foreign", joint=foreign, joints=tuple(joint_names)))
+    raise CommandRefused(
+        message(
+            "parameter_joints_out_of_order" if in_order else "parameter_joints_incomplete",
+            given=", ".join(given),
+            joints=tuple(joint_names),
+        )
+    )
 
 
 # ---- goals in buffers
@@ -404,26 +410,30 @@ class GoalInbox:
         return goal._replace(time=now)
 
 
-def check_position(name: str, index: int, position: float, advice: str = "positions are in radians") -> None:
+def check_position(name: str, index: int, position: float) -> None:
     """Refuse a position that a joint cannot have.
 
     Args:
         name: the joint's, for the refusal.
         index: its place in the chain.
         position: [rad].
-        advice: what to do about a value that looks like degrees.
 
     Raises:
         CommandRefused: it is no finite number, or out of the joint's range.
     """
     if not isfinite(position):
-        raise CommandRefused(f"Goal refused: {name} is {position}; a position is a finite number of radians.")
-    if YUMI_LIMITS.lower[index] <= position <= YUMI_LIMITS.upper[index]:
-        return
-    refusal = f"Goal refused: {name} is {degrees(position):.1f}°; its range is {YUMI_LIMITS.range_deg(index)}"
-    if looks_like_degrees(index, position):
-        refusal += f"; {position:g} looks like degrees: {advice}"
-    raise CommandRefused(f"{refusal}.")
+        raise CommandRefused(message("goal_joint_not_finite", joint=name, value=str(position)))
+    lower, upper = YUMI_LIMITS.lower[index], YUMI_LIMITS.upper[index]
+    if not lower <= position <= upper:
+        raise CommandRefused(
+            message(
+                "goal_joint_in_degrees" if looks_like_degrees(index, position) else "goal_joint_out_of_range",
+                joint=name,
+                position=position,
+                lower=lower,
+                upper=upper,
+            )
+        )
 
 
 def looks_like_degrees(index: int, position: float) -> bool:

@@ -19,7 +19,7 @@ from math import inf
 from operator import or_
 from sys import intern
 
-from yumi.catalogue import message, quoted, said_by
+from yumi.catalogue import Message, message, said_by
 from yumi.control.controller import (
     BEGIN,
     DECODE,
@@ -98,10 +98,9 @@ class HardwareComponent:
             CommandRefused: it may not.
         """
         if state not in _ALLOWED:
-            choices = ", ".join(choice.value for choice in _ALLOWED)
+            choices = tuple(choice.value for choice in _ALLOWED)
             raise CommandRefused(
-                f"Hardware component {self.name!r} cannot become {state.value} while the driver runs; "
-                f"choose from: {choices}."
+                message("hardware_state_not_allowed", component=self.name, state=state.value, allowed=choices)
             )
 
     def check_interfaces(self, controller: str, required: Sequence[str], required_state: Sequence[str]) -> None:
@@ -113,13 +112,16 @@ class HardwareComponent:
         for interface in (*required, *required_state):
             if interface not in self.interfaces:
                 raise CommandRefused(
-                    f"Controller {controller!r} needs {interface}, which this arm does not have; "
-                    f"it has: {', '.join(self.interfaces)}."
+                    message(
+                        "interface_missing",
+                        controller=controller,
+                        interface=interface,
+                        interfaces=tuple(self.interfaces),
+                    )
                 )
         if not self.is_available or (required and self.state is not State.ACTIVE):
             raise CommandRefused(
-                f"Controller {controller!r} cannot start: hardware component {self.name!r} is {self.state.value}; "
-                "make it active first."
+                message("hardware_not_active", controller=controller, component=self.name, state=self.state.value)
             )
 
     def note(self, session: int, now: float, marks: Sequence[float]) -> None:
@@ -205,7 +207,7 @@ class LoadedController:
         for interfaces in (required, required_state):
             twice = next((name for name in interfaces if interfaces.count(name) > 1), None)
             if twice:
-                raise CommandRefused(f"Controller {self.name!r} names interface {twice} twice; name each one once.")
+                raise CommandRefused(message("interface_named_twice", controller=self.name, interface=twice))
         self.required, self.required_state, self._values = required, required_state, complete
         self.state = State.INACTIVE
 
@@ -252,22 +254,25 @@ class LoadedController:
             CommandRefused: it may not; the sentence says what it may.
         """
         if (self.state, transition) not in TRANSITIONS:
-            choices = ", ".join(choice.value for choice in allowed(self.state)) or "nothing"
             raise CommandRefused(
-                f"Controller {self.name!r} is {self.state.value} and cannot {transition.value}; it can {choices}."
+                message(
+                    "transition_not_allowed",
+                    controller=self.name,
+                    state=self.state.value,
+                    transition=transition.value,
+                    allowed=tuple(choice.value for choice in allowed(self.state)),
+                )
             )
 
-    def check_command(self, message: object, state: ArmState | None) -> None:
+    def check_command(self, command: object, state: ArmState | None) -> None:
         """Whether it would take a command now.
 
         Raises:
             CommandRefused: it is not active, or it refuses.
         """
         if self.state is not State.ACTIVE:
-            raise CommandRefused(
-                f"Controller {self.name!r} is {self.state.value} and takes no commands; activate it first."
-            )
-        self.controller.check(message, state)
+            raise CommandRefused(message("controller_not_active", controller=self.name, state=self.state.value))
+        self.controller.check(command, state)
 
     def parameters(self) -> tuple[ParameterInfo, ...]:
         """What can be set and what is set."""
@@ -290,20 +295,26 @@ class LoadedController:
         for key, value in values.items():
             parameter = find_parameter(self._parameters.values(), key)
             if parameter is None:
-                known = ", ".join(each.name for each in self._parameters.values() if not each.fixed) or "none"
-                raise CommandRefused(f"Controller {self.name!r} has no parameter {quoted(key)}; it has: {known}.")
+                known = tuple(each.name for each in self._parameters.values() if not each.fixed)
+                raise CommandRefused(
+                    message("controller_parameter_unknown", controller=self.name, parameter=key, parameters=known)
+                )
             if parameter.fixed:
                 continue
             try:
                 accepted = parameter.accept(value)
             except CommandRefused as refusal:
                 raise CommandRefused(
-                    message("controller_parameter_refused", controller=self.name, reason=said_by(refusal))
+                    message("controller_parameter_refused", controller=self.name, parameter=key, reason=refusal.said)
                 ) from refusal
             if is_settled and parameter.read_only and accepted != self._values[key]:
                 raise CommandRefused(
-                    f"Parameter {key!r} of controller {self.name!r} is settled while it is {self.state.value}; "
-                    "clean the controller up to change it."
+                    message(
+                        "controller_parameter_settled",
+                        controller=self.name,
+                        parameter=key,
+                        state=self.state.value,
+                    )
                 )
             complete[key] = accepted
         return complete
@@ -374,11 +385,6 @@ def _gathered(values: Sequence[Joints], owners: tuple[int, ...]) -> Joints:
     return joints([values[owner][joint] for joint, owner in enumerate(owners)])
 
 
-NOTHING_TO_SWITCH = "After checking the controllers, no controllers need to be activated or deactivated."
-SWITCHED = "Successfully switched controllers!"
-"""In the words that clients of ros2_control know."""
-
-
 @dataclass(frozen=True, slots=True)
 class Switch:
     """What is done in one step, in this order.
@@ -391,14 +397,13 @@ class Switch:
 
     deactivate: tuple[LoadedController, ...]
     activate: tuple[LoadedController, ...]
-    left_out: tuple[str, ...] = ()
+    left_out: tuple[Message, ...] = ()
 
     @property
-    def sentence(self) -> str:
-        """What was done, once it is done."""
-        if not self.deactivate and not self.activate:
-            return " ".join((NOTHING_TO_SWITCH, *self.left_out))
-        return " ".join((SWITCHED, *self.left_out))
+    def sentences(self) -> str:
+        """What was done, once it is done: first in the words that clients of ros2_control know."""
+        done = message("switched" if self.deactivate or self.activate else "nothing_to_switch")
+        return " ".join(map(str, (done, *self.left_out)))
 
 
 def plan_switch(
@@ -424,7 +429,7 @@ def plan_switch(
     stopping = chooser.chosen(deactivate, Transition.DEACTIVATE, ())
     starting = chooser.chosen(activate, Transition.ACTIVATE, stopping)
     if not stopping and not starting and chooser.known == 0 and chooser.left_out:
-        raise CommandRefused(" ".join(chooser.left_out))
+        raise CommandRefused(message("switch_without_effect", reasons=tuple(chooser.left_out)))
     for controller in starting:
         component.check_interfaces(controller.name, controller.required, controller.required_state)
     staying = [each for each in loaded.values() if each.state is State.ACTIVE and each not in stopping]
@@ -433,8 +438,12 @@ def plan_switch(
         for interface in controller.required:
             if interface in owners:
                 raise CommandRefused(
-                    f"Controller {controller.name!r} needs {interface}, which {owners[interface]!r} has claimed; "
-                    f"deactivate {owners[interface]!r} in the same switch."
+                    message(
+                        "interface_claimed",
+                        controller=controller.name,
+                        interface=interface,
+                        owner=owners[interface],
+                    )
                 )
             owners[interface] = controller.name
     return Switch(stopping, starting, tuple(chooser.left_out))
@@ -444,7 +453,7 @@ class _Chooser:
     """Goes through the names of a switch; what cannot be done is left out or refused."""
 
     def __init__(self, loaded: Mapping[str, LoadedController], strictness: Strictness) -> None:
-        self.left_out: list[str] = []
+        self.left_out: list[Message] = []
         self.known = 0
         self._loaded = loaded
         self._is_strict = strictness is Strictness.STRICT
@@ -463,7 +472,7 @@ class _Chooser:
             except CommandRefused as refusal:
                 if self._is_strict:
                     raise
-                self.left_out.append(str(refusal))
+                self.left_out.append(refusal.said)
             else:
                 controllers.append(controller)
         return tuple(controllers)
@@ -476,7 +485,7 @@ def find(loaded: Mapping[str, LoadedController], name: str) -> LoadedController:
         CommandRefused: there is none; the sentence lists those there are.
     """
     if name not in loaded:
-        raise CommandRefused(f"There is no controller {quoted(name)}; loaded are: {', '.join(loaded) or 'none'}.")
+        raise CommandRefused(message("controller_unknown", controller=name, loaded=tuple(loaded)))
     return loaded[name]
 
 
@@ -490,7 +499,7 @@ class ControllerManager:
     """Owns the controllers of one arm.
 
     Attributes:
-        failures: sentences about controllers that failed; the reader removes them.
+        failures: which controllers failed, and how; the reader removes them.
         activation: number of the newest activation of a controller that commands; a later one has a higher number.
         activity: counts every change of what is loaded and in which state it is.
         goal_kind: which goals those controllers take that command the arm.
@@ -512,7 +521,7 @@ class ControllerManager:
         now: Callable[[], float] = lambda: 0.0,
         activity: int = 0,
     ) -> None:
-        self.failures: list[str] = []
+        self.failures: list[Message] = []
         self.activation = 0
         self.activity = activity
         self._joint_names = joint_names
@@ -546,11 +555,10 @@ class ControllerManager:
         """
         self._check_name(name)
         if kind not in self._kinds:
-            known = ", ".join(self._kinds) or "none"
             raise CommandRefused(
-                f"Controller {quoted(name)} cannot be loaded: type {quoted(kind)} is not known; known are: {known}."
+                message("controller_type_unknown", controller=name, type=kind, types=tuple(self._kinds))
             )
-        with _refusing(name, "loaded"):
+        with _refusing(name, "load"):
             loaded = LoadedController(name, self._kinds[kind](name), self._joint_names)
             loaded.set_parameters(values or {})
         self._loaded[name] = loaded
@@ -564,8 +572,8 @@ class ControllerManager:
         """
         loaded = find(self._loaded, name)
         if loaded.state is State.ACTIVE:
-            raise CommandRefused(f"Controller {name!r} is active and cannot be unloaded; deactivate it first.")
-        with _refusing(name, "unloaded"):
+            raise CommandRefused(message("controller_still_active", controller=name))
+        with _refusing(name, "unload"):
             loaded.clean_up()
         del self._loaded[name]
         self._note_change()
@@ -577,7 +585,7 @@ class ControllerManager:
             CommandRefused: no such controller, wrong state, unknown parameter or value not allowed.
         """
         try:
-            with _refusing(name, "configured"):
+            with _refusing(name, "configure"):
                 find(self._loaded, name).configure(values)
         finally:
             self._note_change()
@@ -588,7 +596,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, or it is active.
         """
-        with _refusing(name, "cleaned up"):
+        with _refusing(name, "cleanup"):
             find(self._loaded, name).clean_up()
         self._note_change()
 
@@ -598,7 +606,7 @@ class ControllerManager:
         Raises:
             CommandRefused: no such controller, unknown parameter or value out of range; nothing was changed.
         """
-        with _refusing(name, "given parameters"):
+        with _refusing(name, "set_parameters"):
             find(self._loaded, name).set_parameters(values)
 
     def parameters(self, name: str) -> tuple[ParameterInfo, ...]:
@@ -616,7 +624,7 @@ class ControllerManager:
         state: ArmState | None,
         strictness: Strictness = Strictness.STRICT,
     ) -> str:
-        """Deactivate and activate controllers as one step, or change nothing at all; a sentence says what was done.
+        """Deactivate and activate controllers as one step, or change nothing at all; says in sentences what was done.
 
         Args:
             activate: names of inactive controllers, or of active ones that are deactivated, too: they begin anew.
@@ -632,16 +640,14 @@ class ControllerManager:
         if state is None or not state.is_running:
             needy = next((loaded.name for loaded in switch.activate if loaded.controller.is_command), None)
             if needy:
-                raise CommandRefused(
-                    f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first."
-                )
+                raise CommandRefused(message("controller_without_egm", controller=needy))
         begin = state or _NOWHERE
         self._deactivate(switch.deactivate)
         try:
             self._activate(switch, begin, strictness)
         finally:
             self._note_change()
-        return switch.sentence
+        return switch.sentences
 
     def deactivate_commanding(self) -> tuple[str, ...]:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
@@ -658,9 +664,7 @@ class ControllerManager:
             CommandRefused: no such component, or a state it cannot have; nothing was changed.
         """
         if name != self._component.name:
-            raise CommandRefused(
-                f"There is no hardware component {quoted(name)}; this arm has: {self._component.name}."
-            )
+            raise CommandRefused(message("hardware_unknown", component=name, own_component=self._component.name))
         self._component.check_state(state)
         if state is not State.ACTIVE:
             leaving = self._active if state is State.UNCONFIGURED else self._commanding
@@ -669,27 +673,27 @@ class ControllerManager:
         self._note_change()
         return self.hardware()
 
-    def check(self, name: str, message: object, state: ArmState | None) -> None:
-        """Whether :meth:`receive` would have a controller take ``message``; changes nothing.
+    def check(self, name: str, command: object, state: ArmState | None) -> None:
+        """Whether :meth:`receive` would have a controller take ``command``; changes nothing.
 
         Raises:
             CommandRefused: it would not, and why.
         """
-        find(self._loaded, name).check_command(message, state)
+        find(self._loaded, name).check_command(command, state)
 
-    def receive(self, name: str, message: object, state: ArmState | None) -> None:
+    def receive(self, name: str, command: object, state: ArmState | None) -> None:
         """Have an active controller take a command.
 
         Args:
             name: the controller.
-            message: a value it knows.
+            command: a value it knows.
             state: the arm's newest state; None while it is not heard.
 
         Raises:
             CommandRefused: no such controller, not active, or it refuses the command; nothing was changed.
         """
-        self.check(name, message, state)
-        self._loaded[name].controller.receive(message, state)
+        self.check(name, command, state)
+        self._loaded[name].controller.receive(command, state)
 
     def update(self, state: ArmState) -> ArmCommand | None:
         """What the active controllers want; None holds. Never raises: who fails is deactivated."""
@@ -772,11 +776,9 @@ class ControllerManager:
 
     def _check_name(self, name: str) -> None:
         if name in self._loaded:
-            raise CommandRefused(f"Controller {name!r} is loaded already; unload it first or choose another name.")
+            raise CommandRefused(message("controller_loaded_already", controller=name))
         if not _NAME.fullmatch(name):
-            raise CommandRefused(
-                f"Controller name {quoted(name)} cannot be the name of a node; use letters, digits and underscores."
-            )
+            raise CommandRefused(message("controller_name_not_allowed", controller=name))
 
     def _activate(self, switch: Switch, begin: ArmState, strictness: Strictness) -> None:
         """A strict switch in which one controller cannot begin leaves none of its controllers active."""
@@ -786,7 +788,7 @@ class ControllerManager:
             try:
                 loaded.activate(begin)
             except Exception as error:
-                failures.append(f"Controller {loaded.name!r} could not be activated: {_words(error)}.")
+                failures.append(_raised(loaded.name, "activate", error))
                 if strictness is Strictness.STRICT:
                     self._deactivate(begun)
                     break
@@ -795,8 +797,8 @@ class ControllerManager:
                 if loaded.controller.is_command:  # one that only watches ends no goal
                     self.activation = self.activity + 1
         if failures:
-            active = ", ".join(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
-            raise SwitchFailed(f"{' '.join(failures)} Active now: {active or 'none'}.")
+            active = tuple(loaded.name for loaded in self._loaded.values() if loaded.state is State.ACTIVE)
+            raise SwitchFailed(message("switch_failed", failures=tuple(failures), active=active))
 
     def _deactivate(self, leaving: Iterable[LoadedController]) -> None:
         """Whatever a controller does on its way out, it is inactive then."""
@@ -805,16 +807,20 @@ class ControllerManager:
                 loaded.deactivate()
                 self._reports += [(loaded.name, report) for report in loaded.controller.take_reports()]
             except Exception as error:
-                self.failures.append(f"Controller {loaded.name!r} failed while it was deactivated: {_words(error)}.")
+                self.failures.append(_raised(loaded.name, "deactivate", error))
 
     def _fail(self, failed: LoadedController, error: Exception) -> None:
         """Who made one command together goes together: what is left of it means nothing."""
         is_commanding = failed in self._commanding
         leaving = self._commanding if is_commanding else (failed,)
-        others = [repr(loaded.name) for loaded in leaving if loaded is not failed]
-        went = f"it and {', '.join(others)} were" if others else "it was"
-        consequence = f"{went} deactivated{' and the arm holds' if is_commanding else ''}."
-        self.failures.append(f"Controller {failed.name!r} failed with {_words(error)}; {consequence}")
+        others = tuple(loaded.name for loaded in leaving if loaded is not failed)
+        values = {"controller": failed.name, "type": type(error).__name__, "error": said_by(error)}
+        if others:
+            self.failures.append(message("commanding_controllers_failed", others=others, **values))
+        else:
+            self.failures.append(
+                message("commanding_controller_failed" if is_commanding else "watching_controller_failed", **values)
+            )
         self._deactivate(leaving)
         self._note_change()
 
@@ -847,16 +853,16 @@ def _hold(state: ArmState) -> ArmCommand | None:
     return None
 
 
-def _words(error: Exception) -> str:
-    return f"{type(error).__name__}: {error}"
+def _raised(name: str, call: str, error: Exception) -> Message:
+    return message("controller_raised", controller=name, call=call, type=type(error).__name__, error=said_by(error))
 
 
 @contextmanager
-def _refusing(name: str, done: str) -> Iterator[None]:
+def _refusing(name: str, call: str) -> Iterator[None]:
     """Whatever else a controller raises when it is called is a refusal with its name."""
     try:
         yield
     except CommandRefused:
         raise
     except Exception as error:
-        raise CommandRefused(f"Controller {name!r} could not be {done}: {_words(error)}.") from error
+        raise CommandRefused(_raised(name, call, error)) from error

@@ -344,7 +344,7 @@ class ArmLoop:
         elif was_running and not state.is_running:
             self._events.append(RobotStoppedFollowing(self._side, self.manager.deactivate_commanding()))
         while self.manager.failures:
-            self._events.append(ControllerFailed(self._side, message("text", text=self.manager.failures.pop(0))))
+            self._events.append(ControllerFailed(self._side, self.manager.failures.pop(0)))
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""

@@ -29,6 +29,7 @@ from typing import Any, NamedTuple, cast
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 
@@ -431,8 +432,12 @@ def travel(start: Setpoint, goal: Joints, limits: JointLimits) -> PointMotion:
         highest = max(limits.upper[index], start.position[index]) + _RANGE_ROUNDING
         if not all(lowest <= turn <= highest for turn in _turning_points(profile)):
             raise CommandRefused(
-                f"Goal refused: axis {CHAIN_AXES[index]} is too fast to turn round within its range "
-                f"({limits.range_deg(index)}) at this acceleration; ask for a higher one or let the arm stop first."
+                message(
+                    "goal_turn_too_fast",
+                    axis=CHAIN_AXES[index],
+                    lower=limits.lower[index],
+                    upper=limits.upper[index],
+                )
             )
     return PointMotion(trajectory, goal)
 
@@ -446,10 +451,8 @@ def stop(start: Setpoint, limits: JointLimits) -> PointMotion:
 def _checked(plan: InputParameter) -> Trajectory:
     trajectory = _calculate(plan)
     if not isinstance(trajectory, Trajectory):
-        raise CommandRefused(
-            f"Goal refused: no motion within the limits leads there from {plan.current_position} rad ({trajectory}); "
-            "let the arm come to rest first."
-        )
+        start = tuple(map(float, plan.current_position))
+        raise CommandRefused(message("goal_without_motion", start=start, result=str(trajectory)))
     return trajectory
 
 

@@ -34,13 +34,14 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
-from math import degrees, fsum, hypot, inf, isfinite, pi, tau
+from math import fsum, hypot, inf, isfinite, pi, tau
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from ruckig import InputParameter, Result, Ruckig, Trajectory
 
+from yumi.catalogue import Message, message
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable
@@ -136,10 +137,12 @@ class ToolLimited(NamedTuple):
     wall: str
 
     def __str__(self) -> str:
-        return (
-            f"The tool is held by the wall {self.wall!r} of tool_limits; lead it away from there, or move the wall in "
-            "yumi.yaml."
-        )
+        return str(self.said)
+
+    @property
+    def said(self) -> Message:
+        """The report for a person."""
+        return message("tool_held_by_wall", wall=self.wall)
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,11 +233,11 @@ def _check_request(
     waypoints: Sequence[Waypoint], speed: float, turning: float, zone: float, acceleration: float
 ) -> None:
     if not waypoints:
-        raise CommandRefused("Path refused: it has no poses; give at least one.")
+        raise CommandRefused(message("path_without_poses"))
     for number, waypoint in enumerate(waypoints, 1):
         checked_pose(waypoint.tool, f"pose {number}")
         if waypoint.angle is not None and not isfinite(waypoint.angle):
-            raise CommandRefused(f"Path refused: the arm angle of pose {number} is {waypoint.angle}; give radians.")
+            raise CommandRefused(message("path_angle_not_finite", pose=number, angle=str(waypoint.angle)))
     for name, value, lowest, highest, unit in (
         ("speed", speed, 1e-4, FASTEST, "m/s"),
         ("turning speed", turning, 1e-3, 2.0 * pi, "rad/s"),
@@ -242,7 +245,9 @@ def _check_request(
         ("acceleration", acceleration, 0.01, 1.0, "of the highest"),
     ):
         if not lowest <= value <= highest:
-            raise CommandRefused(f"Path refused: {name} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}.")
+            raise CommandRefused(
+                message("path_value_out_of_range", name=name, value=value, lowest=lowest, highest=highest, unit=unit)
+            )
 
 
 def _check_walls(waypoints: Sequence[Waypoint], within: ToolLimits) -> None:
@@ -255,10 +260,7 @@ def _check_walls(waypoints: Sequence[Waypoint], within: ToolLimits) -> None:
         for number, (before, after) in enumerate(pairwise(places), 1):
             beyond = -wall.distance(after)
             if beyond > max(0.0, -wall.distance(before)) + _AT_WALL:
-                raise CommandRefused(
-                    f"Path refused: pose {number} is {beyond * 1e3:.0f} mm beyond the wall {wall.name!r} "
-                    "(tool_limits.walls); choose a pose on its free side, or move the wall in yumi.yaml."
-                )
+                raise CommandRefused(message("path_through_wall", pose=number, distance=beyond, wall=wall.name))
 
 
 def checked_pose(pose: Pose, name: str = "the pose") -> Pose:
@@ -268,14 +270,13 @@ def checked_pose(pose: Pose, name: str = "the pose") -> Pose:
         CommandRefused: a value is not finite, the orientation not a unit quaternion, or the place far away.
     """
     if not all(map(isfinite, (*pose.position, *pose.orientation))):
-        raise CommandRefused(f"Pose refused: {name} has a value that is not finite; give metres and a quaternion.")
-    if hypot(*pose.position) > _FARTHEST:
-        raise CommandRefused(f"Pose refused: {name} is {hypot(*pose.position):g} m away; positions are in metres.")
+        raise CommandRefused(message("pose_not_finite", pose=name))
+    distance = hypot(*pose.position)
+    if distance > _FARTHEST:
+        raise CommandRefused(message("pose_too_far", pose=name, distance=distance, farthest=_FARTHEST))
     length = hypot(*pose.orientation)
     if abs(length - 1.0) > 1e-3:
-        raise CommandRefused(
-            f"Pose refused: the orientation of {name} has length {length:.3f}; give a unit quaternion, w first."
-        )
+        raise CommandRefused(message("pose_not_unit", pose=name, length=length))
     w, x, y, z = pose.orientation
     return Pose(pose.position, (w / length, x / length, y / length, z / length))
 
@@ -487,11 +488,16 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
             continue
         onward = slope if correction == inf else equations.slope(after, slope)
         if correction == inf or len(found) > _MOST_STEPS or (onward[7] < _TURNS_BACK and not is_last):
-            raise _unreachable(side, path, values, "the arm is stretched out there, or has to fold over")
+            raise _unreachable(side, path, values, message("arm_stretched_out"))
         outside = limits.outside(joints(after[:7].tolist()))
         if outside is not None:
-            place, joint = f"{degrees(after[outside]):.1f}°", joint_names(side)[outside]
-            why = f"{joint} would be at {place}, out of its range {limits.range_deg(outside)}"
+            why = message(
+                "joint_leaves_range",
+                joint=joint_names(side)[outside],
+                position=float(after[outside]),
+                lower=limits.lower[outside],
+                upper=limits.upper[outside],
+            )
             raise _unreachable(side, path, after, why)
         values, slope = after, onward
         found.append(values)
@@ -502,13 +508,11 @@ def _followed(side: Side, path: ToolPath, start: Joints, tool: Pose, limits: Joi
     return _Followed(np.array(lengths), np.array(found), np.array(slopes) * unit)
 
 
-def _unreachable(side: Side, path: ToolPath, values: Array, why: str) -> Unreachable:
-    at = path.at(float(values[7]))
-    x, y, z = at.tool.position
+def _unreachable(side: Side, path: ToolPath, values: Array, why: Message) -> Unreachable:
+    parameter = float(values[7])
+    x, y, z = path.at(parameter).tool.position
     return Unreachable(
-        f"Path refused: the {side.word} arm cannot follow it beyond {100.0 * values[7] / path.length:.0f} %, at "
-        f"x {x:.3f}, y {y:.3f}, z {z:.3f} m: {why}. Choose another arm angle, begin in another posture, or take "
-        "another path."
+        message("path_unreachable", arm=side.word, share=parameter / path.length, x=x, y=y, z=z, reason=why)
     )
 
 
@@ -570,7 +574,7 @@ def _timed(way: _Followed, limits: JointLimits, rates: tuple[float, float], scal
         slower = speed / slowing / asked**1.2
         highest = np.where(asked > 1.0, np.minimum(highest, slower), highest)
     else:
-        raise CommandRefused("Path refused: no motion along it keeps the joints' limits; take another path.")
+        raise CommandRefused(message("path_beyond_limits"))
     return values, ticks
 
 
@@ -703,7 +707,7 @@ def fastest_along(path: RoundedPath, limits: MotionLimits, ceiling: Array = _UNL
         if slower <= 1.0:
             return law, positions
         gaps_of_best = gaps_of_best * (slower + 0.001)
-    raise CommandRefused("Nothing was planned: no motion along the path keeps the joints' limits; take another goal.")
+    raise CommandRefused(message("plan_beyond_limits"))
 
 
 def accelerating_law(path: RoundedPath, limits: MotionLimits, share: float, ceiling: Array = _UNLIMITED) -> Array:

@@ -22,12 +22,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from itertools import pairwise
-from math import comb, degrees, inf, isfinite, nan
+from math import comb, inf, isfinite, nan
 from operator import sub
 from pickle import PickleBuffer
 from typing import Any, NamedTuple, SupportsIndex, cast, overload
 
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, message
 from yumi.control.controller import looks_like_degrees
 from yumi.control.motion import Setpoint
 from yumi.errors import TrajectoryRefused
@@ -447,17 +447,15 @@ def time_to_start(points: int) -> float:
     return max(_TOGETHER, points * _HANDING_OVER)
 
 
-def refused(reason: str, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
-    """The error for a trajectory that cannot be followed because of ``reason``."""
-    return TrajectoryRefused(f"Trajectory refused: {reason}", code)
+def refused(said: Message, code: ResultCode = ResultCode.INVALID_GOAL) -> TrajectoryRefused:
+    """The error for a trajectory that cannot be followed."""
+    return TrajectoryRefused(said, code)
 
 
 def check_count(points: int) -> None:
     """Refuse a trajectory of more than :data:`MOST_POINTS` points, before anything is done with them."""
     if points > MOST_POINTS:
-        raise refused(
-            f"it has {points} points; at most {MOST_POINTS} are taken: leave out points, or send it in several goals."
-        )
+        raise refused(message("trajectory_too_long", points=points, most=MOST_POINTS))
 
 
 def plan_trajectory(
@@ -591,59 +589,64 @@ def timed(trajectory: JointTrajectory, frequency: float) -> JointTrajectory:
 
 
 def _check_joints(given: Sequence[str], known: Sequence[str], may_leave_out: bool) -> None:
-    choices = ", ".join(known)
     if not given:
-        raise refused(f"it names no joints; name {choices}.", ResultCode.INVALID_JOINTS)
+        raise refused(message("trajectory_without_joints", joints=tuple(known)), ResultCode.INVALID_JOINTS)
     for number, name in enumerate(given):
         if name in given[:number]:
-            raise refused(f"it names the joint {quoted(name)} twice; name each once.", ResultCode.INVALID_JOINTS)
+            raise refused(message("trajectory_joint_twice", joint=name), ResultCode.INVALID_JOINTS)
         if name not in known:
-            raise refused(
-                f"{quoted(name)} is not a joint of this controller; its joints are {choices}.",
-                ResultCode.INVALID_JOINTS,
-            )
-    missing = [name for name in known if name not in given]
+            said = message("trajectory_joint_unknown", joint=name, joints=tuple(known))
+            raise refused(said, ResultCode.INVALID_JOINTS)
+    missing = tuple(name for name in known if name not in given)
     if missing and not may_leave_out:
-        raise refused(f"it leaves out {', '.join(missing)}; all joints must be named.", ResultCode.INVALID_JOINTS)
+        raise refused(message("trajectory_joints_missing", missing=missing), ResultCode.INVALID_JOINTS)
 
 
 def _check_points(trajectory: JointTrajectory) -> None:
     """Times, counts and numbers, whatever the joints."""
     points, count = trajectory.points, len(trajectory.joint_names)
     if not points:
-        raise refused("it has no points; to stop a motion, cancel its goal.")
+        raise refused(message("trajectory_without_points"))
     if trajectory.start is not None and not isfinite(trajectory.start):
-        raise refused(f"its start is {trajectory.start}; a time is a finite number of seconds.")
+        raise refused(message("trajectory_start_not_finite", start=str(trajectory.start)))
     for number, point in enumerate(points, 1):
-        for reason in _faults(point, count):
-            raise refused(f"point {number} {reason}")
+        fault = _fault(number, point, count)
+        if fault is not None:
+            raise refused(fault)
     if points[0].time < 0.0:
-        raise refused(f"point 1 is due at {points[0].time:g} s; time_from_start is 0 s or later.")
+        raise refused(message("trajectory_begins_too_early", time=points[0].time))
     for number, (before, after) in enumerate(pairwise(points), 2):
         if not after.time - before.time >= _SHORTEST:
             raise refused(
-                f"point {number} is due at {after.time:g} s, not after point {number - 1} at {before.time:g} s; "
-                "the times of the points increase."
+                message(
+                    "trajectory_times_not_increasing",
+                    point=number,
+                    time=after.time,
+                    before=number - 1,
+                    time_before=before.time,
+                )
             )
     if not points[-1].time < _LATEST:
-        raise refused(f"its last point is due at {points[-1].time:g} s; the latest is at {_LATEST:.0f} s.")
+        raise refused(message("trajectory_ends_too_late", time=points[-1].time, latest=_LATEST))
     if any(abs(speed) > _AT_REST for speed in points[-1].velocity):
-        raise refused("its last point has a velocity; a trajectory ends at rest.")
+        raise refused(message("trajectory_ends_in_motion"))
 
 
-def _faults(point: TrajectoryPoint, count: int) -> Iterator[str]:
+def _fault(number: int, point: TrajectoryPoint, count: int) -> Message | None:
+    """The first fault of a point by itself, of which there are many: most have none."""
     if not isfinite(point.time):
-        yield f"is due at {point.time} s; a time is a finite number of seconds."
+        return message("point_time_not_finite", point=number, time=str(point.time))
     if not point.position:
-        yield "has no positions; every point has one for each joint."
+        return message("point_without_positions", point=number)
     if point.acceleration and not point.velocity:
-        yield "has accelerations without velocities; give both or neither."
-    for what, values in zip(("positions", "velocities", "accelerations"), point[1:], strict=True):
+        return message("point_without_velocities", point=number)
+    for quantity, values in zip(("positions", "velocities", "accelerations"), point[1:], strict=True):
         if values and len(values) != count:
-            yield f"has {len(values)} {what} for {count} joints; give one for each joint, or none."
+            return message("point_value_count", point=number, count=len(values), quantity=quantity, joints=count)
         for value in values:
             if not isfinite(value):
-                yield f"has {value} among its {what}; all values are finite numbers."
+                return message("point_value_not_finite", point=number, value=str(value), quantity=quantity)
+    return None
 
 
 def _check_values(points: Sequence[TrajectoryPoint], names: Sequence[str], limits: JointLimits) -> None:
@@ -651,21 +654,33 @@ def _check_values(points: Sequence[TrajectoryPoint], names: Sequence[str], limit
     for number, point in enumerate(points, 1):
         for index, value in enumerate(point.position):
             if not limits.lower[index] <= value <= limits.upper[index]:
-                hint = f"; {value:g} looks like degrees" if looks_like_degrees(index, value) else ""
                 raise refused(
-                    f"point {number} wants {names[index]} at {degrees(value):.1f}°; "
-                    f"its range is {limits.range_deg(index)}{hint}."
+                    message(
+                        "point_in_degrees" if looks_like_degrees(index, value) else "point_out_of_range",
+                        point=number,
+                        joint=names[index],
+                        position=value,
+                        lower=limits.lower[index],
+                        upper=limits.upper[index],
+                    )
                 )
     for number, point in enumerate(points, 1):
-        for values, most, what, unit in (
-            (point.velocity, limits.velocity, "move", "rad/s"),
-            (point.acceleration, limits.acceleration, "accelerate", "rad/s²"),
+        for values, most, quantity, unit in (
+            (point.velocity, limits.velocity, "velocity", "rad/s"),
+            (point.acceleration, limits.acceleration, "acceleration", "rad/s²"),
         ):
             for name, value, limit in zip(names, values, most, strict=False):
                 if not abs(value) <= limit * _ROUNDING:
                     raise refused(
-                        f"point {number} wants {name} to {what} with {value:.4g} {unit}; "
-                        f"its limit is {limit:.2f} {unit}; give it more time."
+                        message(
+                            "point_beyond_limit",
+                            point=number,
+                            joint=name,
+                            quantity=quantity,
+                            value=value,
+                            limit=limit,
+                            unit=unit,
+                        )
                     )
 
 
@@ -692,8 +707,14 @@ def check_motion(segments: Sequence[Segment], names: Sequence[str], limits: Join
                 out = excess(row, length, min(low, start) - _RANGE_ROUNDING, max(high, start) + _RANGE_ROUNDING)
                 if out is not None:
                     raise refused(
-                        f"{names[index]} would be at {degrees(out.value):.1f}° at {segment.begin + out.time:.3f} s, "
-                        f"between two points; its range is {limits.range_deg(index)}."
+                        message(
+                            "trajectory_leaves_range",
+                            joint=names[index],
+                            position=out.value,
+                            time=segment.begin + out.time,
+                            lower=limits.lower[index],
+                            upper=limits.upper[index],
+                        )
                     )
                 velocity = derivative(row)
                 _check_rate("velocity", "rad/s", velocity, speed, names[index], segment)
@@ -707,12 +728,19 @@ def check_lead(lead: Segment, names: Sequence[str], limits: JointLimits) -> None
         _check_rate("jerk", "rad/s³", derivative(derivative(derivative(row))), limit, name, lead)
 
 
-def _check_rate(what: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
+def _check_rate(quantity: str, unit: str, rate: Sequence[float], limit: float, name: str, segment: Segment) -> None:
     out = excess(rate, segment.end - segment.begin, -limit * _ROUNDING, limit * _ROUNDING)
     if out is not None:
         raise refused(
-            f"{name} would have the {what} {out.value:.2f} {unit} at {segment.begin + out.time:.3f} s; "
-            f"its limit is {limit:.2f} {unit}; give it more time."
+            message(
+                "trajectory_beyond_limit",
+                joint=name,
+                quantity=quantity,
+                value=out.value,
+                unit=unit,
+                time=segment.begin + out.time,
+                limit=limit,
+            )
         )
 
 
@@ -746,10 +774,7 @@ def blend(
     """
     spline, names = plan.spline, joint_names(plan.side)
     if now > spline.end:
-        raise refused(
-            f"it ended {now - spline.end:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
-            ResultCode.OLD_HEADER_TIMESTAMP,
-        )
+        raise refused(message("trajectory_is_over", late=now - spline.end), ResultCode.OLD_HEADER_TIMESTAMP)
     is_at_rest = setpoint.velocity is ZERO
     sampler = SplineSampler(spline)
     begin = max(now, 0.0) if is_at_rest else now
@@ -795,7 +820,7 @@ def _joined(spline: Spline, setpoint: Setpoint, begin: float, names: Sequence[st
             refusal = error
             continue
         return Spline(spline.segments.after(lead), spline.last if spline.end > end.time else end)
-    raise refused(f"the arm is too far from it to join it in motion, within {_DURATIONS[-1]:g} s.") from refusal
+    raise refused(message("trajectory_too_far_away", duration=_DURATIONS[-1])) from refusal
 
 
 def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, by_now: Joints, tolerance: float) -> None:
@@ -803,10 +828,14 @@ def _check_begin(plan: ArmPlan, setpoint: Setpoint, begin: float, by_now: Joints
     for index, (first, now, place) in enumerate(zip(plan.first.position, by_now, setpoint.position, strict=True)):
         if min(first, now) - tolerance <= place <= max(first, now) + tolerance:
             continue
-        where = f"{joint_names(plan.side)[index]} at {degrees(first):.1f}°"
-        if begin > plan.first.time:
-            where += f" and moved it to {degrees(now):.1f}° in the {begin - plan.first.time:.3f} s since then"
         raise refused(
-            f"its first point, due at {plan.first.time:g} s, has {where}, while the arm is commanded to be at "
-            f"{degrees(place):.1f}°; begin where the arm is, or give it time to go there."
+            message(
+                "trajectory_is_elsewhere" if begin > plan.first.time else "trajectory_begins_elsewhere",
+                time=plan.first.time,
+                joint=joint_names(plan.side)[index],
+                first=first,
+                now=now,
+                since=begin - plan.first.time,
+                position=place,
+            )
         )

@@ -21,6 +21,7 @@ from typing import NamedTuple, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 
+from yumi.catalogue import Message, message, said_by
 from yumi.egm import egm_pb2 as pb
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints, Pose, Quaternion, Vector
@@ -219,7 +220,6 @@ MOST_NUMBERS = 40
 """Numbers a RAPID program and a sensor may send each other in one datagram (reference/egm.md §1)."""
 
 _DATA = pb.EgmHeader.MSGTYPE_DATA
-_NO_TIME = "EGM feedBack has no time: RobotWare before 6.07, whose joints are radians; RobotWare 6.07 is needed."
 
 _ROBOT_AXES = 6  # in EgmJoints; a seventh travels as the first external one (reference/egm.md §3.2)
 _SEVEN_AXES = 7
@@ -271,9 +271,7 @@ class SensorCodec:
         robot = parse(pb.EgmRobot, datagram)
         header, feedback, planned = robot.header, robot.feedBack, robot.planned
         if header.mtype != _DATA or not header.HasField("seqno"):
-            raise ProtocolError(
-                f"EGM datagram of type {header.mtype}: a robot sends type {_DATA} with a sequence number."
-            )
+            raise ProtocolError(message("datagram_of_wrong_type", type=int(header.mtype), expected=_DATA))
         _check_states(robot)
         axes = self._axes or (_SEVEN_AXES if feedback.externalJoints.joints else _ROBOT_AXES)
         measured, measured_external = _checked_axes(feedback, axes, "feedBack")
@@ -281,7 +279,7 @@ class SensorCodec:
         force, force_control = _read_force(robot)
         measured_time = _read_clock(feedback)
         if measured_time is None:
-            raise ProtocolError(_NO_TIME)
+            raise ProtocolError(message("datagram_without_time"))
         return RobotMessage(
             seqno=header.seqno,
             sent_ms=header.tm,
@@ -377,7 +375,7 @@ class RobotCodec:
         header, planned, speed = sensor.header, sensor.planned, sensor.speedRef
         # The same field numbers have other contents: an offset of the path would be read as the position of axis 1.
         if header.mtype == pb.EgmHeader.MSGTYPE_PATH_CORRECTION:
-            raise ProtocolError(f"EGM datagram of type {header.mtype} corrects a path: references have another type.")
+            raise ProtocolError(message("datagram_corrects_path", type=int(header.mtype)))
         position, external = _read_partial(planned, self._axes)
         velocity, external_velocity = _read_partial(speed, self._axes)
         tool_position, tool_orientation = _read_goal(planned.cartesian)
@@ -400,15 +398,14 @@ class RobotCodec:
         Raises:
             ProtocolError: the datagram is no EgmSensorPathCorr.
         """
-        message = parse(pb.EgmSensorPathCorr, datagram)
-        if message.header.mtype == pb.EgmHeader.MSGTYPE_CORRECTION:
-            kind = message.header.mtype
-            raise ProtocolError(f"EGM datagram of type {kind} has references: corrections of a path have another type.")
-        if not message.pathCorr.HasField("pos"):
-            raise ProtocolError("EGM path correction has no position: a robot that moves on a path needs one.")
-        pos = message.pathCorr.pos
-        seqno = message.header.seqno if message.header.HasField("seqno") else None
-        return PathCorrection(seqno, (pos.x * _M_PER_MM, pos.y * _M_PER_MM, pos.z * _M_PER_MM), message.pathCorr.age)
+        sensor = parse(pb.EgmSensorPathCorr, datagram)
+        if sensor.header.mtype == pb.EgmHeader.MSGTYPE_CORRECTION:
+            raise ProtocolError(message("datagram_has_references", type=int(sensor.header.mtype)))
+        if not sensor.pathCorr.HasField("pos"):
+            raise ProtocolError(message("correction_without_position"))
+        pos = sensor.pathCorr.pos
+        seqno = sensor.header.seqno if sensor.header.HasField("seqno") else None
+        return PathCorrection(seqno, (pos.x * _M_PER_MM, pos.y * _M_PER_MM, pos.z * _M_PER_MM), sensor.pathCorr.age)
 
     def encode(self, message: RobotMessage) -> bytes:
         """The controller's datagram; each field that is None belongs to a newer RobotWare and is left out."""
@@ -480,13 +477,11 @@ class JointCodec:
         header, feedback = robot.header, robot.feedBack
         seqno = header.seqno
         if header.mtype != _DATA or not (seqno or header.HasField("seqno")):
-            raise ProtocolError(
-                f"EGM datagram of type {header.mtype}: a robot sends type {_DATA} with a sequence number."
-            )
+            raise ProtocolError(message("datagram_of_wrong_type", type=int(header.mtype), expected=_DATA))
         clock = feedback.time
         sec, usec = clock.sec, clock.usec
         if not sec and not feedback.HasField("time"):
-            raise ProtocolError(_NO_TIME)
+            raise ProtocolError(message("datagram_without_time"))
         motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
         if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
             _check_states(robot)
@@ -524,7 +519,12 @@ def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
         (a1, a2, a3, a4, a5, a6), a7 = six, extra[0]
     if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
         raise ProtocolError(
-            f"EGM {name} has a joint that no arm has: {[a1, a2, a3, a4, a5, a6]}, {[a7]} are to be finite degrees."
+            message(
+                "datagram_joint_implausible",
+                part=name,
+                joints_deg=tuple(map(str, (a1, a2, a3, a4, a5, a6))),
+                external_deg=(str(a7),),
+            )
         )
     return (
         a1 * _RAD_PER_DEG,
@@ -576,11 +576,11 @@ def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
         ProtocolError: it is too long, or no message at all.
     """
     if len(datagram) > LARGEST_DATAGRAM:
-        raise ProtocolError(f"EGM datagram of {len(datagram)} bytes: at most {LARGEST_DATAGRAM} are allowed.")
+        raise ProtocolError(message("datagram_too_long", size=len(datagram), most=LARGEST_DATAGRAM))
     try:
         return kind.FromString(datagram)
     except DecodeError as error:
-        raise ProtocolError(f"EGM datagram of {len(datagram)} bytes cannot be decoded: {error}.") from error
+        raise ProtocolError(message("datagram_not_decoded", size=len(datagram), error=said_by(error))) from error
 
 
 def _check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
@@ -591,7 +591,7 @@ def _check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
     """
     for name in ("motorState", "mciState", "rapidExecState"):
         if not robot.HasField(name):
-            raise ProtocolError(f"EGM datagram has no {name}: it was cut off, a robot always sends it.")
+            raise ProtocolError(message("datagram_without_state", part=name))
 
 
 def _checked_axes(motion: _Motion, axes: int, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -600,19 +600,37 @@ def _checked_axes(motion: _Motion, axes: int, name: str) -> tuple[tuple[float, .
         raise ProtocolError(_wrong_axes(name, robax, external, axes))
     values, beside = _read_axes(motion, axes)
     if not _are_finite((*values, *beside)):
-        raise ProtocolError(f"EGM {name} has a joint that is not a finite number: {list(values)}, {list(beside)}.")
+        raise ProtocolError(
+            message(
+                "datagram_joint_not_finite",
+                part=name,
+                joints=tuple(map(str, values)),
+                external=tuple(map(str, beside)),
+            )
+        )
     return values, beside
 
 
-def _wrong_axes(name: str, robax: int, external: int, axes: int) -> str:
-    wanted = f"a YuMi arm sends {_ROBOT_AXES} and 1" if axes == _SEVEN_AXES else f"a robot sends {_ROBOT_AXES}"
-    return f"EGM {name} has {robax} joints and {external} external joints: {wanted}."
+def _wrong_axes(name: str, robax: int, external: int, axes: int) -> Message:
+    return message(
+        "datagram_axes_not_of_yumi" if axes == _SEVEN_AXES else "datagram_axes_not_of_robot",
+        part=name,
+        joints=robax,
+        external=external,
+        expected=_ROBOT_AXES,
+    )
 
 
 def _checked_pose(motion: _Motion) -> Pose | None:
     pose = _read_pose(motion)
     if pose is not None and not _are_finite((*pose.position, *pose.orientation)):
-        raise ProtocolError(f"EGM has a tool pose that is not finite numbers: {pose.position}, {pose.orientation}.")
+        raise ProtocolError(
+            message(
+                "datagram_pose_not_finite",
+                position=tuple(map(str, pose.position)),
+                orientation=tuple(map(str, pose.orientation)),
+            )
+        )
     return pose
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
+from yumi.catalogue import message
 from yumi.errors import NoConnection
 
 _BUFFER_SIZE = 2048
@@ -65,10 +66,10 @@ class UdpServer:
             self._socket.bind((host, port))
         except OSError as error:
             self._socket.close()
-            why = f"Cannot listen for EGM on {host}:{port}: {error.strerror}."
             if error.errno == errno.EADDRINUSE:
-                why = f"UDP port {port} is taken: another driver may be running; stop it or choose another EGM port."
-            raise NoConnection(why) from error
+                raise NoConnection(message("udp_port_taken", port=port)) from error
+            said = message("udp_port_not_opened", host=host, port=port, error=str(error.strerror))
+            raise NoConnection(said) from error
         self._receive = self._socket.recvfrom
 
     def __enter__(self) -> UdpServer:
@@ -223,7 +224,8 @@ def address_towards(host: str, port: int = 80) -> str:
         try:
             probe.connect((host, port))
         except OSError as error:
-            raise NoConnection(f"There is no way to {host!r}: {error.strerror or error}; check the address.") from error
+            said = message("host_not_routed", host=host, error=error.strerror or str(error))
+            raise NoConnection(said) from error
         return str(probe.getsockname()[0])
 
 
@@ -286,8 +288,8 @@ def resolve(host: str) -> str:
     try:
         return socket.gethostbyname(host)
     except (OSError, UnicodeError) as error:
-        reason = (isinstance(error, OSError) and error.strerror) or error
-        raise NoConnection(f"The name {host!r} is not known: {reason}; give an address.") from error
+        reason = (isinstance(error, OSError) and error.strerror) or str(error)
+        raise NoConnection(message("host_unknown", host=host, error=reason)) from error
 
 
 def free_port() -> int:

@@ -17,6 +17,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import message
 from yumi.errors import YumiError
 from yumi.robot.inverse_kinematics import (
     CONFIGURATION_TOLERANCE,
@@ -65,7 +66,7 @@ class Lost(YumiError):
     """
 
     def __init__(self, index: int, posture: Joints) -> None:
-        super().__init__(f"The arm cannot follow the path beyond its pose {index}.")
+        super().__init__(message("path_lost", pose=index))
         self.index = index
         self.posture = posture
 

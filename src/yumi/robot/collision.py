@@ -18,7 +18,7 @@ from weakref import finalize
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.collision_library import load
 from yumi.robot.description import (
@@ -158,24 +158,31 @@ def check_declared(tools: Mapping[Side, Sequence[Part]], obstacles: Sequence[Obs
     names = {BODY}
     for side in Side:
         declared = [part.name for part in tools.get(side, ())]
-        _check_names("Tool", f" of the {side.word} arm", declared, MAX_TOOLS, own)
+        _check_names(declared, MAX_TOOLS, own, side)
         names.update(f"{side.word} {name}" for name in (*own, *declared))
-    _check_names("Box", "", [box.name for box in obstacles], MAX_OBSTACLES, names)
+    _check_names([box.name for box in obstacles], MAX_OBSTACLES, names)
 
 
-def _check_names(what: str, where: str, names: Sequence[str], most: int, taken: Set[str]) -> None:
+def _check_names(names: Sequence[str], most: int, taken: Set[str], side: Side | None = None) -> None:
+    """Of the tools of an arm, or of the boxes."""
+    arm = {"arm": side.word} if side else {}
     if len(names) > most:
         raise CommandRefused(
-            f"{what} {quoted(names[most])}{where} refused: it is one of {len(names)}, allowed are {most}."
+            message(
+                "tool_one_too_many" if side else "box_one_too_many",
+                name=names[most],
+                count=len(names),
+                most=most,
+                **arm,
+            )
         )
     for index, name in enumerate(names):
-        refused = f"{what} {quoted(name)}{where} refused"
         if not name.strip():
-            raise CommandRefused(f"{refused}: it has no name; give one such as table or needle.")
+            raise CommandRefused(message("tool_without_name" if side else "box_without_name", name=name, **arm))
         if name in taken:
-            raise CommandRefused(f"{refused}: a part of the robot has this name; give another one.")
+            raise CommandRefused(message("tool_named_as_robot" if side else "box_named_as_robot", name=name, **arm))
         if name in names[:index]:
-            raise CommandRefused(f"{refused}: another one has this name; give each a name of its own.")
+            raise CommandRefused(message("tool_named_twice" if side else "box_named_twice", name=name, **arm))
 
 
 FAR = 10.0

@@ -18,6 +18,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from yumi.catalogue import message, said_by
 from yumi.errors import MissingPrerequisite
 
 SOURCE = Path(__file__).with_name("collision.cpp")
@@ -30,7 +31,6 @@ FLAGS = ("-std=c++17", "-O3", "-shared", "-fPIC")  # for any processor of its ki
 PORTABLE = ("-static-libstdc++", "-static-libgcc")
 """For a library that is copied to machines with another C++ library, as in a wheel."""
 
-_PURPOSE = "The collision library, which keeps the arms apart,"
 NAMED = 3
 """Boundaries that a decision has at most."""
 
@@ -92,8 +92,7 @@ def load() -> ctypes.PyDLL:
         library = ctypes.PyDLL(str(path))
     except OSError as error:
         raise MissingPrerequisite(
-            f"{_PURPOSE} cannot be loaded: {error}. If it is damaged or of another machine, remove {path}: "
-            "it is compiled anew then."
+            message("collision_library_not_loaded", error=said_by(error), path=str(path))
         ) from error
     address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
     packed, decision = ctypes.c_char_p, ctypes.POINTER(Decision)
@@ -134,10 +133,7 @@ def compile_to(library: Path, *flags: str) -> None:
     named = shlex.split(os.environ.get("CXX", ""))
     compiler = named or [found for name in COMPILERS if (found := shutil.which(name))][:1]
     if not compiler:
-        raise MissingPrerequisite(
-            f"{_PURPOSE} must be compiled, and no C++ compiler was found: install one (Debian, Ubuntu: apt install "
-            "g++), name one in CXX, or install yumi-ros2 from a wheel, which contains it compiled."
-        )
+        raise MissingPrerequisite(message("compiler_missing"))
     try:
         library.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=library.parent) as folder:
@@ -145,10 +141,11 @@ def compile_to(library: Path, *flags: str) -> None:
             command = [*compiler, *FLAGS, *flags, "-o", str(own), str(SOURCE)]
             done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)
             if done.returncode != 0:
-                raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {shlex.join(command)}\n{done.stderr}")
+                said = message("collision_library_not_compiled", command=shlex.join(command), output=done.stderr)
+                raise MissingPrerequisite(said)
             own.replace(library)
     except OSError as error:
-        raise MissingPrerequisite(f"{_PURPOSE} could not be compiled: {error}") from error
+        raise MissingPrerequisite(message("collision_library_not_written", error=said_by(error))) from error
 
 
 if __name__ == "__main__":

@@ -28,6 +28,7 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import (
@@ -463,27 +464,28 @@ class Tool:
     def __post_init__(self) -> None:
         for name, mass in (("tool", self.load), ("payload", self.payload)):
             if not all(map(isfinite, (mass.mass, *mass.centre, *mass.inertia))):
-                raise CommandRefused(f"The {name} has a value that is not finite: {mass}; give finite numbers.")
+                raise CommandRefused(message("load_not_finite", part=name, values=str(mass)))
             if mass.mass < 0.0 or hypot(*mass.centre) > _FARTHEST_FROM_FLANGE:
                 raise CommandRefused(
-                    f"The {name} has {mass.mass:g} kg at {hypot(*mass.centre):g} m from the flange; give a mass from 0 "
-                    f"to {_MOST_LOAD:g} kg, at most {_FARTHEST_FROM_FLANGE:g} m away."
+                    message(
+                        "load_out_of_range",
+                        part=name,
+                        mass=mass.mass,
+                        distance=hypot(*mass.centre),
+                        most=_MOST_LOAD,
+                        farthest=_FARTHEST_FROM_FLANGE,
+                    )
                 )
             if min(principal_inertia(mass)[1]) < -1e-9:
-                raise CommandRefused(f"The {name} has a negative moment of inertia; give that about its own centre.")
+                raise CommandRefused(message("inertia_negative", part=name))
         if self.load.mass + self.payload.mass > _MOST_LOAD:
-            raise CommandRefused(
-                f"Tool and payload have {self.load.mass + self.payload.mass:g} kg together; an arm carries up to "
-                f"{_MOST_LOAD:g} kg, its gripper included."
-            )
+            raise CommandRefused(message("load_too_heavy", mass=self.load.mass + self.payload.mass, most=_MOST_LOAD))
         if not all(map(isfinite, self.tcp.position)) or hypot(*self.tcp.position) > _FARTHEST_FROM_FLANGE:
             raise CommandRefused(
-                f"The TCP is at {self.tcp.position}; give a place up to {_FARTHEST_FROM_FLANGE:g} m from the flange."
+                message("tcp_too_far", position=tuple(self.tcp.position), farthest=_FARTHEST_FROM_FLANGE)
             )
         if not isclose(hypot(*self.tcp.orientation), 1.0, abs_tol=1e-3):
-            raise CommandRefused(
-                f"The TCP's orientation {self.tcp.orientation} is not a unit quaternion; give w, x, y, z."
-            )
+            raise CommandRefused(message("tcp_not_unit", orientation=tuple(self.tcp.orientation)))
 
     @property
     def total(self) -> Mass:

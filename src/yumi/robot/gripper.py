@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused, ProtocolError
 
 TOP_SPEED = 0.025
@@ -219,10 +220,7 @@ def servo_state(value: float) -> ServoState:
     try:
         return ServoState(int(value))
     except ValueError as error:
-        raise ProtocolError(
-            f"The gripper reports state {value:g}, which no Smart Gripper has; check its firmware and its fieldbus "
-            "configuration."
-        ) from error
+        raise ProtocolError(message("gripper_state_unknown", state=value)) from error
 
 
 def position_of(value: float) -> float:
@@ -298,17 +296,12 @@ class GripperGoal:
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.position <= TRAVEL:  # NaN too
-            raise CommandRefused(
-                f"Gripper position {self.position} m is out of range; each finger travels 0 to {TRAVEL} m."
-            )
+            raise CommandRefused(message("gripper_position_out_of_range", position=self.position, most=TRAVEL))
         if self.direction is not None and not 0.0 < self.force <= MAX_FORCE:
-            raise CommandRefused(
-                f"Gripper force {self.force} N is out of range; allowed is above 0 to {MAX_FORCE:g} N."
-            )
+            raise CommandRefused(message("gripper_force_out_of_range", force=self.force, most=MAX_FORCE))
         if self.speed is not None and not LOWEST_SPEED <= self.speed <= TOP_SPEED:
             raise CommandRefused(
-                f"Gripper speed {self.speed} m/s is out of range; each finger moves with {LOWEST_SPEED} to "
-                f"{TOP_SPEED} m/s."
+                message("gripper_speed_out_of_range", speed=self.speed, lowest=LOWEST_SPEED, highest=TOP_SPEED)
             )
 
 
@@ -332,9 +325,7 @@ def gripper_goal(position: float, effort: float, usual_force: float, speed: floa
         CommandRefused: a value is out of range.
     """
     if not 0.0 <= effort <= MAX_FORCE:
-        raise CommandRefused(
-            f"Gripper effort {effort} N is out of range; allowed is 0 (the usual force) to {MAX_FORCE:g} N."
-        )
+        raise CommandRefused(message("gripper_effort_out_of_range", effort=effort, most=MAX_FORCE))
     if position == 0.0:
         return grip(Direction.INWARDS, effort or usual_force, speed)
     if position == TRAVEL and effort > 0.0:

@@ -31,6 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import Message, message
 from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, JointLimits, Joints, Pose, Side, joints
 from yumi.robot.kinematics import (
@@ -97,8 +98,8 @@ class Unreachable(CommandRefused):
         nearest: the posture that is nearest to the pose, where it was looked for [rad], (7,).
     """
 
-    def __init__(self, message: str, nearest: Joints | None = None) -> None:
-        super().__init__(message)
+    def __init__(self, said: Message | str, nearest: Joints | None = None) -> None:
+        super().__init__(said)
         self.nearest = nearest
 
 
@@ -266,15 +267,18 @@ def nearest_posture(side: Side, tool0: Pose, angle: float, seed: Joints, limits:
         position, error = _polish(np.array([seed]), _targets(side, [tool0], [angle]))
         result, miss = joints(position[0]), float(error[0])
     if miss > CONVERGED:
-        raise Unreachable(
-            f"The {side.word} arm does not reach the pose from where it is: the nearest posture misses it by "
-            f"{miss:.4f} (metres and radians). Choose a pose within reach, or another arm angle."
-        )
+        raise Unreachable(message("pose_not_reached", arm=side.word, miss=miss))
     outside = limits.outside(result)
     if outside is not None:
         raise Unreachable(
-            f"The {side.word} arm would leave the range of its joint {outside + 1} of 7 ({limits.range_deg(outside)}): "
-            f"the pose needs {np.degrees(result[outside]):.1f}°. Choose another arm angle or configuration."
+            message(
+                "pose_beyond_range",
+                arm=side.word,
+                joint=outside + 1,
+                lower=limits.lower[outside],
+                upper=limits.upper[outside],
+                position=result[outside],
+            )
         )
     return result
 
@@ -348,18 +352,17 @@ def _descended(
     return position
 
 
-def unreachable(side: Side, tool0: Pose, reason: str, seed: Joints, limits: JointLimits = YUMI_LIMITS) -> Unreachable:
+def unreachable(
+    side: Side, tool0: Pose, reason: Message | str, seed: Joints, limits: JointLimits = YUMI_LIMITS
+) -> Unreachable:
     """The error of a pose that no posture has: with the posture that is nearest to it, and where that is."""
     position, there = nearest_reachable_posture(side, tool0, seed, limits)
-    away, turn = map(np.linalg.norm, _difference(tool0, there))
+    away, turn = (float(np.linalg.norm(each)) for each in _difference(tool0, there))
+    why = reason if isinstance(reason, Message) else message("text", text=reason)
+    if max(away, turn) <= _SAME_POSE:
+        return Unreachable(message("nearest_arm_angle", reason=why, angle=arm_angle(side, position)), position)
     x, y, z = there.position
-    where = (
-        f"The nearest that was found is tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {away * 1e3:.0f} mm and "
-        f"{np.degrees(turn):.1f}° away."
-        if max(away, turn) > _SAME_POSE
-        else f"With arm angle {np.degrees(arm_angle(side, position)):.0f}° there is one."
-    )
-    return Unreachable(f"{reason} {where}", position)
+    return Unreachable(message("nearest_pose", reason=why, x=x, y=y, z=z, distance=away, turn=turn), position)
 
 
 def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Targets:

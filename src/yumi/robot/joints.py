@@ -17,7 +17,7 @@ from math import degrees, radians
 from operator import le
 from typing import NamedTuple
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 
 Joints = tuple[float, float, float, float, float, float, float]
@@ -209,7 +209,7 @@ def named_pose(side: Side, name: str) -> Joints:
         CommandRefused: there is none of this name.
     """
     if name not in POSES:
-        raise CommandRefused(f"Goal refused: there is no pose {quoted(name)}; there are {', '.join(POSES)}.")
+        raise CommandRefused(message("pose_name_unknown", name=name, poses=tuple(POSES)))
     return POSES[name](side)
 
 

@@ -515,16 +515,18 @@ class _LineAction(ABC):
         if not failed and not line.sides <= set(line.ends):
             raise RobotNotReady(line.reason)
         if not failed:
-            result.message, result.success = next(iter(line.ends.values())).sentence, True
+            result.message, result.success = str(next(iter(line.ends.values())).said), True
             handle.succeed()
             return
         if len(line.sides) > 1:
             self._stop(line)
         side, end = failed[0]
-        result.message = end.sentence if len(line.sides) == 1 else f"{side.word.capitalize()} arm: {end.sentence}"
-        held = self._control.snapshot(side).limited_by
-        if held:
-            result.message += f" The arm is limited by {held}."
+        said, held = end.said, self._control.snapshot(side).limited
+        if held is not None:
+            said = message("goal_not_reached_limited", arm=side.word, reason=end.said, limited=held.said)
+        elif len(line.sides) > 1:
+            said = message("goal_not_reached", arm=side.word, reason=end.said)
+        result.message, result.code = str(said), said.code
         if end.outcome is Outcome.CANCELED and line.is_cancelled:
             self._end_cancelled(handle)
         else:

@@ -152,7 +152,6 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
     )
 
 
-_IN_RADIANS = "joint_commands takes radians"
 _DEGREES_ABOVE = 3.0  # times what a joint reaches [rad/s]: so far from it a speed was hardly meant in radians
 
 
@@ -165,7 +164,7 @@ def goal_of(message: Any, side: Side, base: Joints) -> Joints:
     indices = _indices(message.name, message.position, side, "Goal", "position")
     goal = list(base)
     for index, position in zip(indices, message.position, strict=True):
-        check_position(joint_names(side)[index], index, position, _IN_RADIANS)
+        check_position(joint_names(side)[index], index, position)
         goal[index] = position
     return joints(goal)
 
@@ -379,22 +378,22 @@ def activity(controllers: Iterable[ControllerInfo], hardware: HardwareInfo, time
     return message
 
 
-def trajectory_of(message: Any, start: float | None) -> JointTrajectory:
+def trajectory_of(given: Any, start: float | None) -> JointTrajectory:
     """The trajectory in a trajectory_msgs/JointTrajectory that starts at ``start`` on the monotonic clock [s].
 
     Raises:
         TrajectoryRefused: it has too many points, or one has efforts.
         CommandRefused: the time of a point has more nanoseconds than a second.
     """
-    check_count(len(message.points))
+    check_count(len(given.points))
     points: list[TrajectoryPoint] = []
-    for point in message.points:
+    for point in given.points:
         if point.effort:
-            raise refused("a point has efforts; this robot takes positions, velocities and accelerations.")
+            raise refused(said("trajectory_with_efforts"))
         fields = (point.positions, point.velocities, point.accelerations)
         time = seconds(point.time_from_start, f"Trajectory refused: time_from_start of point {len(points) + 1}")
         points.append(TrajectoryPoint(time, *map(tuple, fields)))
-    return JointTrajectory(tuple(message.joint_names), tuple(points), start)
+    return JointTrajectory(tuple(given.joint_names), tuple(points), start)
 
 
 def stamp_of(message: Any) -> int:
@@ -418,7 +417,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
             return own, f"{each.name!r} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
-            raise refused(f"a tolerance of {each.name} is nan; give a number, 0 for the controller's own, -1 for none.")
+            raise refused(said("joint_tolerance_not_a_number", joint=each.name))
         if any(value < 0.0 and value != UNLIMITED for value in values):
             return own, f"a tolerance of {each.name} is negative; -1 is unlimited"
     time = seconds(goal.goal_time_tolerance, "Trajectory refused: goal_time_tolerance")

@@ -112,7 +112,7 @@ def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
         (1.0, r"expected seven angles in radians, got 1\.0"),
         (
             (0, -130, -135, 30, 0, 40, 0),
-            r"yumi_joint_2_r is -7448\.5°; its range is -143\.5° to 43\.5°; -130 looks like degrees: use yumi\.degrees",
+            r"yumi_joint_2_r is -7448\.5°; its range is -143\.5° to 43\.5°; -130 looks like degrees",
         ),
         ({**BY_NAME, "elbow": 0.0}, "'elbow' is not a joint of the right arm; it has yumi_joint_1_r, .* or j1 to j7"),
         ({**BY_NAME, "j7": 0.0}, "yumi_joint_7_r is named twice; give each joint once"),

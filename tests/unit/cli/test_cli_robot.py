@@ -205,7 +205,7 @@ def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
 
 def test_degrees_that_were_not_called_so_are_refused_with_the_option(driver: FakeDriver) -> None:
     sentence = refusal("move", "right", "20", "-110", "-135", "30", "0", "40", "0")
-    assert sentence.rstrip().endswith("20 looks like degrees: add --degrees.")
+    assert sentence.rstrip().endswith("20 looks like degrees; add --degrees.")
     assert driver.robot.control.commands == []
 
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from controller_states import JOINTS, configured, moved, state
+from refusals import refused
 from yumi.control.controller import GoalKind, MemoryBuffer, write_goal, write_speeds
 from yumi.control.controllers.joint_position import (
     FORWARDERS,
@@ -78,5 +79,5 @@ def test_interface_is_chosen_by_its_parameter(interface: str, kind: str, box: Me
 
 
 def test_other_joints_than_the_arm_s_are_refused(box: MemoryBuffer) -> None:
-    with pytest.raises(CommandRefused, match="'joints': it is yumi_joint_1_r; name yumi_joint_1_r, yumi_joint_2_r"):
+    with refused(CommandRefused, "parameter_joints_out_of_order", given="yumi_joint_1_r", joints=JOINTS):
         configured(ForwardCommandController(box, box), joints=JOINTS[:1])

@@ -7,13 +7,15 @@ from math import nan, radians
 
 import pytest
 
+from refusals import assert_says, refused
+from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoal, JointGoalController, StopMotion
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, Side, home, joints
 
 HOME = home(Side.RIGHT)
-REACHED = GoalEnded(1, GoalOutcome.REACHED, "the goal is reached")
+REACHED = GoalEnded(1, GoalOutcome.REACHED, message("goal_reached"))
 
 
 def moved(position: Joints, *steps_deg: float) -> Joints:
@@ -120,7 +122,7 @@ def test_goal_controller_bends_into_a_new_goal_without_a_jump(arm: VirtualArmRig
     arm.order(JointGoal(moved(HOME, -20.0, 10.0), 2))
     arm.until(lambda: len(arm.notices) == 2)
     assert arm.notices == [
-        GoalEnded(1, GoalOutcome.REPLACED, "another goal replaced this one"),
+        GoalEnded(1, GoalOutcome.REPLACED, message("goal_replaced")),
         replace(REACHED, identity=2),
     ]
     steps = [new.velocity[0] - old.velocity[0] for old, new in itertools.pairwise(arm.told)]
@@ -134,7 +136,7 @@ def test_goal_controller_decelerates_when_it_is_told_to_stop(arm: VirtualArmRig)
     arm.order(StopMotion(2))
     arm.until(lambda: len(arm.notices) == 2)
     assert arm.notices == [
-        GoalEnded(1, GoalOutcome.STOPPED, "the arm was commanded to stop"),
+        GoalEnded(1, GoalOutcome.STOPPED, message("motion_stopped")),
         replace(REACHED, identity=2),
     ]
     speeds = [command.velocity[0] for command in arm.told[begun:]]
@@ -187,13 +189,11 @@ def test_goal_controller_says_which_joint_did_not_arrive(arm: VirtualArmRig) -> 
     arm.order(JointGoal(moved(HOME, 0.0, 10.0), 1))
     arm.stuck = True
     arm.until(lambda: bool(arm.notices))
-    assert arm.notices == [
-        GoalEnded(
-            1,
-            GoalOutcome.ABORTED,
-            "axis 2 was 10.0° from the goal when its time was up; see what holds the arm back",
-        )
-    ]
+    (ended,) = arm.notices
+    assert isinstance(ended, GoalEnded)
+    assert (ended.identity, ended.outcome) == (1, GoalOutcome.ABORTED)
+    assert_says(ended.said, "axis_off_goal", axis=2)
+    assert ended.said.values["distance"] == pytest.approx(radians(10.0), abs=1e-3)
 
 
 def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: VirtualArmRig) -> None:
@@ -202,16 +202,15 @@ def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: Virtual
     arm.until(lambda: bool(arm.notices))
     (ended,) = arm.notices
     assert isinstance(ended, GoalEnded)
-    assert "from its way; see what holds the arm back" in ended.sentence
+    assert ended.said.code == "axis_off_path"
+    assert ended.said.values["distance"] > 0.5
     assert arm.controller.reference == pytest.approx(arm.state.planned, abs=0.02)
 
 
 def test_goal_controller_forgets_its_goal_when_it_is_deactivated(arm: VirtualArmRig) -> None:
     arm.order(JointGoal(moved(HOME, 90.0), 1))
     arm.controller.deactivate()
-    assert arm.controller.take_reports() == [
-        GoalEnded(1, GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
-    ]
+    assert arm.controller.take_reports() == [GoalEnded(1, GoalOutcome.ABORTED, message("controller_deactivated"))]
     arm.controller.activate(arm.state)
     assert arm.controller.reference == HOME
 
@@ -232,29 +231,46 @@ def test_goal_controller_ignores_goals_of_another_session(arm: VirtualArmRig) ->
 def test_goal_controller_tells_of_a_goal_in_its_mailbox_that_is_impossible(arm: VirtualArmRig) -> None:
     write_goal(arm.goals, 1, (4.0, *HOME[1:]))
     arm.run(0.1)
-    assert arm.notices == [
-        GoalEnded(0, GoalOutcome.ABORTED, "Goal refused: axis 1 is 229.2°; its range is -168.5° to 168.5°.")
-    ]
+    (ended,) = arm.notices
+    assert isinstance(ended, GoalEnded)
+    assert (ended.identity, ended.outcome) == (0, GoalOutcome.ABORTED)
+    bounds = {"lower": YUMI_LIMITS.lower[0], "upper": YUMI_LIMITS.upper[0]}
+    assert_says(ended.said, "goal_joint_out_of_range", joint="axis 1", position=4.0, **bounds)
 
 
 @pytest.mark.parametrize(
-    ("message", "sentence"),
+    ("command", "code", "values"),
     [
-        (JointGoal((nan, *HOME[1:])), "axis 1 is nan; a position is a finite number of radians"),
-        (JointGoal((0.0, 1.0, *HOME[2:])), "axis 2 is 57.3°; its range is -143.5° to 43.5°"),
-        (JointGoal(HOME[:6]), "it has 6 positions; an arm has 7 joints"),  # type: ignore[arg-type]
-        (JointGoal(HOME, speed_scale=0.0), "speed_scale is 0.0; allowed is above 0 up to 1"),
-        (JointGoal(HOME, speed_scale=nan), "speed_scale is nan; allowed is above 0 up to 1"),
-        (JointGoal(HOME, acceleration_scale=1.5), "acceleration_scale is 1.5; allowed is above 0 up to 1"),
-        ("home", "takes a JointGoal or StopMotion, not str"),
+        (JointGoal((nan, *HOME[1:])), "goal_joint_not_finite", {"joint": "axis 1", "value": "nan"}),
+        (
+            JointGoal((0.0, 1.0, *HOME[2:])),
+            "goal_joint_out_of_range",
+            {
+                "joint": "axis 2",
+                "position": 1.0,
+                "lower": YUMI_LIMITS.lower[1],
+                "upper": YUMI_LIMITS.upper[1],
+            },
+        ),
+        (JointGoal(HOME[:6]), "goal_joint_count", {"count": 6, "joints": 7}),  # type: ignore[arg-type]
+        (JointGoal(HOME, speed_scale=0.0), "goal_scale_out_of_range", {"name": "speed_scale", "value": 0.0}),
+        (JointGoal(HOME, speed_scale=nan), "goal_scale_out_of_range", {"name": "speed_scale"}),
+        (
+            JointGoal(HOME, acceleration_scale=1.5),
+            "goal_scale_out_of_range",
+            {"name": "acceleration_scale", "value": 1.5},
+        ),
+        ("home", "command_of_other_controller", {"allowed": ("JointGoal", "StopMotion"), "command": "str"}),
     ],
 )
-def test_goal_controller_refuses_and_goes_on_as_before(arm: VirtualArmRig, message: object, sentence: str) -> None:
+def test_goal_controller_refuses_and_goes_on_as_before(
+    arm: VirtualArmRig, command: object, code: str, values: dict[str, object]
+) -> None:
     goal = moved(HOME, 10.0)
     arm.order(JointGoal(goal, 1))
     for ask in (arm.controller.check, arm.controller.receive):
-        with pytest.raises(CommandRefused, match=sentence):
-            ask(message, arm.state)
+        with refused(CommandRefused, code, **values):
+            ask(command, arm.state)
     arm.run(2.0)
     assert arm.state.position == goal
     assert arm.notices == [REACHED]

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from refusals import refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
 from yumi.control.controller import MARK_COUNT, InterfaceInfo, State, Statistics
 from yumi.control.controller_manager import STATISTICS_WINDOW, ControllerManager
@@ -81,18 +82,19 @@ def test_controllers_cannot_begin_on_hardware_that_does_not_offer_what_they_need
     manager: ControllerManager, state: State, name: str
 ) -> None:
     manager.set_hardware_state("ROB_R", state)
-    with pytest.raises(CommandRefused, match=f"{name!r} cannot start: hardware component 'ROB_R' is {state.value}"):
+    with refused(CommandRefused, "hardware_not_active", controller=name, component="ROB_R", state=state.value):
         manager.switch([name], [], RUNNING)
 
 
 def test_hardware_of_another_name_is_refused(manager: ControllerManager) -> None:
-    with pytest.raises(CommandRefused, match="no hardware component 'ROB_L'; this arm has: ROB_R"):
+    with refused(CommandRefused, "hardware_unknown", component="ROB_L", own_component="ROB_R"):
         manager.set_hardware_state("ROB_L", State.INACTIVE)
 
 
 def test_hardware_cannot_be_finalized(manager: ControllerManager) -> None:
-    with pytest.raises(CommandRefused, match="cannot become finalized while the driver runs; choose from: unconfigur"):
+    with refused(CommandRefused, "hardware_state_not_allowed", component="ROB_R", state="finalized") as caught:
         manager.set_hardware_state("ROB_R", State.FINALIZED)
+    assert set(caught.value.said.values["allowed"]) == {"unconfigured", "inactive", "active"}
     assert states(manager) == [State.ACTIVE, State.ACTIVE]
 
 

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import pytest
 
+from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
+from yumi.catalogue import message
 from yumi.control.controller import Controller, ControllerInfo, State
 from yumi.control.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
@@ -61,24 +63,42 @@ def test_manager_loads_by_type_with_parameters(manager: ControllerManager) -> No
 
 
 @pytest.mark.parametrize(
-    ("name", "kind", "given", "sentence"),
+    ("name", "kind", "given", "code", "values"),
     [
-        ("other", "test/None", {}, "type 'test/None' is not known; known are: test/Double, test/Broken"),
-        ("other", "test/Broken", {}, "'other' could not be loaded: ValueError: other is broken"),
-        ("other", "test/Double", {"p": 3.0}, "Parameter 'p' of controller 'other' is 3; allowed is 0 to 2 1/s"),
-        ("other", "test/Double", {"q": 3.0}, "'other' has no parameter 'q'; it has: p, mode"),
-        ("double", "test/Double", {}, "'double' is loaded already; unload it first or choose another name"),
-        ("1st", "test/Double", {}, "name '1st' cannot be the name of a node; use letters, digits and underscores"),
-        ("a/b", "test/Double", {}, "name 'a/b' cannot be the name of a node"),
-        ("", "test/Double", {}, "name '' cannot be the name of a node"),
+        (
+            "other",
+            "test/None",
+            {},
+            "controller_type_unknown",
+            {"type": "test/None", "types": ("test/Double", "test/Broken")},
+        ),
+        (
+            "other",
+            "test/Broken",
+            {},
+            "controller_raised",
+            {"call": "load", "type": "ValueError", "error": message("text", text="other is broken")},
+        ),
+        ("other", "test/Double", {"p": 3.0}, "controller_parameter_refused", {"parameter": "p"}),
+        (
+            "other",
+            "test/Double",
+            {"q": 3.0},
+            "controller_parameter_unknown",
+            {"parameter": "q", "parameters": ("p", "mode")},
+        ),
+        ("double", "test/Double", {}, "controller_loaded_already", {}),
+        ("1st", "test/Double", {}, "controller_name_not_allowed", {}),
+        ("a/b", "test/Double", {}, "controller_name_not_allowed", {}),
+        ("", "test/Double", {}, "controller_name_not_allowed", {}),
     ],
 )
 @pytest.mark.usefixtures("double")
 def test_manager_refuses_to_load(
-    manager: ControllerManager, name: str, kind: str, given: dict[str, float], sentence: str
+    manager: ControllerManager, name: str, kind: str, given: dict[str, float], code: str, values: dict[str, object]
 ) -> None:
     before = manager.activity
-    with pytest.raises(CommandRefused, match=sentence):
+    with refused(CommandRefused, code, controller=name, **values):
         manager.load_kind(name, kind, given)
     assert [each.name for each in manager.controllers()] == ["double"]
     assert manager.activity == before
@@ -107,7 +127,10 @@ def test_manager_leaves_a_controller_unconfigured_that_fails_to_configure(
 ) -> None:
     manager.configure("double")
     double.faults["configure"] = KeyError("gain")
-    with pytest.raises(CommandRefused, match="'double' could not be configured: KeyError: 'gain'"):
+    error = message("text", text="'gain'")
+    with refused(
+        CommandRefused, "controller_raised", controller="double", call="configure", type="KeyError", error=error
+    ):
         manager.configure("double")
     assert info(manager).state is State.UNCONFIGURED
 
@@ -116,31 +139,42 @@ def test_manager_keeps_an_inactive_controller_when_a_value_is_refused(
     manager: ControllerManager, double: Double
 ) -> None:
     manager.configure("double")
-    with pytest.raises(CommandRefused, match="'p' of controller 'double' is 5"):
+    with refused(CommandRefused, "controller_parameter_refused", parameter="p", controller="double") as caught:
         manager.configure("double", {"p": 5})
+    assert "is 5" in str(caught.value)
     assert (info(manager).state, double.done) == (State.INACTIVE, ["configure"])
 
 
 def test_manager_refuses_a_controller_that_names_an_interface_twice(manager: ControllerManager, double: Double) -> None:
     double.kinds = ("position", "position")
-    with pytest.raises(CommandRefused, match="'double' names interface yumi_joint_1_r/position twice"):
+    with refused(CommandRefused, "interface_named_twice", controller="double", interface="yumi_joint_1_r/position"):
         manager.configure("double")
     assert info(manager).state is State.UNCONFIGURED
 
 
-@pytest.mark.parametrize("verb", ["configure", "clean_up", "unload"])
-def test_manager_leaves_an_active_controller_as_it_is(manager: ControllerManager, double: Double, verb: str) -> None:
+@pytest.mark.parametrize(
+    ("verb", "code"),
+    [
+        ("configure", "transition_not_allowed"),
+        ("clean_up", "transition_not_allowed"),
+        ("unload", "controller_still_active"),
+    ],
+)
+def test_manager_leaves_an_active_controller_as_it_is(
+    manager: ControllerManager, double: Double, verb: str, code: str
+) -> None:
     manager.configure("double")
     manager.switch(["double"], [], RUNNING)
-    with pytest.raises(CommandRefused, match="'double' is active and cannot"):
+    with refused(CommandRefused, code, controller="double"):
         getattr(manager, verb)("double")
     assert info(manager).state is State.ACTIVE
 
 
 @pytest.mark.parametrize("verb", ["configure", "clean_up", "unload", "parameters"])
 def test_manager_names_what_is_loaded_when_asked_for_something_else(manager: ControllerManager, verb: str) -> None:
-    with pytest.raises(CommandRefused, match="There is no controller 'other'; loaded are: none"):
+    with refused(CommandRefused, "controller_unknown", controller="other", loaded=()) as caught:
         getattr(manager, verb)("other")
+    assert str(caught.value) == "There is no controller 'other'; loaded are: none."
 
 
 @pytest.mark.usefixtures("double")
@@ -177,7 +211,8 @@ def test_manager_changes_parameters_of_an_active_controller_at_once(manager: Con
 
 def test_manager_keeps_a_read_only_parameter_once_configured(manager: ControllerManager, double: Double) -> None:
     manager.configure("double")
-    with pytest.raises(CommandRefused, match="'mode' of controller 'double' is settled while it is inactive; clean"):
+    settled = {"parameter": "mode", "controller": "double", "state": "inactive"}
+    with refused(CommandRefused, "controller_parameter_settled", **settled):
         manager.set_parameters("double", {"p": 0.5, "mode": "fast"})
     assert double.values == {"p": 1.0, "mode": "slow"}
     manager.clean_up("double")
@@ -185,13 +220,19 @@ def test_manager_keeps_a_read_only_parameter_once_configured(manager: Controller
     assert values(manager)["mode"] == "fast"
 
 
-@pytest.mark.parametrize("fault", [CommandRefused("They do not go together."), ZeroDivisionError("by zero")])
+@pytest.mark.parametrize(
+    ("fault", "code", "said"),
+    [
+        (CommandRefused("They do not go together."), "text", {"text": "They do not go together."}),
+        (ZeroDivisionError("by zero"), "controller_raised", {"call": "set_parameters", "type": "ZeroDivisionError"}),
+    ],
+)
 def test_manager_keeps_the_values_when_a_controller_refuses_the_new_ones(
-    manager: ControllerManager, double: Double, fault: Exception
+    manager: ControllerManager, double: Double, fault: Exception, code: str, said: dict[str, object]
 ) -> None:
     manager.configure("double")
     double.faults["configure"] = fault
-    with pytest.raises(CommandRefused, match=r"do not go together|could not be given parameters: ZeroDivisionError"):
+    with refused(CommandRefused, code, **said):
         manager.set_parameters("double", {"p": 0.5})
     assert values(manager) == {"p": 1.0, "mode": "slow"}
 
@@ -232,7 +273,9 @@ def test_watching_controller_that_fails_is_deactivated_and_the_others_go_on(
     manager.switch(["double", "watcher", "other"], [], RUNNING)
     watcher.faults["update"] = OSError("disk full")
     manager.watch(RUNNING)
-    assert manager.failures == ["Controller 'watcher' failed with OSError: disk full; it was deactivated."]
+    (failure,) = manager.failures
+    assert_says(failure, "watching_controller_failed", controller="watcher", type="OSError")
+    assert str(failure) == "Controller 'watcher' failed with OSError: disk full; it was deactivated."
     assert [each.state for each in manager.controllers()] == [State.ACTIVE, State.INACTIVE, State.ACTIVE]
 
 

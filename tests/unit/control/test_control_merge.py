@@ -2,8 +2,7 @@ from __future__ import annotations
 
 import itertools
 
-import pytest
-
+from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, THERE, Double
 from yumi.control.controller_manager import ControllerManager
 from yumi.errors import CommandRefused
@@ -78,9 +77,11 @@ def test_controllers_that_command_together_go_together_when_one_fails() -> None:
     velocity.faults["update"] = ValueError("nonsense")
     assert manager.update(RUNNING) is None
     assert not manager.is_commanding
-    assert manager.failures == [
-        "Controller 'b' failed with ValueError: nonsense; it and 'a' were deactivated and the arm holds."
-    ]
+    (failure,) = manager.failures
+    assert_says(failure, "commanding_controllers_failed", controller="b", others=("a",), type="ValueError")
+    assert (
+        str(failure) == "Controller 'b' failed with ValueError: nonsense; it and a were deactivated and the arm holds."
+    )
     assert position.done[-2:] == ["deactivate", "take_reports"]
 
 
@@ -100,5 +101,5 @@ def test_each_of_several_controllers_has_its_own_times() -> None:
 
 
 def test_two_controllers_cannot_begin_to_claim_the_same_interface() -> None:
-    with pytest.raises(CommandRefused, match="'b' needs yumi_joint_1_r/position, which 'a' has claimed"):
+    with refused(CommandRefused, "interface_claimed", controller="b", interface="yumi_joint_1_r/position", owner="a"):
         commanded(a=Double("position"), b=Double("velocity", "position"))

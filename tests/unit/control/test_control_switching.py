@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import pytest
 
+from refusals import assert_says, refused
 from unit.control.controller_doubles import RUNNING, Double, Watcher
+from yumi.catalogue import Message, message
 from yumi.control.controller import State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.errors import CommandRefused, SwitchFailed
@@ -10,6 +12,7 @@ from yumi.robot.joints import Side, joint_names
 
 STRICT, BEST_EFFORT = Strictness.STRICT, Strictness.BEST_EFFORT
 LENIENT = [BEST_EFFORT, Strictness.AUTO, Strictness.FORCE_AUTO]
+NO = message("text", text="no")
 NOTHING = "After checking the controllers, no controllers need to be activated or deactivated."
 
 
@@ -30,6 +33,10 @@ def manager(doubles: dict[str, Double]) -> ControllerManager:
     return manager
 
 
+def raised(name: str, call: str) -> Message:
+    return message("controller_raised", controller=name, call=call, type="ValueError", error=NO)
+
+
 def active(manager: ControllerManager) -> list[str]:
     return [info.name for info in manager.controllers() if info.state is State.ACTIVE]
 
@@ -41,19 +48,54 @@ def test_switch_says_what_clients_of_ros2_control_know(manager: ControllerManage
 
 
 @pytest.mark.parametrize(
-    ("activate", "deactivate", "sentence"),
+    ("activate", "deactivate", "code", "values"),
     [
-        (["watcher", "nobody"], [], "There is no controller 'nobody'; loaded are: first, second, speed, watcher, raw."),
-        (["watcher"], ["nobody"], "There is no controller 'nobody'"),
-        (["watcher", "raw"], [], "'raw' is unconfigured and cannot activate; it can configure, shutdown."),
-        (["watcher", "first"], [], "'first' is active and cannot activate; it can deactivate, shutdown."),
-        (["watcher"], ["second"], "'second' is inactive and cannot deactivate; it can activate, cleanup, shutdown."),
+        (
+            ["watcher", "nobody"],
+            [],
+            "controller_unknown",
+            {"controller": "nobody", "loaded": ("first", "second", "speed", "watcher", "raw")},
+        ),
+        (["watcher"], ["nobody"], "controller_unknown", {"controller": "nobody"}),
+        (
+            ["watcher", "raw"],
+            [],
+            "transition_not_allowed",
+            {
+                "controller": "raw",
+                "state": "unconfigured",
+                "transition": "activate",
+                "allowed": ("configure", "shutdown"),
+            },
+        ),
+        (
+            ["watcher", "first"],
+            [],
+            "transition_not_allowed",
+            {
+                "controller": "first",
+                "state": "active",
+                "transition": "activate",
+                "allowed": ("deactivate", "shutdown"),
+            },
+        ),
+        (
+            ["watcher"],
+            ["second"],
+            "transition_not_allowed",
+            {
+                "controller": "second",
+                "state": "inactive",
+                "transition": "deactivate",
+                "allowed": ("activate", "cleanup", "shutdown"),
+            },
+        ),
     ],
 )
 def test_strict_switch_changes_nothing_when_one_controller_cannot(
-    manager: ControllerManager, activate: list[str], deactivate: list[str], sentence: str
+    manager: ControllerManager, activate: list[str], deactivate: list[str], code: str, values: dict[str, object]
 ) -> None:
-    with pytest.raises(CommandRefused, match=sentence):
+    with refused(CommandRefused, code, **values):
         manager.switch(activate, deactivate, RUNNING)
     assert active(manager) == ["first"]
 
@@ -71,7 +113,9 @@ def test_lenient_switch_leaves_out_who_cannot(manager: ControllerManager, strict
 def test_lenient_switch_of_unknown_controllers_alone_is_refused(
     manager: ControllerManager, strictness: Strictness
 ) -> None:
-    with pytest.raises(CommandRefused, match=r"There is no controller 'a'.* There is no controller 'b'"):
+    loaded = ("first", "second", "speed", "watcher", "raw")
+    reasons = tuple(message("controller_unknown", controller=name, loaded=loaded) for name in "ab")
+    with refused(CommandRefused, "switch_without_effect", reasons=reasons):
         manager.switch(["b"], ["a"], RUNNING, strictness)
 
 
@@ -83,9 +127,10 @@ def test_lenient_switch_is_done_when_nothing_is_left_of_it(manager: ControllerMa
 def test_no_strictness_lets_two_controllers_claim_an_interface(
     manager: ControllerManager, strictness: Strictness
 ) -> None:
-    with pytest.raises(CommandRefused, match="'second' needs yumi_joint_1_r/position, which 'first' has claimed"):
+    claim = {"controller": "second", "interface": "yumi_joint_1_r/position", "owner": "first"}
+    with refused(CommandRefused, "interface_claimed", **claim):
         manager.switch(["second"], [], RUNNING, strictness)
-    with pytest.raises(CommandRefused, match="'second' needs yumi_joint_1_r/position, which 'first' has claimed"):
+    with refused(CommandRefused, "interface_claimed", **claim):
         manager.switch(["first", "second"], ["first"], RUNNING, strictness)
     assert active(manager) == ["first"]
 
@@ -96,7 +141,7 @@ def test_no_strictness_activates_what_needs_an_interface_the_arm_lacks(
 ) -> None:
     manager.load("strong", Double("effort"))
     manager.configure("strong")
-    with pytest.raises(CommandRefused, match="'strong' needs yumi_joint_1_r/effort, which this arm does not have"):
+    with refused(CommandRefused, "interface_missing", controller="strong", interface="yumi_joint_1_r/effort"):
         manager.switch(["strong"], [], RUNNING, strictness)
 
 
@@ -129,7 +174,7 @@ def test_strict_switch_takes_back_what_it_activated_when_one_cannot_begin(
     manager: ControllerManager, doubles: dict[str, Double]
 ) -> None:
     doubles["speed"].faults["activate"] = ValueError("no")
-    with pytest.raises(SwitchFailed, match=r"'speed' could not be activated: ValueError: no\. Active now: none"):
+    with refused(SwitchFailed, "switch_failed", failures=(raised("speed", "activate"),), active=()):
         manager.switch(["second", "speed", "watcher"], ["first"], RUNNING)
     assert active(manager) == []
     assert manager.update(RUNNING) is None
@@ -140,7 +185,8 @@ def test_lenient_switch_keeps_what_it_activated_when_one_cannot_begin(
     manager: ControllerManager, doubles: dict[str, Double]
 ) -> None:
     doubles["second"].faults["activate"] = ValueError("no")
-    with pytest.raises(SwitchFailed, match="Active now: speed, watcher"):
+    failures = (raised("second", "activate"),)
+    with refused(SwitchFailed, "switch_failed", failures=failures, active=("speed", "watcher")):
         manager.switch(["second", "speed", "watcher"], ["first"], RUNNING, BEST_EFFORT)
     assert active(manager) == ["speed", "watcher"]
 
@@ -152,7 +198,7 @@ def test_controller_that_fails_on_its_way_out_is_out(
     doubles["first"].faults[deed] = ValueError("no")
     manager.switch(["second"], ["first"], RUNNING)
     assert active(manager) == ["second"]
-    assert manager.failures == ["Controller 'first' failed while it was deactivated: ValueError: no."]
+    assert manager.failures == [raised("first", "deactivate")]
 
 
 def test_notices_are_told_in_order_and_once_even_by_who_has_left(
@@ -170,19 +216,17 @@ def test_controller_that_fails_to_tell_is_deactivated(manager: ControllerManager
     doubles["first"].faults["take_reports"] = ValueError("no")
     assert manager.take_reports() == ()
     assert active(manager) == []
-    assert manager.failures[0] == (
-        "Controller 'first' failed with ValueError: no; it was deactivated and the arm holds."
-    )
+    assert_says(manager.failures[0], "commanding_controller_failed", controller="first", type="ValueError", error=NO)
 
 
 def test_orders_reach_active_controllers_only(manager: ControllerManager, doubles: dict[str, Double]) -> None:
     manager.receive("first", "good", RUNNING)
     assert doubles["first"].orders == ["good"]
-    with pytest.raises(CommandRefused, match="'second' is inactive and takes no commands; activate it first"):
+    with refused(CommandRefused, "controller_not_active", controller="second", state="inactive"):
         manager.receive("second", "good", RUNNING)
     with pytest.raises(CommandRefused, match="The order is bad; send a good one"):
         manager.receive("first", "bad", RUNNING)
-    with pytest.raises(CommandRefused, match="There is no controller 'nobody'"):
+    with refused(CommandRefused, "controller_unknown", controller="nobody"):
         manager.receive("nobody", "good", RUNNING)
     assert (doubles["first"].orders, doubles["second"].orders) == (["good"], [])
 
@@ -194,4 +238,5 @@ def test_fault_of_who_was_asked_is_told_after_others_have_left(
     manager.switch([], ["first"], RUNNING)
     doubles["speed"].faults["update"] = ValueError("no")
     assert manager.update(RUNNING) is None
-    assert manager.failures == ["Controller 'speed' failed with ValueError: no; it was deactivated and the arm holds."]
+    (failure,) = manager.failures
+    assert_says(failure, "commanding_controller_failed", controller="speed", type="ValueError", error=NO)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cartesian_bench import deviation, shares
+from refusals import refused
 from unit.robot.test_robot_kinematics import rad
 from yumi.control.tool_path import ToolPath, Waypoint, plan_path
 from yumi.control.trajectory import ArmPlan, SplineSampler, TrajectoryPoint, smooth_spline_through, stretched
@@ -94,25 +95,47 @@ def test_a_line_through_axes_in_line_slows_down() -> None:
 
 
 def test_a_line_out_of_reach_is_refused_with_the_place() -> None:
-    with pytest.raises(Unreachable, match=r"right arm cannot follow it beyond \d+ %, at x .* m: "):
+    with refused(Unreachable, "path_unreachable", arm="right") as caught:
         plan_path(Side.RIGHT, START, [Waypoint(moved(0.6, -0.6, 0.0))], YUMI_LIMITS)
+    values = caught.value.said.values
+    assert 0.0 < values["share"] < 1.0
+    place = [HERE.position[0] + 0.6 * values["share"], HERE.position[1] - 0.6 * values["share"], HERE.position[2]]
+    assert [values["x"], values["y"], values["z"]] == pytest.approx(place, abs=1e-6)
+    assert values["reason"].code in {"arm_stretched_out", "joint_leaves_range"}
 
 
 @pytest.mark.parametrize(
-    ("waypoints", "options", "sentence"),
+    ("waypoints", "options", "code", "values"),
     [
-        ([], {}, "it has no poses"),
-        ([Waypoint(moved(nan, 0, 0))], {}, "not finite"),
-        ([Waypoint(moved(100, 0, 0))], {}, "positions are in metres"),
-        ([Waypoint(Pose((0.3, 0.0, 0.3), (2.0, 0.0, 0.0, 0.0)))], {}, "give a unit quaternion"),
-        ([Waypoint(moved(0.1, 0, 0), nan)], {}, "arm angle of pose 1 is nan"),
-        ([Waypoint(moved(0.1, 0, 0))], {"speed": 2.0}, "speed is 2; allowed is 0.0001 to 1.5 m/s"),
-        ([Waypoint(moved(0.1, 0, 0))], {"speed": nan}, "speed is nan"),
-        ([Waypoint(moved(0.1, 0, 0))], {"acceleration": 0.0}, "acceleration is 0"),
+        ([], {}, "path_without_poses", {}),
+        ([Waypoint(moved(nan, 0, 0))], {}, "pose_not_finite", {"pose": "pose 1"}),
+        ([Waypoint(moved(100, 0, 0))], {}, "pose_too_far", {"pose": "pose 1", "farthest": 3.0}),
+        (
+            [Waypoint(Pose((0.3, 0.0, 0.3), (2.0, 0.0, 0.0, 0.0)))],
+            {},
+            "pose_not_unit",
+            {"pose": "pose 1", "length": 2.0},
+        ),
+        ([Waypoint(moved(0.1, 0, 0), nan)], {}, "path_angle_not_finite", {"pose": 1, "angle": "nan"}),
+        (
+            [Waypoint(moved(0.1, 0, 0))],
+            {"speed": 2.0},
+            "path_value_out_of_range",
+            {"name": "speed", "value": 2.0, "lowest": 0.0001, "highest": 1.5, "unit": "m/s"},
+        ),
+        ([Waypoint(moved(0.1, 0, 0))], {"speed": nan}, "path_value_out_of_range", {"name": "speed"}),
+        (
+            [Waypoint(moved(0.1, 0, 0))],
+            {"acceleration": 0.0},
+            "path_value_out_of_range",
+            {"name": "acceleration", "value": 0.0},
+        ),
     ],
 )
-def test_what_is_no_path_is_refused(waypoints: list[Waypoint], options: dict[str, float], sentence: str) -> None:
-    with pytest.raises(CommandRefused, match=sentence):
+def test_what_is_no_path_is_refused(
+    waypoints: list[Waypoint], options: dict[str, float], code: str, values: dict[str, object]
+) -> None:
+    with refused(CommandRefused, code, **values):
         plan_path(Side.RIGHT, START, waypoints, YUMI_LIMITS, **options)
 
 

@@ -1,10 +1,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, nan
+from math import inf, nan, radians
+from typing import Any
 
 import pytest
 
+from refusals import refused
 from yumi.control.trajectory import (
     MOST_POINTS,
     JointTrajectory,
@@ -19,6 +21,7 @@ from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, home, joint_names
 RIGHT, LEFT = joint_names(Side.RIGHT), joint_names(Side.LEFT)
 HOME = home(Side.RIGHT)
 REST = (0.0,) * JOINT_COUNT
+RANGE = {"lower": YUMI_LIMITS.lower[6], "upper": YUMI_LIMITS.upper[6]}
 
 
 def moved(step: float, index: int = 6) -> tuple[float, ...]:
@@ -32,16 +35,10 @@ def trajectory(*points: TrajectoryPoint, names: tuple[str, ...] = RIGHT) -> Join
 GOOD = trajectory(TrajectoryPoint(0.0, HOME), TrajectoryPoint(1.0, moved(0.5)))
 
 
-def refusal(bad: JointTrajectory, sides: tuple[Side, ...] = (Side.RIGHT,)) -> tuple[str, int]:
-    with pytest.raises(TrajectoryRefused) as caught:
-        plan_trajectory(bad, sides, YUMI_LIMITS)
-    return str(caught.value).removeprefix("Trajectory refused: "), caught.value.code
-
-
-def refused_point(point: TrajectoryPoint) -> str:
-    sentence, code = refusal(trajectory(GOOD.points[0], point))
-    assert code == ResultCode.INVALID_GOAL
-    return sentence
+def assert_refused(bad: JointTrajectory, code: str, result: int = ResultCode.INVALID_GOAL, **values: Any) -> None:
+    with refused(TrajectoryRefused, code, **values) as caught:
+        plan_trajectory(bad, (Side.RIGHT,), YUMI_LIMITS)
+    assert caught.value.code == result
 
 
 def test_plan_puts_joints_in_chain_order() -> None:
@@ -57,94 +54,143 @@ def test_plan_of_both_arms_gives_each_its_own_joints() -> None:
 
 
 @pytest.mark.parametrize(
-    ("names", "sentence"),
+    ("names", "code", "values"),
     [
-        ((), "it names no joints; name yumi_joint_1_r, "),
-        ((*RIGHT[:6], RIGHT[0]), "it names the joint 'yumi_joint_1_r' twice; name each once."),
-        ((*RIGHT[:6], LEFT[6]), "'yumi_joint_6_l' is not a joint of this controller; its joints are yumi_joint_1_r, "),
-        (RIGHT[:5], "it leaves out yumi_joint_5_r, yumi_joint_6_r; all joints must be named."),
+        ((), "trajectory_without_joints", {"joints": RIGHT}),
+        ((*RIGHT[:6], RIGHT[0]), "trajectory_joint_twice", {"joint": "yumi_joint_1_r"}),
+        ((*RIGHT[:6], LEFT[6]), "trajectory_joint_unknown", {"joint": "yumi_joint_6_l", "joints": RIGHT}),
+        (RIGHT[:5], "trajectory_joints_missing", {"missing": ("yumi_joint_5_r", "yumi_joint_6_r")}),
     ],
 )
-def test_trajectory_with_wrong_joints_is_refused(names: tuple[str, ...], sentence: str) -> None:
-    told, code = refusal(replace(GOOD, joint_names=names))
-    assert told.startswith(sentence)
-    assert code == ResultCode.INVALID_JOINTS
+def test_trajectory_with_wrong_joints_is_refused(names: tuple[str, ...], code: str, values: dict[str, Any]) -> None:
+    assert_refused(replace(GOOD, joint_names=names), code, ResultCode.INVALID_JOINTS, **values)
 
 
 @pytest.mark.parametrize(
-    ("point", "sentence"),
+    ("point", "code", "values"),
     [
-        (TrajectoryPoint(1.0, ()), "point 2 has no positions; every point has one for each joint."),
-        (TrajectoryPoint(1.0, HOME[:6]), "point 2 has 6 positions for 7 joints; give one for each joint, or none."),
-        (TrajectoryPoint(1.0, HOME, REST[:3]), "point 2 has 3 velocities for 7 joints; "),
-        (TrajectoryPoint(1.0, HOME, REST, (0.0,) * 8), "point 2 has 8 accelerations for 7 joints; "),
-        (TrajectoryPoint(1.0, moved(nan)), "point 2 has nan among its positions; all values are finite numbers."),
-        (TrajectoryPoint(1.0, HOME, (*REST[:6], -inf)), "point 2 has -inf among its velocities; "),
-        (TrajectoryPoint(nan, HOME), "point 2 is due at nan s; a time is a finite number of seconds."),
-        (TrajectoryPoint(1.0, HOME, (), REST), "point 2 has accelerations without velocities; give both or neither."),
-        (TrajectoryPoint(0.0, HOME), "point 2 is due at 0 s, not after point 1 at 0 s; the times of the points incr"),
-        (TrajectoryPoint(1.0, HOME, (0.1, *REST[1:])), "its last point has a velocity; a trajectory ends at rest."),
-        (TrajectoryPoint(1e308, HOME), "its last point is due at 1e+308 s; the latest is at 2147483648 s."),
-        (TrajectoryPoint(5e-324, HOME), "point 2 is due at 4.94066e-324 s, not after point 1 at 0 s; "),
-        (TrajectoryPoint(9.0, moved(4.0)), "point 2 wants yumi_joint_6_r at 229.2°; its range is -229.0° to 229.0°."),
+        (TrajectoryPoint(1.0, ()), "point_without_positions", {"point": 2}),
+        (
+            TrajectoryPoint(1.0, HOME[:6]),
+            "point_value_count",
+            {"point": 2, "count": 6, "quantity": "positions", "joints": 7},
+        ),
+        (TrajectoryPoint(1.0, HOME, REST[:3]), "point_value_count", {"point": 2, "count": 3, "quantity": "velocities"}),
+        (
+            TrajectoryPoint(1.0, HOME, REST, (0.0,) * 8),
+            "point_value_count",
+            {"point": 2, "count": 8, "quantity": "accelerations"},
+        ),
+        (
+            TrajectoryPoint(1.0, moved(nan)),
+            "point_value_not_finite",
+            {"point": 2, "value": "nan", "quantity": "positions"},
+        ),
+        (
+            TrajectoryPoint(1.0, HOME, (*REST[:6], -inf)),
+            "point_value_not_finite",
+            {"point": 2, "value": "-inf", "quantity": "velocities"},
+        ),
+        (TrajectoryPoint(nan, HOME), "point_time_not_finite", {"point": 2, "time": "nan"}),
+        (TrajectoryPoint(1.0, HOME, (), REST), "point_without_velocities", {"point": 2}),
+        (
+            TrajectoryPoint(0.0, HOME),
+            "trajectory_times_not_increasing",
+            {"point": 2, "time": 0.0, "before": 1, "time_before": 0.0},
+        ),
+        (TrajectoryPoint(1.0, HOME, (0.1, *REST[1:])), "trajectory_ends_in_motion", {}),
+        (TrajectoryPoint(1e308, HOME), "trajectory_ends_too_late", {"time": 1e308, "latest": 2147483648.0}),
+        (TrajectoryPoint(5e-324, HOME), "trajectory_times_not_increasing", {"point": 2, "time": 5e-324, "before": 1}),
+        (
+            TrajectoryPoint(9.0, moved(4.0)),
+            "point_out_of_range",
+            {"point": 2, "joint": "yumi_joint_6_r", "position": HOME[6] + 4.0, **RANGE},
+        ),
         (
             TrajectoryPoint(9.0, moved(90.0)),
-            "point 2 wants yumi_joint_6_r at 5156.6°; its range is -229.0° to 229.0°; 90 looks like degrees.",
+            "point_in_degrees",
+            {"point": 2, "joint": "yumi_joint_6_r", "position": HOME[6] + 90.0, **RANGE},
         ),
     ],
 )
-def test_bad_point_is_refused(point: TrajectoryPoint, sentence: str) -> None:
-    assert refused_point(point).startswith(sentence)
+def test_bad_point_is_refused(point: TrajectoryPoint, code: str, values: dict[str, Any]) -> None:
+    assert_refused(trajectory(GOOD.points[0], point), code, **values)
 
 
 def test_trajectory_without_points_is_refused() -> None:
-    assert refusal(trajectory())[0] == "it has no points; to stop a motion, cancel its goal."
+    assert_refused(trajectory(), "trajectory_without_points")
 
 
 def test_trajectory_that_begins_before_its_start_is_refused() -> None:
-    early = trajectory(TrajectoryPoint(-0.1, HOME))
-    assert refusal(early)[0] == "point 1 is due at -0.1 s; time_from_start is 0 s or later."
+    assert_refused(trajectory(TrajectoryPoint(-0.1, HOME)), "trajectory_begins_too_early", time=-0.1)
 
 
 def test_trajectory_that_starts_at_no_time_is_refused() -> None:
-    assert refusal(replace(GOOD, start=nan))[0] == "its start is nan; a time is a finite number of seconds."
+    assert_refused(replace(GOOD, start=nan), "trajectory_start_not_finite", start="nan")
 
 
 def test_trajectory_faster_than_a_joint_is_refused() -> None:
-    assert refused_point(TrajectoryPoint(0.1, moved(0.7))) == (
-        "yumi_joint_6_r would have the velocity 7.00 rad/s at 0.000 s; its limit is 6.98 rad/s; give it more time."
+    assert_refused(
+        trajectory(GOOD.points[0], TrajectoryPoint(0.1, moved(0.7))),
+        "trajectory_beyond_limit",
+        joint="yumi_joint_6_r",
+        quantity="velocity",
+        unit="rad/s",
+        value=7.0,
+        time=0.0,
+        limit=YUMI_LIMITS.velocity[6],
     )
 
 
 def test_trajectory_that_accelerates_too_much_is_refused() -> None:
     hasty = trajectory(TrajectoryPoint(0.0, HOME, REST), TrajectoryPoint(0.5, moved(1.7), REST))
-    assert refusal(hasty)[0] == (
-        "yumi_joint_6_r would have the acceleration 40.80 rad/s² at 0.000 s; its limit is 40.00 rad/s²; "
-        "give it more time."
+    assert_refused(
+        hasty,
+        "trajectory_beyond_limit",
+        joint="yumi_joint_6_r",
+        quantity="acceleration",
+        unit="rad/s²",
+        value=40.8,
+        time=0.0,
+        limit=40.0,
     )
 
 
 def test_trajectory_that_leaves_a_range_between_its_points_is_refused() -> None:
     edge = TrajectoryPoint(1.0, moved(3.9), (*REST[:6], -2.0))
     swing = trajectory(TrajectoryPoint(0.0, moved(3.9), REST), edge, TrajectoryPoint(2.0, HOME, REST))
-    assert refusal(swing)[0] == (
-        "yumi_joint_6_r would be at 240.4° at 0.667 s, between two points; its range is -229.0° to 229.0°."
-    )
+    with refused(TrajectoryRefused, "trajectory_leaves_range", joint="yumi_joint_6_r", **RANGE) as caught:
+        plan_trajectory(swing, (Side.RIGHT,), YUMI_LIMITS)
+    values = caught.value.said.values
+    assert (values["position"], values["time"]) == pytest.approx((radians(240.4), 0.667), abs=1e-3)
 
 
 @pytest.mark.parametrize("value", [1e308, -1e308, 1e5, 40.1])
 def test_acceleration_beyond_a_joints_limit_is_refused_at_the_point_that_has_it(value: float) -> None:
     mad = trajectory(TrajectoryPoint(0.0, HOME, REST, (*REST[:6], value)), TrajectoryPoint(1.0, HOME, REST, REST))
-    assert refusal(mad)[0] == (
-        f"point 1 wants yumi_joint_6_r to accelerate with {value:.4g} rad/s²; its limit is 40.00 rad/s²; "
-        "give it more time."
+    assert_refused(
+        mad,
+        "point_beyond_limit",
+        point=1,
+        joint="yumi_joint_6_r",
+        quantity="acceleration",
+        value=value,
+        limit=40.0,
+        unit="rad/s²",
     )
 
 
 def test_velocity_beyond_all_numbers_is_refused() -> None:
     mad = trajectory(TrajectoryPoint(0.0, HOME, (*REST[:6], 1e308)), TrajectoryPoint(1.0, HOME, REST))
-    assert refusal(mad)[0] == (
-        "point 1 wants yumi_joint_6_r to move with 1e+308 rad/s; its limit is 6.98 rad/s; give it more time."
+    assert_refused(
+        mad,
+        "point_beyond_limit",
+        point=1,
+        joint="yumi_joint_6_r",
+        quantity="velocity",
+        value=1e308,
+        limit=YUMI_LIMITS.velocity[6],
+        unit="rad/s",
     )
 
 
@@ -156,9 +202,7 @@ def long_trajectory(points: int) -> JointTrajectory:
 def test_twenty_thousand_points_are_taken_and_one_more_is_refused() -> None:
     plan = plan_trajectory(long_trajectory(MOST_POINTS), [Side.RIGHT], YUMI_LIMITS)[Side.RIGHT]
     assert len(plan.spline.segments) == MOST_POINTS - 1
-    assert refusal(long_trajectory(MOST_POINTS + 1))[0] == (
-        "it has 20001 points; at most 20000 are taken: leave out points, or send it in several goals."
-    )
+    assert_refused(long_trajectory(MOST_POINTS + 1), "trajectory_too_long", points=20001, most=20000)
 
 
 def test_both_arms_start_a_long_trajectory_later_so_that_each_has_it_by_then() -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from refusals import refused
 from yumi.driver.gripper import GripperSignals
 from yumi.errors import ControllerRefused, NoConnection, ProtocolError
 from yumi.robot.gripper import GripperModules, ServoState
@@ -177,7 +178,7 @@ def test_close_ends_the_subscription(robot: Robot, signals: GripperSignals) -> N
 @pytest.mark.parametrize("code", [13, 14, 18, 31])
 def test_state_no_gripper_has_is_refused(robot: Robot, signals: GripperSignals, code: int) -> None:
     robot.tell("hand_SysState_R", str(code))
-    with pytest.raises(ProtocolError, match=f"The gripper reports state {code}, which no Smart Gripper has"):
+    with refused(ProtocolError, "gripper_state_unknown", state=float(code)):
         signals.state(Side.RIGHT)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import yumi.robot
+from refusals import refused
 from yumi.control.collisions import BODY_MARGIN
 from yumi.errors import CommandRefused
 from yumi.robot.collision import PADDING, Array, CollisionModel, Obstacle, Part, gripper_parts, link_parts
@@ -426,43 +427,45 @@ def boxes_of(*names: str) -> list[Obstacle]:
 def test_box_with_the_name_of_a_part_of_the_robot_is_refused(side: Side, modules: GripperModules) -> None:
     own = {name for name in CollisionModel(dict.fromkeys(Side, modules)).names if name != "body"}
     for name in {"body", f"{side.word} arm", *own}:
-        with pytest.raises(
-            CommandRefused, match=f"^Box '{name}' refused: a part of the robot has this name; give anot"
-        ):
+        with refused(CommandRefused, "box_named_as_robot", name=name):
             CollisionModel(SERVO_GRIPPERS, obstacles=boxes_of("table", name))
 
 
 def test_box_with_the_name_of_a_declared_tool_is_refused() -> None:
     needle = {Side.RIGHT: [Part("needle", 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003)]}
-    with pytest.raises(CommandRefused, match="Box 'right needle' refused: a part of the robot has this name"):
+    with refused(CommandRefused, "box_named_as_robot", name="right needle"):
         CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("right needle"))
     assert CollisionModel(SERVO_GRIPPERS, tools=needle, obstacles=boxes_of("left needle")).names[-1] == "left needle"
 
 
 @pytest.mark.parametrize(
-    ("names", "sentence"),
+    ("names", "code", "values"),
     [
-        (("",), "Box '' refused: it has no name"),
-        ((" ",), "Box ' ' refused: it has no name"),
-        (("post", "table", "post"), "Box 'post' refused: another one has this name; give each a name of its own."),
-        ([f"b{each}" for each in range(101)], "Box 'b100' refused: it is one of 101, allowed are 100."),
+        (("",), "box_without_name", {"name": ""}),
+        ((" ",), "box_without_name", {"name": " "}),
+        (("post", "table", "post"), "box_named_twice", {"name": "post"}),
+        ([f"b{each}" for each in range(101)], "box_one_too_many", {"name": "b100", "count": 101, "most": 100}),
     ],
 )
-def test_box_is_refused_whose_name_does_not_stand_for_it_alone(names: Sequence[str], sentence: str) -> None:
-    with pytest.raises(CommandRefused, match=f"^{sentence}"):
+def test_box_is_refused_whose_name_does_not_stand_for_it_alone(
+    names: Sequence[str], code: str, values: dict[str, object]
+) -> None:
+    with refused(CommandRefused, code, **values):
         CollisionModel(SERVO_GRIPPERS, obstacles=boxes_of(*names))
 
 
 @pytest.mark.parametrize(
-    ("names", "sentence"),
+    ("names", "code", "values"),
     [
-        (["gripper"], "Tool 'gripper' of the left arm refused: a part of the robot has this name; give another one."),
-        (["arm"], "Tool 'arm' of the left arm refused: a part of the robot has this name; give another one."),
-        (["pen", "pen"], "Tool 'pen' of the left arm refused: another one has this name; give each a name of its own."),
-        ([f"t{each}" for each in range(21)], "Tool 't20' of the left arm refused: it is one of 21, allowed are 20."),
+        (["gripper"], "tool_named_as_robot", {"name": "gripper"}),
+        (["arm"], "tool_named_as_robot", {"name": "arm"}),
+        (["pen", "pen"], "tool_named_twice", {"name": "pen"}),
+        ([f"t{each}" for each in range(21)], "tool_one_too_many", {"name": "t20", "count": 21, "most": 20}),
     ],
 )
-def test_tool_is_refused_whose_name_does_not_stand_for_it_alone(names: Sequence[str], sentence: str) -> None:
+def test_tool_is_refused_whose_name_does_not_stand_for_it_alone(
+    names: Sequence[str], code: str, values: dict[str, object]
+) -> None:
     tools = [Part(name, 7, (0.0, 0.0, 0.1), (0.0, 0.0, 0.3), 0.003) for name in names]
-    with pytest.raises(CommandRefused, match=f"^{sentence}"):
+    with refused(CommandRefused, code, arm="left", **values):
         CollisionModel(SERVO_GRIPPERS, tools={Side.LEFT: tools})

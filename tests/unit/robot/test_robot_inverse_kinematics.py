@@ -8,8 +8,10 @@ from time import perf_counter
 import numpy as np
 import pytest
 
+from refusals import assert_says, refused
 from soak import long, short, tell
 from unit.robot.test_robot_kinematics import ROBOTSTUDIO, rad
+from yumi.catalogue import message
 from yumi.robot.inverse_kinematics import (
     Unreachable,
     arm_angle,
@@ -154,7 +156,7 @@ def test_arm_angle_is_robotstudios(row, angles_deg) -> None:
 def test_a_pose_out_of_reach_has_no_posture() -> None:
     far = Pose((2.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0))
     assert postures(Side.LEFT, far, 0.0) == ()
-    with pytest.raises(Unreachable, match="left arm does not reach the pose"):
+    with refused(Unreachable, "pose_not_reached", arm="left"):
         nearest_posture(Side.LEFT, far, 0.0, home(Side.LEFT))
 
 
@@ -176,18 +178,20 @@ def test_the_posture_that_is_nearest_to_a_pose_out_of_reach_is_found(side: Side)
 
 def test_a_pose_that_is_reached_with_another_arm_angle_says_with_which() -> None:
     position = random_postures(9, 1)[0][1]
-    error = unreachable(Side.RIGHT, tool0_to_body(Side.RIGHT, position), "No posture.", home(Side.RIGHT))
+    reason = message("text", text="No posture.")
+    error = unreachable(Side.RIGHT, tool0_to_body(Side.RIGHT, position), reason, home(Side.RIGHT))
     assert error.nearest is not None
-    angle = degrees(arm_angle(Side.RIGHT, error.nearest))
-    assert str(error) == f"No posture. With arm angle {angle:.0f}° there is one."
+    assert_says(error.said, "nearest_arm_angle", reason=reason, angle=arm_angle(Side.RIGHT, error.nearest))
 
 
 def test_a_posture_out_of_range_is_refused_with_its_joint() -> None:
     beyond = rad((0, -130, 135, 30, 0, 137, 0))
     pose = tool0_to_body(Side.LEFT, joints([*beyond[:5], radians(139.0), beyond[6]]))
     angle = arm_angle(Side.LEFT, joints([*beyond[:5], radians(139.0), beyond[6]]))
-    with pytest.raises(Unreachable, match=r"joint 6 of 7 \(-88.0° to 138.0°\): the pose needs 139.0°"):
+    limits = {"lower": YUMI_LIMITS.lower[5], "upper": YUMI_LIMITS.upper[5]}
+    with refused(Unreachable, "pose_beyond_range", arm="left", joint=6, **limits) as caught:
         nearest_posture(Side.LEFT, pose, angle, beyond)
+    assert caught.value.said.values["position"] == pytest.approx(radians(139.0), abs=1e-4)
 
 
 @pytest.mark.parametrize("side", Side)

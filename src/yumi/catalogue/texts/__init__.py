@@ -10,11 +10,14 @@ from yumi.catalogue.texts.arms import ARMS
 from yumi.catalogue.texts.command_line import COMMAND_LINE
 from yumi.catalogue.texts.controller import CONTROLLER
 from yumi.catalogue.texts.driver import DRIVER
+from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.endpoint import ENDPOINT
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
+from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
 from yumi.catalogue.texts.page import PAGE
 from yumi.catalogue.texts.recordings import RECORDINGS
+from yumi.catalogue.texts.robot import ROBOT
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 from yumi.catalogue.texts.ros import ROS
 from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
@@ -34,6 +37,10 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Prerequisites": PREREQUISITES,
     "Installation and doctor": SET_UP,
     "Recordings": RECORDINGS,
+    "Motions": MOTION,
+    "Controllers": CONTROLLERS,
+    "EGM": EGM,
+    "Model of the robot": ROBOT,
 }
 """All texts by subject, as the documentation lists them."""
 

@@ -18,6 +18,7 @@ _ON_PAGE: dict[str, Words] = {
     "release_stop": Words("release it where it was pressed", "the button of the emergency stop"),
     "retreat": Words("run `yumi retreat`", "`yumi retreat`"),
     "switch": Words("choose the controller on this page", "the list of controllers"),
+    "give_radians": Words("give radians", "radians"),
 }
 
 _BY_FRONT_END: dict[str, dict[str, Words]] = {
@@ -33,6 +34,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "release_stop": _ON_PAGE["release_stop"],
         "retreat": _ON_PAGE["retreat"],
         "switch": Words("call controller_manager/switch_controller", "controller_manager/switch_controller"),
+        "give_radians": _ON_PAGE["give_radians"],
     },
     "script": {
         "start_egm": Words("call robot.recover()", "robot.recover()"),
@@ -46,6 +48,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "release_stop": _ON_PAGE["release_stop"],
         "retreat": Words("call robot.retreat()", "robot.retreat()"),
         "switch": Words("leave the arm to one controller", "the controller of the arm"),
+        "give_radians": Words("use yumi.degrees(...)", "yumi.degrees"),
     },
     "shell": {
         "start_egm": Words("run `yumi start`", "`yumi start`"),
@@ -59,6 +62,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "release_stop": _ON_PAGE["release_stop"],
         "retreat": _ON_PAGE["retreat"],
         "switch": Words("run `yumi switch`", "`yumi switch`"),
+        "give_radians": Words("add --degrees", "--degrees"),
     },
     "page": _ON_PAGE,
     "virtual_page": {

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from math import dist, hypot, inf, isnan, nan, pi, sqrt, tau
 from typing import NamedTuple
 
+from yumi.catalogue import message
 from yumi.control.controller import UNKNOWN, Buffer, GoalKind
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTrajectoryController, Outcome
 from yumi.control.limiter import SpeedScale
@@ -119,9 +120,7 @@ def check_twist(twist: Sequence[float]) -> None:
     """Refuse a velocity that is none; raises CommandRefused."""
     for value in twist:
         if not abs(value) <= HIGHEST:  # NaN too
-            raise CommandRefused(
-                f"Velocity refused: {value:g} is not finite, or beyond {HIGHEST:g} m/s or rad/s; the tool reaches 1.5."
-            )
+            raise CommandRefused(message("twist_implausible", value=f"{value:g}", most=HIGHEST))
 
 
 _PARAMETERS = (
@@ -547,7 +546,7 @@ class CartesianController(JointTrajectoryController):
             start = start._replace(acceleration=middle.acceleration)
             if self._goal is not None:
                 start = start.scaled(self._pace)
-            self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "A stream of the tool has replaced this motion.")
+            self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("motion_replaced_by_stream"))
             speed, turning = number(values, "tool.speed"), number(values, "tool.turning")
             # Poses are followed in each direction alone.
             directions = 1.0 if goal.is_twist else sqrt(3.0)
@@ -576,9 +575,9 @@ class CartesianController(JointTrajectoryController):
             self._source, self._time = stream, 0.0
         stream.take(goal, state.time)
 
-    def receive(self, message: object, state: ArmState | None) -> None:
-        super().receive(message, state)
-        if isinstance(message, CancelTrajectory) and isinstance(self._source, _Stream):
+    def receive(self, command: object, state: ArmState | None) -> None:
+        super().receive(command, state)
+        if isinstance(command, CancelTrajectory) and isinstance(self._source, _Stream):
             newest = self._goals.read()
             self._number = newest[0] if newest else 0  # a message that was not taken yet would begin a new stream
             self._brake()

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from math import degrees
 
-from yumi.catalogue import Message, message
+from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
@@ -98,19 +97,20 @@ class GoalEnded:
     Attributes:
         identity: the command's number.
         outcome: how.
-        sentence: why.
+        said: why.
     """
 
     identity: int
     outcome: GoalOutcome
-    sentence: str
-
-    @property
-    def said(self) -> Message:
-        return message("text", text=self.sentence)
+    said: Message
 
     def __str__(self) -> str:
-        return f"Motion {self.identity}: {self.sentence}."
+        return str(message("motion_ended", number=self.identity, reason=self.said))
+
+    @property
+    def sentence(self) -> str:
+        """Why, as part of a sentence."""
+        return "; ".join(filter(None, (clause(self.said), remedy_of(self.said))))
 
 
 class JointGoalController(Controller):
@@ -163,17 +163,17 @@ class JointGoalController(Controller):
         self._hold(state)
 
     def deactivate(self) -> None:
-        self._end(GoalOutcome.ABORTED, "the controller was deactivated; the arm holds")
+        self._end(GoalOutcome.ABORTED, message("controller_deactivated"))
 
-    def check(self, message: object, state: ArmState | None) -> None:
-        self._planned(message)
+    def check(self, command: object, state: ArmState | None) -> None:
+        self._planned(command)
 
-    def receive(self, message: object, state: ArmState | None) -> None:
-        order, motion = self._planned(message)
+    def receive(self, command: object, state: ArmState | None) -> None:
+        order, motion = self._planned(command)
         is_stop = isinstance(order, StopMotion)
         self._end(
             GoalOutcome.STOPPED if is_stop else GoalOutcome.REPLACED,
-            "the arm was commanded to stop" if is_stop else "another goal replaced this one",
+            message("motion_stopped" if is_stop else "goal_replaced"),
         )
         self._order = order
         before = self._setpoint
@@ -191,7 +191,7 @@ class JointGoalController(Controller):
                 try:
                     self.receive(JointGoal(goal.position), state)
                 except CommandRefused as error:
-                    self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, str(error)))
+                    self._notices.append(GoalEnded(0, GoalOutcome.ABORTED, error.said))
         if self._standstill is not None:
             # The command that came meanwhile begins from where the robot is then: loads make it creep.
             self._setpoint = Setpoint(state.position)
@@ -233,13 +233,20 @@ class JointGoalController(Controller):
         """How fast time goes by on the way to a goal; coming to rest is not slowed down."""
         return 1.0 if isinstance(self._order, StopMotion) else self._speed.value
 
-    def _planned(self, message: object) -> tuple[JointGoal | StopMotion, PointMotion]:
-        if isinstance(message, StopMotion):
-            return message, stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
-        if not isinstance(message, JointGoal):
-            raise CommandRefused(f"{self.kind} takes a JointGoal or StopMotion, not {type(message).__name__}.")
-        check_goal(message.position)
-        return message, self._way_to(message)
+    def _planned(self, command: object) -> tuple[JointGoal | StopMotion, PointMotion]:
+        if isinstance(command, StopMotion):
+            return command, stop(self._setpoint.scaled(self._scale), slower(self._limits, 1.0, _ROOM))
+        if not isinstance(command, JointGoal):
+            raise CommandRefused(
+                message(
+                    "command_of_other_controller",
+                    type=self.kind,
+                    allowed=(JointGoal.__name__, StopMotion.__name__),
+                    command=type(command).__name__,
+                )
+            )
+        check_goal(command.position)
+        return command, self._way_to(command)
 
     def _way_to(self, goal: JointGoal) -> PointMotion:
         speed = self._factor("speed_scale", goal.speed_scale)
@@ -257,7 +264,7 @@ class JointGoalController(Controller):
         if value is None:
             return self._values[name]
         if not 0.0 < value <= 1.0:
-            raise CommandRefused(f"Goal refused: {name} is {value}; allowed is above 0 up to 1.")
+            raise CommandRefused(message("goal_scale_out_of_range", name=name, value=value))
         return value
 
     def _hold(self, state: ArmState) -> None:
@@ -277,22 +284,22 @@ class JointGoalController(Controller):
         worst = largest_difference(state.position, wanted)
         if self._time < self._motion.duration:
             if 0.0 < values["path_tolerance"] < worst:
-                self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
+                self._end(GoalOutcome.ABORTED, message("axis_off_path", **self._worst(state)))
                 self._hold(state)
         elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
-            self._end(GoalOutcome.REACHED, "the goal is reached")
+            self._end(GoalOutcome.REACHED, message("goal_reached"))
         elif self._time > self._motion.duration + values["goal_time"]:
-            self._end(GoalOutcome.ABORTED, self._deviation(state, "from the goal when its time was up"))
+            self._end(GoalOutcome.ABORTED, message("axis_off_goal", **self._worst(state)))
             self._hold(state)
 
-    def _deviation(self, state: ArmState, where: str) -> str:
+    def _worst(self, state: ArmState) -> dict[str, int | float]:
         errors = [abs(is_at - wanted) for is_at, wanted in zip(state.position, self._setpoint.position, strict=True)]
         index = errors.index(max(errors))
-        return f"axis {CHAIN_AXES[index]} was {degrees(errors[index]):.1f}° {where}; see what holds the arm back"
+        return {"axis": CHAIN_AXES[index], "distance": errors[index]}
 
-    def _end(self, outcome: GoalOutcome, sentence: str) -> None:
+    def _end(self, outcome: GoalOutcome, said: Message) -> None:
         if self._order is not None:
-            self._notices.append(GoalEnded(self._order.identity, outcome, sentence))
+            self._notices.append(GoalEnded(self._order.identity, outcome, said))
             self._order = None
 
 
@@ -303,6 +310,6 @@ def check_goal(position: Joints) -> None:
         CommandRefused: not seven numbers, or one of them is impossible.
     """
     if len(position) != JOINT_COUNT:
-        raise CommandRefused(f"Goal refused: it has {len(position)} positions; an arm has {JOINT_COUNT} joints.")
+        raise CommandRefused(message("goal_joint_count", count=len(position), joints=JOINT_COUNT))
     for index, value in enumerate(position):
         check_position(f"axis {CHAIN_AXES[index]}", index, value)

@@ -13,10 +13,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum, auto
 from itertools import pairwise
-from math import degrees, inf, isnan
+from math import inf, isnan
 from typing import Protocol, cast
 
-from yumi.catalogue import Message, cut, message
+from yumi.catalogue import Message, message
 from yumi.control.controller import Buffer, Controller, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
@@ -140,22 +140,23 @@ class TrajectoryEnded:
         goal: the number of its command.
         outcome: how.
         code: the result code that says so.
-        sentence: the same for a person.
+        said: the same for a person.
         skew: of the arms that followed it together; None for one arm.
     """
 
     goal: int
     outcome: Outcome
     code: ResultCode
-    sentence: str
+    said: Message
     skew: Skew | None = None
 
-    @property
-    def said(self) -> Message:
-        return message("text", text=self.sentence)
-
     def __str__(self) -> str:
-        return f"{self.outcome.value}: {self.sentence}"
+        return str(message("trajectory_ended", outcome=self.outcome.value, reason=self.said))
+
+    @property
+    def sentence(self) -> str:
+        """Why, as a sentence."""
+        return str(self.said)
 
 
 _RAD, _RATE = "rad", "rad/s"
@@ -327,9 +328,7 @@ class TrajectorySettings:
         for name in ("command_interfaces", "state_interfaces"):
             given = texts(values, name)
             if given not in (("position",), ("position", "velocity")):
-                raise CommandRefused(
-                    f"Parameter {name!r} is [{cut(', '.join(given))}]; choose [position] or [position, velocity]."
-                )
+                raise CommandRefused(message("parameter_interfaces_unknown", parameter=name, given=", ".join(given)))
         stopped = _or_any(number(values, "constraints.stopped_velocity_tolerance"))
         own = [number(values, f"constraints.{name}.max_deceleration_on_cancel") for name in joint_names]
         return TrajectorySettings(
@@ -378,8 +377,8 @@ def _choice(wanted: float, own: float) -> float:
     return inf if wanted == UNLIMITED else wanted
 
 
-Violation = tuple[ResultCode, str]
-"""Why a motion must end: the result code and a sentence."""
+Violation = tuple[ResultCode, Message]
+"""Why a motion must end: the result code, and the same for a person."""
 
 
 class TrajectoryGoal:
@@ -434,18 +433,24 @@ class TrajectoryGoal:
         bounds, desired = self._bounds, self._walk.position(time)
         for index, (wanted, actual, bound) in enumerate(zip(desired, state.position, bounds.path, strict=True)):
             if not -bound <= actual - wanted <= bound:
-                return ResultCode.PATH_TOLERANCE_VIOLATED, (
-                    f"{self._names[index]} was {degrees(actual - wanted):+.2f}° from the trajectory at {time:.3f} s; "
-                    f"its path tolerance is {degrees(bound):.2f}°."
+                return ResultCode.PATH_TOLERANCE_VIOLATED, message(
+                    "joint_off_trajectory",
+                    joint=self._names[index],
+                    distance=actual - wanted,
+                    time=time,
+                    tolerance=bound,
                 )
         if pace is None or not self._watches_velocity:
             return None
         speeds = [pace * speed for speed in self._walk.motion(time)[1]]
         for index, (wanted, actual, bound) in enumerate(zip(speeds, state.velocity, bounds.path_velocity, strict=True)):
             if not -bound <= actual - wanted <= bound:
-                return ResultCode.PATH_TOLERANCE_VIOLATED, (
-                    f"{self._names[index]} was {actual - wanted:+.3f} rad/s off the planned speed at {time:.3f} s; "
-                    f"its path tolerance is {bound:.3f} rad/s."
+                return ResultCode.PATH_TOLERANCE_VIOLATED, message(
+                    "joint_off_speed",
+                    joint=self._names[index],
+                    difference=actual - wanted,
+                    time=time,
+                    tolerance=bound,
                 )
         return None
 
@@ -456,16 +461,15 @@ class TrajectoryGoal:
             for wanted, actual, bound in zip(goal, state.position, bounds.goal, strict=True)
         ) and all(-bound <= speed <= bound for speed, bound in zip(state.velocity, bounds.goal_velocity, strict=True))
 
-    def _missed_goal(self, time: float, state: ArmState) -> str:
+    def _missed_goal(self, time: float, state: ArmState) -> Message:
         goal, late = self._walk.position(self.end), time - self.end
         for index, (wanted, actual, any_bound) in enumerate(zip(goal, state.position, self._bounds.goal, strict=True)):
             bound = _ELSEWHERE if any_bound == inf else any_bound
             if not -bound <= actual - wanted <= bound:
-                return (
-                    f"{self._names[index]} was still {degrees(actual - wanted):+.2f}° from the goal {late:.2f} s after "
-                    f"the end of the trajectory; its goal tolerance is {degrees(bound):.2f}°."
+                return message(
+                    "joint_off_goal", joint=self._names[index], distance=actual - wanted, late=late, tolerance=bound
                 )
-        return f"The arm still moved {late:.2f} s after the end of the trajectory."
+        return message("arm_still_moved", late=late)
 
 
 _ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
@@ -559,26 +563,33 @@ class JointTrajectoryController(Controller):
         self._standstill = StandstillDetector(state)
 
     def deactivate(self) -> None:
-        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, "The controller was deactivated; the arm holds.")
+        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("controller_deactivated"))
         self._rest_at(self._position)
 
-    def check(self, message: object, state: ArmState | None) -> None:
-        if isinstance(message, FollowTrajectory):
-            self._prepared(message, state)
-        elif isinstance(message, ScaleSpeed):
-            if not 0.0 <= message.factor <= 1.0:
-                raise CommandRefused(f"Speed scaling refused: the factor is {message.factor}; allowed is 0 to 1.")
-        elif not isinstance(message, CancelTrajectory):
-            raise CommandRefused(f"A controller of type {self.kind} takes no {type(message).__name__}.")
+    def check(self, command: object, state: ArmState | None) -> None:
+        if isinstance(command, FollowTrajectory):
+            self._prepared(command, state)
+        elif isinstance(command, ScaleSpeed):
+            if not 0.0 <= command.factor <= 1.0:
+                raise CommandRefused(message("speed_scale_out_of_range", factor=command.factor))
+        elif not isinstance(command, CancelTrajectory):
+            raise CommandRefused(
+                message(
+                    "command_of_other_controller",
+                    type=self.kind,
+                    allowed=(FollowTrajectory.__name__, ScaleSpeed.__name__, CancelTrajectory.__name__),
+                    command=type(command).__name__,
+                )
+            )
 
-    def receive(self, message: object, state: ArmState | None) -> None:
-        self.check(message, state)
-        if isinstance(message, FollowTrajectory):
-            self._follow(message, *self._prepared(message, state))
-        elif isinstance(message, ScaleSpeed):
-            self._scale = message.factor
-        elif isinstance(message, CancelTrajectory):
-            self._cancel(message)
+    def receive(self, command: object, state: ArmState | None) -> None:
+        self.check(command, state)
+        if isinstance(command, FollowTrajectory):
+            self._follow(command, *self._prepared(command, state))
+        elif isinstance(command, ScaleSpeed):
+            self._scale = command.factor
+        elif isinstance(command, CancelTrajectory):
+            self._cancel(command)
 
     def update(self, state: ArmState) -> ArmCommand | None:
         self._state = state
@@ -637,31 +648,22 @@ class JointTrajectoryController(Controller):
     def _prepared(self, command: FollowTrajectory, state: ArmState | None) -> tuple[Spline, float]:
         """The whole way, and the time on it that the newest command belongs to."""
         if state is None:
-            raise refused(f"the {self._side.word} arm cannot be heard; start EGM first.")
+            raise refused(message("arm_without_egm", arm=self._side.word))
         if self._standstill is not None and max(map(abs, state.velocity)) > STANDING:
-            raise refused("the arm still moves from before this controller was activated; wait until it stands.")
+            raise refused(message("trajectory_while_arm_moves"))
         if self._checked is not None and self._checked[0] is command and self._checked[1] is state:
             return self._checked[2:]
         plan, settings = command.plan, self._settings
         if plan.side is not self._side:
-            raise refused(
-                f"it is planned for the {plan.side.word} arm; this controller moves the {self._side.word} one."
-            )
+            raise refused(message("trajectory_of_other_arm", arm=plan.side.word, own_arm=self._side.word))
         if plan.left_out and not settings.is_partial_allowed:
-            raise refused(
-                f"it leaves out {', '.join(plan.left_out)}; name all joints, or set the controller's parameter "
-                "allow_partial_joints_goal to true.",
-                ResultCode.INVALID_JOINTS,
-            )
+            raise refused(message("trajectory_is_partial", missing=plan.left_out), ResultCode.INVALID_JOINTS)
         if any(isnan(value) for value in command.tolerances.values):
-            raise refused("a tolerance is nan; give a number, 0 for the controller's own, -1 for none.")
+            raise refused(message("tolerance_not_a_number"))
         now = self._time_at_once(state) if plan.start is None else state.time - plan.start + settings.lookahead
         late = now - settings.lookahead - plan.spline.end
         if late > 0.0:
-            raise refused(
-                f"it ended {late:.3f} s ago; send it before its end, or with the stamp 0 to start at once.",
-                ResultCode.OLD_HEADER_TIMESTAMP,
-            )
+            raise refused(message("trajectory_is_over", late=late), ResultCode.OLD_HEADER_TIMESTAMP)
         setpoint = self._source.setpoint(self._time)
         if self._is_braking:  # in the trajectory's time from here on
             setpoint = setpoint.unscaled(self._speed.value)
@@ -673,9 +675,7 @@ class JointTrajectoryController(Controller):
 
     def _follow(self, command: FollowTrajectory, spline: Spline, now: float) -> None:
         assert self._state is not None
-        self._end(
-            Outcome.ABORTED, ResultCode.INVALID_GOAL, "A newer trajectory has replaced this one.", is_replaced=True
-        )
+        self._end(Outcome.ABORTED, ResultCode.INVALID_GOAL, message("trajectory_replaced"), is_replaced=True)
         if isinstance(self._source, _Brake):
             self._rate = 1.0 if self._is_braking else self._scale
         self._goal = TrajectoryGoal(command.goal, self._names, spline, self._settings.bounds_with(command.tolerances))
@@ -692,7 +692,7 @@ class JointTrajectoryController(Controller):
     def _watch(self, goal: TrajectoryGoal, state: ArmState) -> None:
         if goal.is_cancelled:
             if self._standstill is None and not self._is_braking:
-                self._end(Outcome.CANCELED, ResultCode.SUCCESSFUL, "The motion was cancelled; the arm is at rest.")
+                self._end(Outcome.CANCELED, ResultCode.SUCCESSFUL, message("motion_cancelled"))
             return
         if not goal.first and self._time > goal.begin:
             goal.first = state.time
@@ -730,18 +730,18 @@ class JointTrajectoryController(Controller):
         return None
 
     def _succeed(self) -> None:
-        self._end(Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, "The goal is reached.")
+        self._end(Outcome.SUCCEEDED, ResultCode.SUCCESSFUL, message("goal_reached"))
         self._rest_at(self._position)
 
-    def _abort(self, code: ResultCode, sentence: str) -> None:
+    def _abort(self, code: ResultCode, said: Message) -> None:
         self._brake()
-        self._end(Outcome.ABORTED, code, sentence)
+        self._end(Outcome.ABORTED, code, said)
 
-    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
+    def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
         goal, self._goal = self._goal, None
         if goal is not None:
-            self._reports.append(TrajectoryEnded(goal.number, outcome, code, sentence, self._skew))
+            self._reports.append(TrajectoryEnded(goal.number, outcome, code, said, self._skew))
 
     def _brake(self) -> None:
         """From what the arm is commanded now, at the speed time goes by; from where it is, if it is held back."""
@@ -875,25 +875,22 @@ class DualArmTrajectoryController(JointTrajectoryController):
                     self._worst_skew = max(self._worst_skew, abs(difference))
         silence = state.time - self._followed_together
         if silence > OTHER_ARM_TIMEOUT and not goal.is_cancelled:
-            self._abort(
-                ResultCode.INVALID_GOAL,
-                f"The other arm has not followed the trajectory for {silence * 1e3:.0f} ms; both arms stop.",
-            )
+            self._abort(ResultCode.INVALID_GOAL, message("other_arm_not_following", silence=silence))
 
     def _may_succeed(self, goal: TrajectoryGoal) -> bool:
         other = self._other(goal)
         return other is not None and other._goal is not None and other._goal.phase is Phase.REACHED
 
-    def _end(self, outcome: Outcome, code: ResultCode, sentence: str, *, is_replaced: bool = False) -> None:
+    def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         goal = self._goal
-        super()._end(outcome, code, sentence, is_replaced=is_replaced)
+        super()._end(outcome, code, said, is_replaced=is_replaced)
         other = goal and self._other(goal)
         if not other:
             return
         if outcome is Outcome.SUCCEEDED:
             other._succeed()
         elif outcome is Outcome.ABORTED and not is_replaced:
-            other._abort(code, "The other arm's part of the motion was aborted; both arms stop.")
+            other._abort(code, message("other_arm_aborted"))
 
     @property
     def _skew(self) -> Skew:
