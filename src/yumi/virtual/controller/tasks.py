@@ -435,7 +435,7 @@ class RapidExecution:
 
     @contextmanager
     def _loading(self, task: str) -> Iterator[None]:
-        self._check_stopped("modules are loaded", task)
+        self.check_stopped("modules are loaded", task)
         try:
             yield
         except ModuleNameTaken as error:
@@ -468,7 +468,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED or NO_MODULE.
         """
-        self._check_stopped("modules are unloaded", task)
+        self.check_stopped("modules are unloaded", task)
         try:
             self.tasks[task].unload(name)
         except UnknownSymbol as error:
@@ -476,7 +476,8 @@ class RapidExecution:
         except RobotNotReady as error:
             raise Refused(Refusal.NOT_STOPPED, str(error)) from error
 
-    def _check_stopped(self, what: str, task: str) -> None:
+    def check_stopped(self, what: str, task: str) -> None:
+        """Raise Refused, NOT_STOPPED, while RAPID runs in ``task``; ``what`` is done while it does not."""
         if self.is_running and self.installed[task].is_normal:
             raise Refused(Refusal.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
 
