@@ -354,13 +354,13 @@ class Debugger(cmd.Cmd):
         return [name for name in super().get_names() if name != "do_EOF"]
 
     def do_help(self, arg: str) -> None:
-        """help: this list."""
-        if arg:
-            super().do_help(arg)
-            return
-        for name in self.get_names():
-            if name.startswith("do_"):
-                self._say(str(getattr(self, name).__doc__))
+        """Help [COMMAND]: what a command does; alone, all of them."""
+        found = [name for name in self.get_names() if name.startswith(f"do_{arg}")]
+        if arg and f"do_{arg}" not in found:
+            raise CommandRefused(f"There is no command {arg!r}; help alone lists them.")
+        for name in [f"do_{arg}"] if arg else found:
+            text = str(getattr(self, name).__doc__)
+            self._say(f"{text[:1].lower()}{text[1:]}")
 
     # ---- what is refused
 

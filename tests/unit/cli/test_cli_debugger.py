@@ -237,20 +237,20 @@ def test_values_of_locals_are_cut_where_the_program_stops() -> None:
     assert session.enter("print a").startswith("a = [0,0,5,0,")
 
 
-def test_program_that_runs_once_ends(session: Session) -> None:
-    text = "MODULE Brief\nPROC main()\nWaitTime 0.1;\nENDPROC\nENDMODULE"
-    session = Session(text)
+def test_program_that_runs_once_ends() -> None:
+    session = Session("MODULE Brief\nPROC main()\nWaitTime 0.1;\nENDPROC\nENDMODULE")
     once = Debugger(session.client, "T_ROB_R", session, session.output, lambda _: True, cycle=RunCycle.ONCE)
     once.onecmd("main")
     once.onecmd("continue")
     assert session.output.getvalue().splitlines()[1:] == ["The program has ended.", "Brief/main, line 3: WaitTime 0.1;"]
-    assert session.enter("continue") == session.output.getvalue().splitlines()[-2] + "\nBrief/main, line 3: WaitTime 0.1;"
 
 
 def test_help_lists_each_command_in_a_line(session: Session) -> None:
     said = session.enter("help").splitlines()
     assert "step: execute one statement, and enter the routine it calls." in said
+    assert "break [MODULE:LINE]: stop before that line; alone, it lists the breakpoints." in said
     assert not [line for line in said if "EOF" in line or "ndocumented" in line]
+    assert session.enter("help jump") == "There is no command 'jump'; help alone lists them."
     assert session.enter("help next") == "next: execute one statement, with the routines it calls."
 
 
@@ -405,5 +405,5 @@ def test_refusal_of_another_task_without_a_pointer_names_that_task(session: Sess
 
 
 def test_task_that_the_controller_lacks_is_refused_with_those_it_has(session: Session) -> None:
-    with pytest.raises(CommandRefused, match="The controller has no task T_ROB1; it has T_ROB_R, T_ROB_L."):
+    with pytest.raises(CommandRefused, match=r"The controller has no task T_ROB1; it has T_ROB_R, T_ROB_L\."):
         Debugger(session.client, "T_ROB1", session, session.output, lambda _: True, io.StringIO("")).cmdloop()

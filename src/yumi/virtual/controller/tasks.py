@@ -42,6 +42,7 @@ class TaskHost:
 
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
+        show: called with the task and each line that it writes.
         events: why the task stopped by itself, until they are read.
         devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
@@ -49,6 +50,7 @@ class TaskHost:
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
         self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
+        self.show: Callable[[str, str], None] = lambda task, line: None
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
         self._files = files
@@ -57,7 +59,7 @@ class TaskHost:
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
-        log.debug("%s: %s", task, text)
+        self.show(task, text)
 
     def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
         code, type = _NUMBERS[severity]
