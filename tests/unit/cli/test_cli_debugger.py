@@ -231,7 +231,7 @@ def test_values_of_locals_are_cut_where_the_program_stops() -> None:
     session.enter("main")
     session.enter("break Long:13")
     said = session.enter("continue").splitlines()[1]
-    assert said == f"    a = [{'0,' * 29}0…, {', '.join(f'n{i} = 0' for i in range(7))}, … (`locals` shows all)"
+    assert said == f"    a = [{'0,' * 14}0…, {', '.join(f'n{i} = 0' for i in range(7))}, … (`locals` shows all)"
     assert session.enter("print a{3}") == "a{3} = 0"
     assert session.enter("set a{3} 5") == "a{3} = 5"
     assert session.enter("print a").startswith("a = [0,0,5,0,")
