@@ -644,7 +644,10 @@ class SymbolInfo:
 
 
 class Symbols(Requests):
-    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``."""
+    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
+
+    Where a module is asked for, data of a routine under way are found with ``Hello/wave``, module and routine.
+    """
 
     def symbol(self, task: str, module: str, name: str) -> str:
         """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
