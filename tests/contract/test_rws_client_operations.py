@@ -180,8 +180,15 @@ def test_programs_and_pointers(client: RwsClient, bench: Bench) -> None:
     assert (pointer.module, pointer.routine, pointer.range) == ("Small", "small", Range(4, 5, 4, 15))
     client.move_pp_to_routine(TASK, "Small", f"RAPID/{TASK}/Small/small", keeps_calls=True)
     client.move_pp_to_cursor(TASK, "Small", "small", 4)
-    client.set_breakpoint(TASK, "Small", 4)
-    assert client.breakpoints(TASK) == (("Small", Range(4, 5, 4, 15)),)
+    for _ in range(2):  # the second time nothing changes
+        client.set_breakpoint(TASK, "Small", 4)
+        assert client.breakpoints(TASK) == (("Small", Range(4, 5, 4, 15)),)
+    with pytest.raises(ControllerRefused) as refused:
+        client.set_breakpoint(TASK, "Small", 3)
+    assert refused.value.code == Code.SOURCEPOS
+    client.clear_breakpoint(TASK, "Small", Range(4, 5, 4, 15))
+    assert client.breakpoints(TASK) == ()
+    assert client.pointers(TASK)[0].range is None, "the program pointer was in the text"
     assert client.build(TASK) == ()
     client.save_program(TASK, "HOME:/saved")
     client.unload_program(TASK)

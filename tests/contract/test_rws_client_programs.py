@@ -14,7 +14,7 @@ from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import FileInfo
 from yumi.rws.session import Request
-from yumi.rws.types import ControllerState, ExecutionState
+from yumi.rws.types import Code, ControllerState, ExecutionState
 from yumi.virtual.controller.controller import RESTART_TIME
 from yumi.virtual.world import World
 
@@ -22,6 +22,19 @@ GREETER = """MODULE Greeter
     PERS num greetings:=0;
     PROC greet1()
         greetings:=greetings+1;
+    ENDPROC
+ENDMODULE
+"""
+CALLER = r"""MODULE Caller
+    PROC main()
+        FOR i FROM 1 TO 3 DO
+            called i, "part";
+        ENDFOR
+    ENDPROC
+    PROC called(num number, string name \num spare)
+        CONST num half:=0.5;
+        VAR num list{2};
+        WaitTime 10;
     ENDPROC
 ENDMODULE
 """
@@ -245,3 +258,50 @@ def test_events_are_cleared(plant: Plant, client: RwsClient) -> None:
 
 def test_file_is_written_again_when_the_connection_breaks() -> None:
     assert Request("PUT", PATH, content=b"").is_repeatable
+
+
+@pytest.fixture
+def calling(plant: Plant) -> RwsClient:
+    """A client whose left arm's task is in a routine that main has called."""
+    plant.world.controller.replace_program({"HOME:/caller.mod": CALLER})
+    plant.start()
+    return plant.client
+
+
+def test_stack_is_searched_for_what_has_a_value_in_a_routine_under_way(calling: RwsClient) -> None:
+    found = calling.find_symbols(f"RAPID/{LEFT}", view="stack", stack=1)
+    assert [(each.name, each.kind.value, each.type, each.dimensions, each.is_read_only) for each in found] == [
+        ("number", "par", "num", (), False),
+        ("name", "par", "string", (), False),
+        ("half", "con", "num", (), True),
+        ("list", "var", "num", (2,), False),
+    ]
+    (counter,) = calling.find_symbols(f"RAPID/{LEFT}", view="stack", stack=2)
+    assert (counter.address, counter.kind.value) == (f"RAPID/{LEFT}/%2/i", "for")
+    with pytest.raises(ControllerRefused) as refused:
+        calling.find_symbols(f"RAPID/{LEFT}", view="stack", stack=3)
+    assert refused.value.code == Code.NO_PP
+
+
+@pytest.mark.parametrize(("block", "name", "value"), [("Caller/called", "name", "part"), ("%1", "name", "part"),
+                                                      ("%2", "i", 1.0), ("Caller/main", "i", 1.0)])  # fmt: skip
+def test_data_of_routines_under_way_are_read_by_their_addresses(
+    calling: RwsClient, block: str, name: str, value: object
+) -> None:
+    assert calling.value(LEFT, block, name) == value
+
+
+def test_datum_of_a_routine_under_way_is_written_and_a_loop_variable_is_not(calling: RwsClient) -> None:
+    calling.set_value(LEFT, "%1", "list{2}", 4.0)
+    assert calling.value(LEFT, "Caller/called", "list") == (0.0, 4.0)
+    with pytest.raises(ControllerRefused) as refused:
+        calling.set_value(LEFT, "%2", "i", 4.0)
+    assert refused.value.code == Code.SYNTAX
+
+
+@pytest.mark.parametrize(("block", "name"), [("Caller/called", "spare"), ("Caller/nothing", "x"), ("%3", "i"),
+                                             ("%1", "tool0"), ("Caller/called/name", "x")])  # fmt: skip
+def test_what_no_routine_under_way_has_is_not_found(calling: RwsClient, block: str, name: str) -> None:
+    with pytest.raises(ControllerRefused) as refused:
+        calling.symbol(LEFT, block, name)
+    assert (refused.value.status, refused.value.code) == (400, Code.FAIL)

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
@@ -116,8 +115,9 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     "--dynamics", type=FILE, help="Settings with which its arms follow EGM, as `yumi compare` has written them."
 )
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
+@click.option("--once", is_flag=True, help="With --start: programs end with main, instead of beginning it again.")
 @click.option("--speed", type=_SPEED, default=1.0, show_default=True, help="Times real time.")
-@click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite).")
+@click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite), with their task.")
 @click.option("--user", default="Default User", show_default=True, help="User that may log in.")
 @click.option(
     "--without-grant",
@@ -152,6 +152,7 @@ def controller(
     system: Path | None,
     dynamics: Path | None,
     start: bool,
+    once: bool,
     speed: float,
     show: bool,
     user: str,
@@ -179,8 +180,8 @@ def controller(
     )
     from yumi.virtual.server import VirtualController, world_settings  # noqa: PLC0415 - a quick --help
 
-    if show:
-        logging.getLogger("yumi.virtual.controller.tasks").setLevel(logging.DEBUG)
+    if once and not start:
+        raise click.UsageError("--once says how --start runs the programs: give both.")
     model = ROBOTS[robot]
     delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
     begin = read_backup(system, model) if system else delivered
@@ -205,12 +206,18 @@ def controller(
         host=listen,
         speed=speed,
         is_started=start,
+        runs_once=once,
+        show=_show if show else None,
         rapid_sockets=rapid_sockets,
         is_robotware_7=robotware == "7",
     )
     scheme = "https" if robotware == "7" else "http"
     is_over = end_flag(until_stdin_closes)
     virtual.run(is_over, lambda port: click.echo(f"{CONTROLLER_READY}{scheme}://{listen}:{port}"))
+
+
+def _show(task: str, line: str) -> None:
+    click.echo(f"[{task}] {line}")
 
 
 def _programs(given: tuple[str, ...]) -> dict[str, list[Path]]:

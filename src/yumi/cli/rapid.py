@@ -23,8 +23,8 @@ from yumi.clock import Clock, SystemClock, comes_true
 from yumi.driver.settings import RobotSettings
 from yumi.errors import CommandRefused, ControllerRefused, RapidError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
-from yumi.rws.services.rapid import RunCycle, Step
-from yumi.rws.types import ExecutionState
+from yumi.rws.services.rapid import Range, RunCycle, Step, SymbolKind
+from yumi.rws.types import Code, ControllerState, ExecutionState, TaskExecution, sentence
 
 if TYPE_CHECKING:
     from yumi.rapid.types import RapidReferenceError
@@ -77,14 +77,15 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: b
 @rapid.command("debug")
 @click.argument("task")
 @click.option("--yes", is_flag=True, help="Do not ask before the first start.")
+@click.option("--once", is_flag=True, help="End with main, instead of beginning it again.")
 @of_controller
-def debug(client: RwsClient, task: str, yes: bool) -> None:
+def debug(client: RwsClient, task: str, yes: bool, once: bool) -> None:
     """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
 
     Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
-    MODULE:LINE, print [NAME], set NAME VALUE, quit; help explains them. All tasks that are selected on the task panel
-    start, and arms move: it asks before the first start; commands that are not typed need --yes for it. Ctrl-C stops
-    what was started.
+    MODULE:LINE, clear [MODULE:LINE], locals, print [NAME], set NAME VALUE, quit; help explains them. All tasks that
+    are selected on the task panel start, and arms move: it asks before the first start; commands that are not typed
+    need --yes for it. Ctrl-C stops what was started.
 
     \b
     Examples:
@@ -96,7 +97,8 @@ def debug(client: RwsClient, task: str, yes: bool) -> None:
     def confirm(question: str) -> bool:
         return yes or (commands is None and click.confirm(question))
 
-    debugger = Debugger(client, task, SystemClock(), sys.stdout, confirm, commands)
+    cycle = RunCycle.ONCE if once else RunCycle.AS_IS
+    debugger = Debugger(client, task, SystemClock(), sys.stdout, confirm, commands, cycle)
     if commands is not None:
         debugger.prompt = ""
     try:
@@ -255,6 +257,15 @@ _STEP_TIMEOUT = 30.0  # [s]: a step that takes longer, such as a wait, goes on w
 _CONTINUE_TIMEOUT = 1.0  # [s]: then `stop` can be entered
 _LINES_AROUND = 4  # shown before and behind the program pointer
 _MOST_DATA = 100  # of a module that are listed
+_MOST_LOCALS = 8  # that are shown whenever the program stops
+_LONGEST_LOCAL = 30  # characters of one then
+_NOT_FOUND = 404
+_WRONG_STATE = (Code.EXEC_STATE, Code.TASK_STATE, Code.NO_PP)
+_NO_SYMBOL = (Code.FAIL, Code.NO_SUCH_SYMBOL, Code.UNRESOLVED_URL)
+
+
+def _cut(literal: str) -> str:
+    return literal if len(literal) <= _LONGEST_LOCAL else f"{literal[:_LONGEST_LOCAL]}…"
 
 
 class Debugger(cmd.Cmd):
@@ -267,6 +278,7 @@ class Debugger(cmd.Cmd):
         output: where answers are written.
         confirm: asked before the first start; whether it may be.
         commands: where commands come from when they are not typed.
+        cycle: whether the program begins again at its end.
     """
 
     prompt = "(rapid) "
@@ -279,37 +291,56 @@ class Debugger(cmd.Cmd):
         output: IO[str],
         confirm: Callable[[str], bool],
         commands: IO[str] | None = None,
+        cycle: RunCycle = RunCycle.AS_IS,
     ) -> None:
         super().__init__(stdin=commands, stdout=output)
         self.use_rawinput = commands is None
-        self._client, self._task, self._clock = client, task, clock
+        self._client, self._task, self._clock, self._cycle = client, task, clock, cycle
         self._confirm, self._is_confirmed = confirm, False
         self._has_started = False  # and has not seen it stop
+        self._was_running = False  # when it was last looked at
 
     def _say(self, text: str) -> None:
         self.stdout.write(f"{text}\n")
 
     def cmdloop(self, intro: Any = None) -> None:
-        """Commands until `quit`; Ctrl-C stops RAPID if it was started here, and leaves otherwise."""
+        """Commands until `quit`; Ctrl-C stops RAPID if it was started here, and drops what was typed."""
+        self._begin()
         while True:
             try:
                 super().cmdloop(intro)
                 return
             except KeyboardInterrupt:
-                if not self._has_started:
-                    raise
-                self._say("")  # behind ^C
-                self.onecmd("stop")
+                if self._has_started:
+                    self._say("")  # behind ^C
+                    self.onecmd("stop")
+                elif self.use_rawinput:
+                    self._say("\n`quit` leaves, and so does Ctrl-D.")
                 if not self.use_rawinput:  # the commands that follow count on what was interrupted
                     raise
+
+    def _begin(self) -> None:
+        """Say what the person meets: whether RAPID runs, and the breakpoints that others have left."""
+        tasks = {each.name.upper(): each for each in self._client.tasks()}
+        if self._task.upper() not in tasks:
+            names = ", ".join(each.name for each in tasks.values())
+            raise CommandRefused(f"The controller has no task {self._task}; it has {names}.")
+        self._task = tasks[self._task.upper()].name
+        if running := self._running():
+            self._was_running = True
+            self._say(f"{running} running; `stop` stops RAPID.")
+        self._say(self._breakpoint_list())
 
     def onecmd(self, line: str) -> bool:
         """A command; what is refused is said, and the next one can be tried."""
         try:
+            self._notice_stop()
             return super().onecmd(line)
+        except ControllerRefused as error:
+            self._say(self._in_words(error))
         except YumiError as error:
             self._say(str(error))
-            return False
+        return False
 
     def emptyline(self) -> bool:
         """Nothing, instead of the last command again: that might be a movement."""
@@ -317,6 +348,54 @@ class Debugger(cmd.Cmd):
 
     def default(self, line: str) -> None:
         raise CommandRefused(f"There is no command {line.split(maxsplit=1)[0]!r}; help lists them.")
+
+    def get_names(self) -> list[str]:
+        """The end of the commands is no command that help lists."""
+        return [name for name in super().get_names() if name != "do_EOF"]
+
+    def do_help(self, arg: str) -> None:
+        """Help [COMMAND]: what a command does; alone, all of them."""
+        found = [name for name in self.get_names() if name.startswith(f"do_{arg}")]
+        if arg and f"do_{arg}" not in found:
+            raise CommandRefused(f"There is no command {arg!r}; help alone lists them.")
+        for name in [f"do_{arg}"] if arg else found:
+            text = str(getattr(self, name).__doc__)
+            self._say(f"{text[:1].lower()}{text[1:]}")
+
+    # ---- what is refused
+
+    def _running(self) -> str:
+        """The tasks that run, as in "T_ROB_L and T_ROB_R are"; empty when none does."""
+        tasks = self._client.tasks()
+        names = [each.name for each in tasks if each.starts_by_hand and each.execution is TaskExecution.STARTED]
+        return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
+
+    def _in_words(self, error: ControllerRefused) -> str:
+        """Why the controller refuses, and what to do; its code tells, and the state it is in."""
+        if error.code in _WRONG_STATE:
+            if running := self._running():
+                return f"{running} running; `stop` {'them' if running.endswith('are') else 'it'} first."
+            state = self._client.controller_state()
+            if state is not ControllerState.MOTORS_ON:
+                return f"The motors are off (controller state {state.value}); switch them on first."
+            with_pointer = self._startable()
+            if self._task not in with_pointer:
+                return self._no_pointer
+            if others := [each for each in self._selected() if each not in with_pointer]:
+                return f"{' and '.join(others)} may need a program pointer; `main` moves all to main."
+        return f"The controller refuses it: {sentence(error.code) or 'its event log may tell why'}."
+
+    @property
+    def _no_pointer(self) -> str:
+        return f"{self._task} has no program pointer; `main` moves it to main"
+
+    def _selected(self) -> list[str]:
+        """The tasks that the task panel selects."""
+        return [each.name for each in self._client.tasks() if each.is_active and each.starts_by_hand]
+
+    def _startable(self) -> list[str]:
+        """Those of them that a start starts: they have a program pointer."""
+        return [name for name in self._selected() if self._client.pointers(name)[0].range is not None]
 
     # ---- execution
 
@@ -338,29 +417,46 @@ class Debugger(cmd.Cmd):
 
     def _run(self, step: Step) -> None:
         if not self._is_confirmed:
-            tasks = [task.name for task in self._client.tasks() if task.is_active and task.starts_by_hand]
-            what = f"This starts {' and '.join(tasks) or 'RAPID'}, and arms may move."
+            if running := self._running():
+                raise CommandRefused(f"{running} running; `stop` {'them' if running.endswith('are') else 'it'} first.")
+            if self._task not in (tasks := self._startable()):
+                raise CommandRefused(self._no_pointer)
+            what = f"This starts {' and '.join(tasks)}, and arms may move."
             if not self._confirm(f"{what} Is their workspace free?"):
                 raise CommandRefused(f"Not started. {what} It has to be confirmed, or --yes given.")
             self._is_confirmed = True
         before, self._has_started = self._has_started, True  # Ctrl-C may come before the answer
         try:
-            self._client.start_rapid(cycle=RunCycle.AS_IS, step=step, stop_at_breakpoints=True)
+            self._client.start_rapid(cycle=self._cycle, step=step, stop_at_breakpoints=True)
         except ControllerRefused:
             self._has_started = before
             raise
-        timeout = _CONTINUE_TIMEOUT if step is Step.CONTINUE else _STEP_TIMEOUT
-        if comes_true(self._clock, lambda: self._client.execution() is ExecutionState.STOPPED, timeout):
-            self._has_started = False
-            self._say(self._here())
-        else:
+        self._was_running = True
+        if not self._wait_for_stop(_CONTINUE_TIMEOUT if step is Step.CONTINUE else _STEP_TIMEOUT):
             self._say("running; `stop` stops it, `where` says where it is")
+
+    def _wait_for_stop(self, timeout: float) -> bool:
+        """Whether RAPID has stopped within a time [s]; where, is said then."""
+        if not comes_true(self._clock, lambda: self._client.execution() is ExecutionState.STOPPED, timeout):
+            return False
+        self._has_started = self._was_running = False
+        if any(each.name == self._task and each.execution is TaskExecution.READY for each in self._client.tasks()):
+            self._say("The program has ended.")
+        self._say(self._here())
+        self._show_locals()
+        return True
+
+    def _notice_stop(self) -> None:
+        """Say that RAPID has stopped meanwhile, such as at a breakpoint."""
+        if self._was_running and self._wait_for_stop(0.0):
+            self._say("")
 
     def do_stop(self, argument: str) -> None:
         """stop: stop RAPID in all tasks."""
         self._client.stop_rapid()
-        self._has_started = False
+        self._has_started = self._was_running = False
         self._say(self._here())
+        self._show_locals()
 
     def do_main(self, argument: str) -> None:
         """main: move the program pointers to main."""
@@ -383,9 +479,12 @@ class Debugger(cmd.Cmd):
     def _here(self) -> str:
         module, routine, row = next(self._frames(), ("", "", 0))
         if not module:
-            return f"{self._task} has no program pointer; `main` moves it to main"
+            return self._no_pointer
+        return f"{module}/{routine}, line {row}: {self._line(module, row)}"
+
+    def _line(self, module: str, row: int) -> str:
         lines = self._client.module_text(self._task, module).splitlines()
-        return f"{module}/{routine}, line {row}: {lines[row - 1].strip() if row <= len(lines) else ''}"
+        return lines[row - 1].strip() if row <= len(lines) else ""
 
     def do_where(self, argument: str) -> None:
         """where: the call stack, the innermost routine first."""
@@ -400,10 +499,7 @@ class Debugger(cmd.Cmd):
         if not module:
             self._say(self._here())
             return
-        try:
-            marks = {at.row for name, at in self._client.breakpoints(self._task) if name.lower() == module.lower()}
-        except ControllerRefused:  # some controllers do not tell, and answer 404
-            marks = set()
+        marks = {at.row for name, at in self._breakpoints() if name.lower() == module.lower()}
         lines = self._client.module_text(self._task, module).splitlines()
         for number in range(max(row - _LINES_AROUND, 1), min(row + _LINES_AROUND, len(lines)) + 1):
             mark = "->" if number == row else " *" if number in marks else "  "
@@ -411,26 +507,149 @@ class Debugger(cmd.Cmd):
 
     # ---- breakpoints
 
+    def _breakpoints(self) -> tuple[tuple[str, Range], ...]:
+        """Module and place of each; none where the controller does not tell them."""
+        try:
+            return self._client.breakpoints(self._task)
+        except ControllerRefused as error:
+            if error.status != _NOT_FOUND:
+                raise
+            return ()
+
+    def _breakpoint_list(self) -> str:
+        return "breakpoints: " + (", ".join(f"{name}:{at.row}" for name, at in self._breakpoints()) or "none")
+
+    def _place(self, argument: str, command: str) -> tuple[str, int]:
+        """The module, as it is spelled, and the line that an argument names."""
+        module, colon, row = argument.rpartition(":")
+        if not colon or not row.isdigit():
+            raise CommandRefused(
+                f"{command} takes a module and a line, such as {command} Program:12, not {argument!r}."
+            )
+        names = [each.name for each in self._client.modules(self._task)]
+        found = next((name for name in names if name.lower() == module.strip().lower()), None)
+        if found is None:
+            raise CommandRefused(f"{self._task} has no module {module.strip()!r}; it has {', '.join(names) or 'none'}.")
+        return found, int(row)
+
     def do_break(self, argument: str) -> None:
-        """Break MODULE:LINE: stop before that line, or no more where there is a breakpoint; alone, it lists them."""
+        """Break [MODULE:LINE]: stop before that line; alone, it lists the breakpoints."""
         if argument:
-            module, colon, row = argument.rpartition(":")
-            if not colon or not row.isdigit():
-                raise CommandRefused(f"break takes a module and a line, such as break Program:12, not {argument!r}.")
-            self._client.set_breakpoint(self._task, module, int(row))
-        found = [f"{name}:{at.row}" for name, at in self._client.breakpoints(self._task)]
-        self._say("breakpoints: " + (", ".join(found) or "none"))
+            module, row = self._place(argument, "break")
+            try:
+                self._client.set_breakpoint(self._task, module, row)
+            except ControllerRefused as error:
+                if error.status == _NOT_FOUND:
+                    raise CommandRefused(
+                        "This controller has no breakpoints over Robot Web Services; set them in RobotStudio."
+                    ) from error
+                if error.code != Code.SOURCEPOS:
+                    raise
+                count = len(self._client.module_text(self._task, module).splitlines())
+                if not 1 <= row <= count:
+                    raise CommandRefused(f"{module} has {count} lines, not {row}.") from error
+                raise CommandRefused(
+                    f"No statement begins at line {row} of {module} ({self._line(module, row) or 'an empty line'}); "
+                    "execution stops before statements only."
+                ) from error
+        self._say(self._breakpoint_list())
+        if argument and self._was_running:
+            self._wait_for_stop(_CONTINUE_TIMEOUT)
+
+    def do_clear(self, argument: str) -> None:
+        """Clear [MODULE:LINE]: remove that breakpoint; alone, it removes all."""
+        found = self._breakpoints()
+        if argument:
+            module, row = self._place(argument, "clear")
+            found = tuple((name, at) for name, at in found if (name.lower(), at.row) == (module.lower(), row))
+            if not found:
+                raise CommandRefused(f"There is no breakpoint at {module}:{row}; {self._breakpoint_list()}.")
+        stands = {(module.lower(), row) for module, _, row in self._frames()}
+        for name, at in found:
+            if (name.lower(), at.row) in stands:
+                self._say(
+                    f"{name}:{at.row} stays: the program stands there, and a controller would lose the program "
+                    f"pointer with it; `next` first, then `clear {name}:{at.row}`."
+                )
+            else:
+                self._client.clear_breakpoint(self._task, name, at)
+        self._say(self._breakpoint_list())
 
     # ---- data
 
+    def _locals(self, number: int = 1) -> dict[str, str]:
+        """The parameters, data and loop variables of a routine under way, and the blocks their addresses name.
+
+        Args:
+            number: 1 for the innermost routine, 2 for what has called it, and so on.
+        """
+        found = self._client.find_symbols(f"RAPID/{self._task}", view="stack", stack=number)
+        return {each.name: "/".join(each.address.split("/")[2:-1]) for each in found}
+
+    def _show_locals(self) -> None:
+        """Say the first of them when the program has stopped, where there are any."""
+        try:
+            found = self._locals()
+            values = [
+                f"{name} = {_cut(self._client.symbol(self._task, block, name))}"
+                for name, block in list(found.items())[:_MOST_LOCALS]
+            ]
+        except ControllerRefused:  # there is no program pointer, or the controller does not tell them
+            return
+        if values:
+            more = ", … (`locals` shows all)" if len(found) > len(values) else ""
+            self._say(f"    {', '.join(values)}{more}")
+
+    def do_locals(self, argument: str) -> None:
+        """Locals [N]: parameters, data and loop variables of the routine that is executed, or of #N of `where`."""
+        if argument and not argument.isdigit():
+            raise CommandRefused(f"locals takes a number of `where`, such as locals 1, not {argument!r}.")
+        frames = list(self._frames())
+        number = int(argument or 0)
+        if not number < len(frames):
+            raise CommandRefused(f"There is no #{number}: `where` lists them." if frames else f"{self._here()}.")
+        found = self._locals(number + 1)
+        for name, block in found.items():
+            self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
+        if not found:
+            module, routine, row = frames[number]
+            self._say(f"{module}/{routine} has no parameters or data at line {row}")
+
+    def _find(self, argument: str) -> tuple[str, str]:
+        """The block of a datum and its name: of the routine that is executed, of its module, or as MODULE/NAME."""
+        block, slash, name = argument.rpartition("/")
+        if slash:
+            return block, name
+        module = next(self._frames(), ("", "", 0))[0]
+        if not module:
+            raise CommandRefused(f"{self._here()}; or name it as MODULE/NAME.")
+        own = {key.lower(): each for key, each in self._locals().items()}
+        return own.get(name.partition("{")[0].lower(), module), name
+
     def do_print(self, argument: str) -> None:
-        """Print [NAME]: the value of a datum of the module that is executed (or MODULE/NAME), or of all of them."""
-        module, _, name = argument.rpartition("/")
-        module = module or next(self._frames(), ("", "", 0))[0]
+        """Print [NAME]: a datum of the routine that is executed or of its module, or MODULE/NAME; alone, all."""
+        if argument:
+            self._print(*self._find(argument))
+            return
+        module = next(self._frames(), ("", "", 0))[0]
         if not module:
             raise CommandRefused(f"{self._here()}; or print MODULE/NAME.")
-        for each in [name] if name else self._data(module):
-            self._say(f"{each} = {self._client.symbol(self._task, module, each)}")
+        found = self._locals()
+        for name, block in [*found.items(), *((each, module) for each in self._data(module))]:
+            self._print(block, name)
+
+    def _print(self, block: str, name: str) -> None:
+        try:
+            self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
+        except ControllerRefused as error:
+            if error.code not in _NO_SYMBOL:
+                raise
+            raise self._unknown(block, name) from error
+
+    def _unknown(self, block: str, name: str) -> CommandRefused:
+        module, routine, _ = next(self._frames(), ("", "", 0))
+        where = f"{module}/{routine}, nor in {module}" if module.lower() == block.lower() else block
+        return CommandRefused(f"There is no datum {name!r} in {where}; `print` alone lists them.")
 
     def _data(self, module: str) -> list[str]:
         form = (("view", "block"), ("blockurl", f"RAPID/{self._task}/{module}"), ("symtyp", "var,per,con"))
@@ -443,14 +662,29 @@ class Debugger(cmd.Cmd):
         target, _, literal = argument.partition(" ")
         if not literal:
             raise CommandRefused("set takes a datum and its value, such as set count 3.")
-        module, _, name = target.rpartition("/")
-        module = module or next(self._frames(), ("", "", 0))[0]
-        self._client.set_symbol(self._task, module, name, literal.strip())
-        self._say(f"{name} = {self._client.symbol(self._task, module, name)}")
+        block, name = self._find(target)
+        try:
+            found = self._client.symbol_properties(self._task, block, name)
+        except ControllerRefused as error:
+            if error.code not in _NO_SYMBOL:
+                raise
+            raise self._unknown(block, name) from error
+        if found.is_read_only:
+            what = "a loop variable" if found.kind is SymbolKind.FOR else "a constant"
+            raise CommandRefused(f"{name} is {what}, which cannot be set.")
+        try:
+            self._client.set_symbol(self._task, block, name, literal.strip())
+        except ControllerRefused as error:
+            if error.code not in (Code.SYNTAX, Code.SEMANTIC):
+                raise
+            raise CommandRefused(f"{literal.strip()} is not a value of {name}, which is a {found.type}.") from error
+        self._print(block, name)
 
     def do_quit(self, argument: str) -> bool:
         """quit: leave; RAPID stays as it is."""
         return True
 
     def do_EOF(self, argument: str) -> bool:  # noqa: N802 - the end of the commands
+        if self.use_rawinput:
+            self._say("")  # behind the prompt
         return True

@@ -6,6 +6,7 @@ wherever they stand.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -244,6 +245,21 @@ class Connect(Node):
 Simple = Assignment | ProcedureCall | LateCall | Goto | Return | Raise | Exit | Retry | TryNext | Connect
 Statement = Simple | If | For | While | Test | Label
 Block = tuple[Statement, ...]
+
+
+def statements(routine: Routine) -> Iterator[Statement | Data]:
+    """The statements and declarations of a routine that are executed, those within others too."""
+    handler = routine.handler.body if routine.handler is not None else ()
+    rest: list[object] = [*routine.locals, *routine.body, *handler, *(routine.undo or ())]
+    while rest:
+        node = rest.pop()
+        if isinstance(node, tuple):
+            rest += node
+        elif isinstance(node, (Data, Statement)):
+            if not isinstance(node, Label):
+                yield node
+            if isinstance(node, (If, For, While, Test)):
+                rest += [getattr(node, name) for name in node.__slots__]
 
 
 # Declarations -----------------------------------------------------------------------------------------------------

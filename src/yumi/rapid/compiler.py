@@ -19,6 +19,7 @@ from yumi.rapid.program import (
     HandlerCode,
     LoadedModule,
     Local,
+    LocalName,
     Program,
     Step,
     Target,
@@ -134,7 +135,7 @@ class Statements:
         for parameter in self.signature.parameters:
             slot, is_optional = self.builder.new_slot(), parameter.group is not None
             local = Local(slot, parameter.type, mode=parameter.mode, is_optional=is_optional)
-            self._add_local(parameter.name, local, declared)
+            self._add_local(parameter.name, local, declared, "par")
         for datum in declared.locals:
             with _collecting(self.faults):
                 self._declare(datum)
@@ -166,10 +167,11 @@ class Statements:
                 self.faults.append(error)
             return lambda frame: math.nan
 
-    def _add_local(self, name: str, local: Local, node: s.Node) -> None:
+    def _add_local(self, name: str, local: Local, node: s.Node, kind: str) -> None:
         if name.lower() in self.scope.locals:
             self.scope.refuse(node, f"'{name}' is declared twice in '{self.routine.name}'")
         self.scope.locals[name.lower()] = local
+        self.builder.code.locals.append(LocalName(name, kind, local.slot))
 
     def _declare(self, datum: s.Data) -> None:
         self.expressions.count = 0
@@ -196,7 +198,8 @@ class Statements:
 
         with self.builder.statement(datum.line):
             self.builder.add(declare)
-        self._add_local(name, Local(slot, type_, is_constant=datum.storage is s.Storage.CONST), datum)
+        local = Local(slot, type_, is_constant=datum.storage is s.Storage.CONST)
+        self._add_local(name, local, datum, datum.storage.value)
 
     def _block(self, block: s.Block) -> None:
         """A statement list; its labels can be reached from inside of it and of its statements."""
@@ -466,12 +469,15 @@ class Statements:
             frame.slots[counter] += frame.slots[step]
 
         start, end = self.builder.here(), Target()
+        visible = LocalName(name, "for", slot, begin=start.step)
+        self.builder.code.locals.append(visible)
         with self.builder.statement(node.line):
             self.builder.jump_unless(goes_on, end)
         self._block(node.body)
         self.builder.add(advance)
         self.builder.jump(start)
         self.builder.mark(end)
+        visible.end = end.step
         self.scope.locals = outer
 
     def compile_test(self, node: s.Test) -> None:

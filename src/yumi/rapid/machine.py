@@ -21,8 +21,9 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Protocol
 
 from yumi.rapid.compiler import compile_routine, link_module
-from yumi.rapid.program import Code, EventKind, Span, SystemEvent, UserRoutine
+from yumi.rapid.program import Code, EventKind, LocalName, Span, SystemEvent, UserRoutine
 from yumi.rapid.types import (
+    ABSENT,
     ALL_ERRORS,
     LARGEST_OWN_NUMBER,
     RapidReferenceError,
@@ -448,10 +449,26 @@ class Frame:
         self.slots += [None] * (code.slots - len(self.slots))
 
     @property
+    def place(self) -> int:
+        """A step of the statement that is being executed, or comes next."""
+        begun = self.step > 0 and not self.is_interrupted
+        return self.step - 1 if begun else self.step
+
+    @property
     def line(self) -> int:
         """The line of the statement that is being executed, or comes next."""
-        begun = self.step > 0 and not self.is_interrupted
-        return self.code.spans[self.step - 1 if begun else self.step].line
+        return self.code.spans[self.place].line
+
+    @property
+    def locals(self) -> dict[str, tuple[LocalName, Reference]]:
+        """Parameters, data and loop variables that have a value where the routine is, by lower-case name."""
+        found = {}
+        for each in self.code.locals:  # an inner loop's variable hides one of the same name
+            is_visible = each.begin <= self.place and (each.end is None or self.place < each.end)
+            datum = self.slots[each.slot] if is_visible else None
+            if datum is not None and datum is not ABSENT:
+                found[each.name.lower()] = each, datum
+        return found
 
     @property
     def next_line(self) -> int:

@@ -727,7 +727,22 @@ def _mistake(error: UnexpectedInput, text: str) -> Mistake:
     words = [*groups, *sorted(WORDS.get(name, name) for name in rest)]
     words = words or ["the end of the text"]
     allowed = words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
-    return Mistake(f"found {found} where {allowed} is allowed.", line, column)
+    sentence = f"found {found} where {allowed} is allowed."
+    if "SEMICOLON" in names:
+        before = _last_line_before(text, line, column)
+        if before < line:  # the statement went on at the next line
+            sentence += f" Is a ';' missing after line {before}?"
+    return Mistake(sentence, line, column)
+
+
+def _last_line_before(text: str, line: int, column: int) -> int:
+    """The line of the last token that begins before a place."""
+    before = line
+    for token in _table_parser().lexer.tokens(text):
+        if (token.line, token.column) >= (line, column):
+            break
+        before = token.line or before
+    return before
 
 
 NUM_DIGITS = 6  # significant, of a num with decimals

@@ -157,6 +157,24 @@ class Target:
 
 
 @dataclass(eq=False, slots=True)
+class LocalName:
+    """A parameter, datum or loop variable of a routine, for those who look at a routine under way.
+
+    Attributes:
+        name: as it is declared.
+        kind: "par", "var", "con", or "for" of a loop variable; the words are RWS'.
+        slot: of its `Variable` in the frame, which has none before the declaration is executed.
+        begin, end: the steps between which the name means it; `end` is None for the rest of the routine.
+    """
+
+    name: str
+    kind: str
+    slot: int
+    begin: int = 0
+    end: int | None = None
+
+
+@dataclass(eq=False, slots=True)
 class HandlerCode:
     """The ERROR clause: where it starts and which error numbers it lists (none: all)."""
 
@@ -173,6 +191,7 @@ class Code:
         slots: how many slots a frame needs for parameters, data and intermediate results.
         value_count: how many values the routine's data hold.
         undo: the step its UNDO clause starts with, None without one.
+        locals: its parameters, data and loop variables, an inner loop's after those around it.
         names: what it looked up outside of itself, in lower case; it is compiled anew when one of them is new or gone.
     """
 
@@ -182,6 +201,7 @@ class Code:
     value_count: int = 0
     handler: HandlerCode | None = None
     undo: int | None = None
+    locals: list[LocalName] = field(default_factory=list)
     names: set[str] = field(default_factory=set)
 
 

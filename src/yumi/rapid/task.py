@@ -6,7 +6,7 @@ import itertools
 import logging
 import math
 import re
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -35,6 +35,8 @@ from yumi.rapid.program import (
     Execution,
     Host,
     LoadedModule,
+    Local,
+    LocalName,
     Program,
     Severity,
     SystemEvent,
@@ -174,7 +176,6 @@ class Task:
         event_routines: the names of the procedures that run on each system event, in their order.
         most_retries: how often RETRY begins a statement again (system parameter NoOfRetry).
         repeats: whether the program begins again when it has come to its end (run mode "forever"), or ends.
-        breakpoints: module in lower case and line; they count when `start` says so.
         cyclic_bools: the flags that follow conditions (SetupCyclicBool), by their names in lower case.
         has_flag_timer: whether one of the timers computes them.
         spy, end_of_spy: called before each statement while execution is recorded, and then (SpyStart, SpyStop).
@@ -188,7 +189,6 @@ class Task:
         self.event_routines: Mapping[SystemEvent, Sequence[str]] = {}
         self.most_retries = MOST_RETRIES
         self.repeats = False
-        self.breakpoints: set[tuple[str, int]] = set()
         self.cyclic_bools: dict[str, CyclicBool] = {}
         self.has_flag_timer = False
         self.spy: Callable[[StackEntry], None] | None = None
@@ -213,6 +213,10 @@ class Task:
         self.pp_moved_in_manual = False
         self._machine = Machine(self)
         self._pauses: Callable[[Frame], EventKind | None] | None = None
+        self._breakpoints: set[tuple[str, int]] = set()  # module in lower case, and line
+        self._step: StepKind | None = None
+        self._stops_at_breakpoints = False
+        self._started_at = 0  # the machine's instant
         self._execution = Execution.UNINITIALIZED
         self._booked: dict[float, str] = {}
         self._prepared: Prepared | None = None
@@ -483,8 +487,9 @@ class Task:
         if not (program := self._machine.program):
             raise RobotNotReady(f"The task {self.name} has no program pointer; move PP to main before the start.")
         program[-1].is_interrupted = False  # by a step or a breakpoint
-        self._pauses = self._pauses_at(step, stop_at_breakpoints) if step or stop_at_breakpoints else None
-        self.watch_statements()
+        self._step, self._stops_at_breakpoints = step, stop_at_breakpoints
+        self._started_at, self._pauses = self._machine.instant, None
+        self._watch_breakpoints()
         self._stop_event, self._pp_moved = self._pp_moved, ""
         from_beginning = self._execution is Execution.READY
         self._execution = Execution.STARTED
@@ -507,11 +512,44 @@ class Task:
         """Where the program pointer was moved to before the last start: "main", "routine", or "" when it was not."""
         return self._stop_event
 
-    def _pauses_at(self, step: StepKind | None, stop_at_breakpoints: bool) -> Callable[[Frame], EventKind | None]:
+    @property
+    def breakpoints(self) -> Collection[tuple[str, int]]:
+        """Module in lower case and line of each; they count when `start` says so."""
+        return tuple(sorted(self._breakpoints))
+
+    def set_breakpoint(self, module: str, line: int) -> None:
+        """Stop before the statements of a line, also while the task runs.
+
+        Raises:
+            UnknownSymbol: there is no such module.
+            RapidReferenceError: no statement begins on the line.
+        """
+        found = self._module(module)
+        routines = (each.syntax for each in found.routines)
+        if not any(line == each.line for routine in routines for each in s.statements(routine)):
+            raise RapidReferenceError(f"No statement of the module '{found.name}' begins on line {line}.")
+        self._breakpoints.add((found.name.lower(), line))
+        self._watch_breakpoints()
+
+    def clear_breakpoints(self, module: str, lines: Collection[int]) -> None:
+        """Remove those of some lines of a module."""
+        self._breakpoints -= {(module.lower(), line) for line in lines}
+        self._watch_breakpoints()
+
+    def _watch_breakpoints(self) -> None:
+        """Let the machine look for steps and breakpoints; while there are none it executes as fast as ever."""
+        are_some = self._stops_at_breakpoints and bool(self._breakpoints)
+        if self._step is None and not are_some:
+            self._pauses = None
+        elif self._pauses is None and self._machine.program:
+            self._pauses = self._pauses_at(self._step, has_begun=self._machine.instant != self._started_at)
+        self.watch_statements()
+
+    def _pauses_at(self, step: StepKind | None, *, has_begun: bool) -> Callable[[Frame], EventKind | None]:
         """Why the task pauses before a statement; not before the one it starts with."""
         frames, program = self._machine.frames, self._machine.program
         depth, top = len(program), program[-1]
-        begun = not top.is_between_statements()
+        begun = has_begun or not top.is_between_statements()
         depths = {StepKind.IN: math.inf, StepKind.OVER: depth, StepKind.OUT: depth - 1, None: -1}
 
         def pauses(frame: Frame) -> EventKind | None:
@@ -524,8 +562,9 @@ class Task:
             may_enter = step is not StepKind.IN or frame is top or "NOSTEPIN" not in module.syntax.attributes
             if may_enter and len(frames) <= depths[step]:
                 return EventKind.STEPPED
-            is_breakpoint = stop_at_breakpoints and (module.name.lower(), frame.next_line) in self.breakpoints
-            return EventKind.BREAKPOINT if is_breakpoint else None
+            if self._stops_at_breakpoints and (module.name.lower(), frame.next_line) in self._breakpoints:
+                return EventKind.BREAKPOINT
+            return None
 
         return pauses
 
@@ -841,9 +880,12 @@ class Task:
 
     # Symbols ------------------------------------------------------------------------------------------------------
 
-    def read(self, module: str, symbol: str) -> str:
+    # A block is a module, or a routine under way: as `module/routine`, which is its innermost call, or as `%1`, which
+    # is the call the program pointer stands in, `%2` what has called it, and so on.
+
+    def read(self, block: str, symbol: str) -> str:
         """The value of a datum, or of an array element `a{1}`, as a RAPID literal; raises UnknownSymbol."""
-        reference = self._reference(module, symbol)
+        reference = self._reference(block, symbol)
         if value_count(reference.type) > MOST_VALUES_READ:
             raise RapidValueError(
                 f"'{symbol}' holds {value_count(reference.type)} values, at most {MOST_VALUES_READ} are read at a "
@@ -851,33 +893,61 @@ class Task:
             )
         return format_value(reference.type, reference.value)
 
-    def write(self, module: str, symbol: str, literal: str) -> None:
-        """Give a VAR or PERS the value of a literal.
+    def write(self, block: str, symbol: str, literal: str) -> None:
+        """Give a VAR, a PERS or a parameter the value of a literal.
 
         Raises:
             UnknownSymbol: there is no such datum.
-            RapidValueError: the literal does not fit, or the datum is a constant.
+            RapidValueError: the literal does not fit, or the datum is a constant or a loop variable.
         """
-        if self.kind_of(module, symbol) == s.Storage.CONST.value:
-            raise RapidValueError(f"'{symbol}' is a constant and cannot be written.")
-        reference = self._reference(module, symbol)
+        kind = self.kind_of(block, symbol)
+        if kind in (s.Storage.CONST.value, "for"):
+            what = "a loop variable" if kind == "for" else "a constant"
+            raise RapidValueError(f"'{symbol}' is {what} and cannot be written.")
+        reference = self._reference(block, symbol)
         reference.value = parse_value(reference.type, literal)
 
-    def type_of(self, module: str, symbol: str) -> str:
+    def type_of(self, block: str, symbol: str) -> str:
         """The type as declared, such as "num", "EGMSettings" or "errnum"."""
-        return self._reference(module, symbol).type.name
+        return self._reference(block, symbol).type.name
 
-    def dimensions_of(self, module: str, symbol: str) -> tuple[int, ...]:
+    def dimensions_of(self, block: str, symbol: str) -> tuple[int, ...]:
         """The sizes of an array, empty for a single value."""
-        return getattr(resolved(self._reference(module, symbol).type), "sizes", ())
+        return getattr(resolved(self._reference(block, symbol).type), "sizes", ())
 
-    def kind_of(self, module: str, symbol: str) -> str:
-        """How the datum is stored: "var", "per" or "con"."""
-        return self._datum(module, symbol).storage.value
+    def kind_of(self, block: str, symbol: str) -> str:
+        """What the datum is: "var", "per" or "con", of a routine also "par" (parameter) or "for" (loop variable)."""
+        if (frame := self._frame(block)) is not None:
+            return self._local(frame, symbol)[0].kind
+        return self._datum(block, symbol).storage.value
 
-    def symbols(self, module: str) -> tuple[str, ...]:
-        """The names of a module's data, LOCAL ones too."""
-        return tuple(variable.name for variable in self._module(module).data)
+    def symbols(self, block: str) -> tuple[str, ...]:
+        """The names of a module's data, LOCAL ones too, or of what has a value in a routine under way."""
+        if (frame := self._frame(block)) is not None:
+            return tuple(name.name for name, _ in frame.locals.values())
+        return tuple(variable.name for variable in self._module(block).data)
+
+    def _frame(self, block: str) -> Frame | None:
+        """The routine under way that a block is, None for a module; raises UnknownSymbol."""
+        frames = self._machine.frames[::-1]
+        if block.startswith("%"):
+            number = int(block[1:]) if re.fullmatch(r"%\d{1,4}", block) else 0
+            if not 1 <= number <= len(frames):
+                raise UnknownSymbol(f"The task {self.name} has {len(frames)} stack frames, not {block}.")
+            return frames[number - 1]
+        module, slash, routine = block.lower().partition("/")
+        if not slash:
+            return None
+        for frame in frames:
+            if (frame.routine.module.name.lower(), frame.routine.name.lower()) == (module, routine):
+                return frame
+        raise UnknownSymbol(f"The task {self.name} does not execute the routine {block}.")
+
+    def _local(self, frame: Frame, symbol: str) -> tuple[LocalName, Reference]:
+        found = frame.locals.get(symbol.partition("{")[0].lower())
+        if found is None:
+            raise UnknownSymbol(f"The routine '{frame.routine.name}' has no datum '{symbol}' here.")
+        return found
 
     def _module(self, name: str) -> LoadedModule:
         found = self.program.modules.get(name.lower())
@@ -886,18 +956,21 @@ class Task:
             raise UnknownSymbol(f"The task {self.name} has no module '{name}'; it has {names}.")
         return found
 
-    def _reference(self, module: str, symbol: str) -> Reference:
-        datum = self._datum(module, symbol)
+    def _reference(self, block: str, symbol: str) -> Reference:
+        frame = self._frame(block)
+        datum = self._datum(block, symbol) if frame is None else self._local(frame, symbol)[1]
         if "{" not in symbol:
             return datum
-        scope = Scope(self.program, self._module(module))
+        scope = Scope(self.program, self._module(block) if frame is None else frame.routine.module)
+        for name, reference in frame.locals.values() if frame is not None else ():
+            scope.locals[name.name.lower()] = Local(name.slot, reference.type)
         if len(symbol) > LONGEST_REFERENCE:
             raise UnknownSymbol(f"A reference to a datum has up to {LONGEST_REFERENCE} characters, not {len(symbol)}.")
         try:
             get_reference, _ = Expressions(scope).reference(parse_reference(symbol))
-            return get_reference(CONSTANT_FRAME)
+            return get_reference(CONSTANT_FRAME if frame is None else frame)
         except (RapidSyntaxError, RapidReferenceError, RapidRuntimeError) as error:
-            raise UnknownSymbol(f"The module '{module}' has no datum '{symbol}': {error}") from error
+            raise UnknownSymbol(f"{block} has no datum '{symbol}': {error}") from error
 
     def _datum(self, module: str, symbol: str) -> Variable:
         """The variable itself, of an element the array it belongs to."""

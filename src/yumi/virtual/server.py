@@ -130,6 +130,8 @@ class VirtualController:
         host: address to listen on.
         speed: how many times faster than real time it runs.
         is_started: whether the motors are on and RAPID runs from the beginning.
+        runs_once: whether the programs then end with main, instead of beginning it again.
+        show: called with a task and each line that its program writes to the FlexPendant.
         link: makes the sockets of the arms, to an address and port.
         rapid_sockets: the address RAPID programs may use, ``host`` without it (:class:`ProgramNetwork`).
         is_robotware_7: whether Robot Web Services are those of RobotWare 7: 2.0, over HTTPS.
@@ -146,16 +148,21 @@ class VirtualController:
         host: str,
         speed: float = 1.0,
         is_started: bool = False,
+        runs_once: bool = False,
+        show: Callable[[str, str], None] | None = None,
         link: Callable[[str, int], UdpClient] = UdpClient,
         rapid_sockets: str | None = None,
         is_robotware_7: bool = False,
     ) -> None:
         self._speed = speed
-        self._is_started = is_started
+        self._is_started, self._runs_once = is_started, runs_once
         self._clock = SystemClock()
         self._lock = Lock()
         self.world = World(replace(settings, robotware=ROBOTWARE_7) if is_robotware_7 else settings)
         self.world.controller.devices.network = ProgramNetwork(rapid_sockets or host)
+        if show is not None:
+            for installed in self.world.controller.execution.installed.values():
+                installed.host.show = show
         self._server = HttpServer(
             self._handle,
             host=host,
@@ -205,7 +212,8 @@ class VirtualController:
                 if self._is_started:
                     with self._lock:
                         self.world.controller.set_motors(True)
-                        self.world.controller.start_rapid()
+                        cycle = "once" if self._runs_once else ""
+                        self.world.controller.start_rapid(cycle, stop_at_breakpoints=True)  # as RobotStudio starts it
                 until_ready = round(LONGEST_BEGINNING / CYCLE)  # cycles
                 pace = Pace(self._clock, self._speed)
                 while not is_over.is_set():

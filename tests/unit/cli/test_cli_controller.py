@@ -1,8 +1,9 @@
-"""``yumi fault`` against a virtual controller that runs."""
+"""``yumi fault`` against a virtual controller that runs, and the options of ``yumi controller``."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
@@ -14,7 +15,7 @@ from yumi.robot.joints import Side
 from yumi.virtual.faults import Fault, Way
 from yumi.virtual.rws.http import HttpReply
 from yumi.virtual.server import HttpServer
-from yumi.virtual.world import FaultInjection, World
+from yumi.virtual.world import FaultInjection, World, WorldSettings
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +89,37 @@ def test_fault_command_says_that_nothing_listens(port: int) -> None:
 def test_program_that_the_controller_cannot_take_is_one_sentence(program: str, status: int, sentence: str) -> None:
     result = CliRunner().invoke(main, ["controller", "--program", program])
     assert (result.exit_code, sentence in result.output) == (status, True), result.output
+
+
+class NoController:
+    """Takes what ``yumi controller`` makes of its options, and ends at once.
+
+    Attributes:
+        options: of the last one.
+    """
+
+    options: dict[str, Any]
+
+    def __init__(self, settings: WorldSettings, **options: Any) -> None:
+        NoController.options = options
+
+    def run(self, is_over: object, on_ready: Callable[[int], None]) -> None:
+        if NoController.options["show"] is not None:
+            NoController.options["show"]("T_ROB_L", "Hello 1")
+
+
+@pytest.mark.parametrize(
+    ("options", "output", "runs_once"),
+    [(["--start", "--once", "--show"], "[T_ROB_L] Hello 1\n", True), (["--start"], "", False)],
+)
+def test_controller_shows_what_programs_write_and_runs_them_once(
+    monkeypatch: pytest.MonkeyPatch, options: list[str], output: str, runs_once: bool
+) -> None:
+    monkeypatch.setattr("yumi.virtual.server.VirtualController", NoController)
+    result = CliRunner().invoke(main, ["controller", *options])
+    assert (result.exit_code, result.output, NoController.options["runs_once"]) == (0, output, runs_once)
+
+
+def test_once_is_refused_where_nothing_is_started() -> None:
+    result = CliRunner().invoke(main, ["controller", "--once"])
+    assert (result.exit_code, "--once says how --start runs the programs: give both." in result.output) == (2, True)

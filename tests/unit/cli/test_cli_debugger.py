@@ -13,8 +13,10 @@ from memory_http import MemoryHttp
 from yumi.cli.main import main
 from yumi.cli.rapid import Debugger
 from yumi.clock import ManualClock
+from yumi.errors import CommandRefused
 from yumi.robot.joints import CYCLE
 from yumi.rws.client import RwsClient
+from yumi.rws.services.rapid import RunCycle
 from yumi.rws.types import Code
 from yumi.virtual.rws.operations import Call, Failure, Operation
 from yumi.virtual.world import World
@@ -34,10 +36,30 @@ PROGRAM = """MODULE Program
     ENDPROC
 ENDMODULE
 """
+LOOPS = r"""MODULE Loops
+    PROC main()
+        VAR num total:=0;
+        FOR i FROM 1 TO 3 DO
+            add total, i \note:="x";
+        ENDFOR
+        WHILE TRUE DO
+            total:=total+1;
+            WaitTime 0.1;
+        ENDWHILE
+    ENDPROC
+    PROC add(INOUT num sum, num n \string note \switch never)
+        CONST num factor:=2;
+        sum:=sum+factor*n;
+    ENDPROC
+ENDMODULE
+"""
 
 
 class Session(ManualClock):
     """A debugger whose waiting lets the controller go on.
+
+    Args:
+        program: the module of the right arm's task; the left one's has none.
 
     Attributes:
         questions: what it has asked.
@@ -45,7 +67,7 @@ class Session(ManualClock):
         interrupt_at: when a wait ends with Ctrl-C [s].
     """
 
-    def __init__(self) -> None:
+    def __init__(self, program: str = PROGRAM) -> None:
         super().__init__()
         self.world = World()
         controller = self.world.controller
@@ -53,7 +75,7 @@ class Session(ManualClock):
             task.lose_pp()
             for module in task.modules:
                 task.unload(module.name)
-        controller.tasks["T_ROB_R"].load(PROGRAM, "program.mod")
+        controller.tasks["T_ROB_R"].load(program, "program.mod")
         controller.set_motors(True)
         self.http = MemoryHttp(controller, self)
         self.output = io.StringIO()
@@ -125,7 +147,111 @@ def test_program_stops_at_a_breakpoint_and_data_are_changed_there(session: Sessi
     assert session.enter("set count 41") == "count = 41"
     assert session.enter("continue") == 'Program/add_one, line 12: name:="right";'
     assert session.enter("print count") == "count = 42"
-    assert session.enter("break Program:12") == "breakpoints: none"
+
+
+def test_breakpoint_stays_until_it_is_cleared(session: Session) -> None:
+    for _ in range(2):
+        assert session.enter("break program:12") == "breakpoints: Program:12"
+    session.enter("break Program:6")
+    assert session.enter("break Program:7") == "breakpoints: Program:6, Program:7, Program:12"
+    assert session.enter("clear Program:12") == "breakpoints: Program:6, Program:7"
+    session.enter("main")
+    assert session.enter("continue") == "Program/main, line 6: add_one;"
+    assert session.enter("clear").splitlines() == [
+        "Program:6 stays: the program stands there, and a controller would lose the program pointer with it; `next` "
+        "first, then `clear Program:6`.",
+        "breakpoints: Program:6",
+    ]
+    session.enter("next")
+    assert session.enter("clear") == "breakpoints: none"
+    assert session.enter("where") == "#0 Program/main, line 7", "the program pointer is where it was"
+    assert session.enter("clear Program:6") == "There is no breakpoint at Program:6; breakpoints: none."
+
+
+def test_breakpoint_that_is_set_while_the_program_runs_is_hit() -> None:
+    session = Session(LOOPS)
+    session.enter("main")
+    assert session.enter("continue").startswith("running;")
+    assert session.enter("break Loops:8").splitlines() == [
+        "breakpoints: Loops:8",
+        "Loops/main, line 8: total:=total+1;",
+        f"    total = {session.world.controller.tasks['T_ROB_R'].read('Loops/main', 'total')}",
+    ]
+    assert not session.is_running
+
+
+def test_stop_that_comes_later_is_said_before_the_next_command(session: Session) -> None:
+    session.enter("main")
+    session.enter("continue")
+    session.world.controller.stop_rapid()
+    session.wait(0.1)
+    assert session.enter("print count").splitlines() == ["Program/main, line 8: WaitTime 60;", "", "count = 2"]
+    assert session.enter("print count") == "count = 2"
+
+
+def test_prompt_begins_with_what_others_have_left(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    session.enter("main")
+    session.enter("break Program:12")
+    session.world.controller.start_rapid()
+    session.wait(0.02)
+    assert session.type(monkeypatch, "quit")[-2:] == [
+        "T_ROB_R is running; `stop` stops RAPID.",
+        "breakpoints: Program:12",
+    ]
+
+
+def test_locals_and_parameters_are_read_and_set_where_the_program_stands() -> None:
+    session = Session(LOOPS)
+    session.enter("main")
+    session.enter("break Loops:14")
+    assert session.enter("continue").splitlines() == [
+        "Loops/add, line 14: sum:=sum+factor*n;",
+        '    sum = 0, n = 1, note = "x", factor = 2',
+    ]
+    assert session.enter("continue").splitlines()[1] == '    sum = 2, n = 2, note = "x", factor = 2'
+    assert session.enter("locals").splitlines() == ["sum = 2", "n = 2", 'note = "x"', "factor = 2"]
+    assert session.enter("locals 1").splitlines() == ["total = 2", "i = 2"]
+    assert session.enter("print N") == "N = 2"
+    assert session.enter("print Loops/main/i") == "i = 2"
+    assert session.enter("print") == 'sum = 2\nn = 2\nnote = "x"\nfactor = 2'
+    assert session.enter("set n 20") == "n = 20"
+    assert session.enter("set factor 3") == "factor is a constant, which cannot be set."
+    assert session.enter("out").splitlines()[-1] == "    total = 42, i = 2"
+    assert session.enter("set i 7") == "i is a loop variable, which cannot be set."
+    session.enter("clear")
+    for _ in range(3):  # the loop's head, what is in it, and its head
+        session.enter("next")
+    assert session.enter("locals") == "total = 48", "the loop has ended, and its variable with it"
+    assert session.enter("locals 1") == "There is no #1: `where` lists them."
+
+
+def test_values_of_locals_are_cut_where_the_program_stops() -> None:
+    text = "MODULE Long\nPROC main()\nVAR num a{40};\n" + "".join(f"VAR num n{i};\n" for i in range(9))
+    session = Session(f"{text}WaitTime 1;\nENDPROC\nENDMODULE")
+    session.enter("main")
+    session.enter("break Long:13")
+    said = session.enter("continue").splitlines()[1]
+    assert said == f"    a = [{'0,' * 14}0…, {', '.join(f'n{i} = 0' for i in range(7))}, … (`locals` shows all)"
+    assert session.enter("print a{3}") == "a{3} = 0"
+    assert session.enter("set a{3} 5") == "a{3} = 5"
+    assert session.enter("print a").startswith("a = [0,0,5,0,")
+
+
+def test_program_that_runs_once_ends() -> None:
+    session = Session("MODULE Brief\nPROC main()\nWaitTime 0.1;\nENDPROC\nENDMODULE")
+    once = Debugger(session.client, "T_ROB_R", session, session.output, lambda _: True, cycle=RunCycle.ONCE)
+    once.onecmd("main")
+    once.onecmd("continue")
+    assert session.output.getvalue().splitlines()[1:] == ["The program has ended.", "Brief/main, line 3: WaitTime 0.1;"]
+
+
+def test_help_lists_each_command_in_a_line(session: Session) -> None:
+    said = session.enter("help").splitlines()
+    assert "step: execute one statement, and enter the routine it calls." in said
+    assert "break [MODULE:LINE]: stop before that line; alone, it lists the breakpoints." in said
+    assert not [line for line in said if "EOF" in line or "ndocumented" in line]
+    assert session.enter("help jump") == "There is no command 'jump'; help alone lists them."
+    assert session.enter("help next") == "next: execute one statement, with the routines it calls."
 
 
 def test_statement_that_waits_goes_on_until_it_is_stopped(session: Session) -> None:
@@ -148,22 +274,20 @@ def test_interrupt_while_a_command_waits_stops_rapid_and_gives_the_prompt_back(
     assert not session.is_running
 
 
-def test_interrupt_at_the_prompt_stops_what_goes_on_and_then_leaves(
+def test_interrupt_at_the_prompt_stops_what_goes_on_and_then_nothing_more(
     session: Session, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said = session.type(monkeypatch, "main", "continue", "^C", "quit")
-    assert said[-1] == "Program/main, line 8: WaitTime 60;"
+    said = session.type(monkeypatch, "main", "continue", "^C", "^C", "quit")
+    assert said[-3:] == ["Program/main, line 8: WaitTime 60;", "", "`quit` leaves, and so does Ctrl-D."]
     assert not session.is_running
-    with pytest.raises(KeyboardInterrupt):
-        session.type(monkeypatch, "^C")
 
 
 def test_interrupt_leaves_what_was_not_started_here_running(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     session.enter("main")
     session.world.controller.start_rapid()
     session.wait(0.1)
-    with pytest.raises(KeyboardInterrupt):
-        session.type(monkeypatch, "step", "where", "^C")
+    said = session.type(monkeypatch, "step", "where", "^C", "quit")
+    assert "T_ROB_R is running; `stop` it first." in said
     assert session.is_running
 
 
@@ -179,12 +303,19 @@ def test_interrupt_ends_commands_from_a_pipe_with_rapid_stopped(session: Session
 def test_first_start_is_confirmed(session: Session) -> None:
     session.enter("main")
     session.answer = False
-    assert session.enter("step").startswith("Not started. This starts T_ROB_R and T_ROB_L, and arms may move.")
+    assert session.enter("step").startswith("Not started. This starts T_ROB_R, and arms may move.")
     assert session.enter("where") == "#0 Program/main, line 5"
     session.answer = True
     assert session.enter("step") == "Program/main, line 6: add_one;"
     assert session.enter("next") == "Program/main, line 7: add_one;"
-    assert session.questions == 2 * ["This starts T_ROB_R and T_ROB_L, and arms may move. Is their workspace free?"]
+    assert session.questions == 2 * ["This starts T_ROB_R, and arms may move. Is their workspace free?"]
+
+
+def test_all_tasks_that_start_are_named(session: Session) -> None:
+    session.world.controller.tasks["T_ROB_L"].load(PROGRAM, "program.mod")
+    session.enter("main")
+    session.enter("step")
+    assert session.questions == ["This starts T_ROB_R and T_ROB_L, and arms may move. Is their workspace free?"]
 
 
 @pytest.mark.parametrize(("options", "line"), [([], "main, line 5"), (["--yes"], "main, line 6")])
@@ -205,27 +336,74 @@ def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
     find = session.http.adapter._router.find
 
     def without_breakpoints(call: Call) -> tuple[Operation, Call]:
-        if call.path[-1] == "breakpoint" and call.method == "GET":
+        if call.path[-1] == "breakpoint":
             raise Failure(404, Code.FAIL, "there is no such resource")
         return find(call)
 
     monkeypatch.setattr(session.http.adapter._router, "find", without_breakpoints)
     assert session.enter("list").splitlines()[4] == "    5 ->         count:=0;"
-    assert "refused" in session.enter("break Program:6")
+    said = "This controller has no breakpoints over Robot Web Services; set them in RobotStudio."
+    assert session.enter("break Program:6") == said
 
 
 @pytest.mark.parametrize(
     ("command", "answer"),
     [
         ("jump", "There is no command 'jump'; help lists them."),
-        ("break 12", "break takes a module and a line, such as break Program:12, not '12'."),
         ("set count", "set takes a datum and its value, such as set count 3."),
-        ("print Program/nothing", "refused"),
-        ("step", "refused"),
+        ("break 12", "break takes a module and a line, such as break Program:12, not '12'."),
+        ("break Other:3", "T_ROB_R has no module 'Other'; it has Program."),
+        ("break Program:99", "Program has 14 lines, not 99."),
+        (
+            "break Program:9",
+            "No statement begins at line 9 of Program (ENDPROC); execution stops before statements only.",
+        ),
+        ("clear Program", "clear takes a module and a line, such as clear Program:12, not 'Program'."),
+        ("print Program/nothing", "There is no datum 'nothing' in Program; `print` alone lists them."),
+        ("set Program/count three", "three is not a value of count, which is a num."),
+        ("set Program/nothing 3", "There is no datum 'nothing' in Program; `print` alone lists them."),
+        ("locals first", "locals takes a number of `where`, such as locals 1, not 'first'."),
+        ("locals", "T_ROB_R has no program pointer; `main` moves it to main."),
+        ("step", "T_ROB_R has no program pointer; `main` moves it to main"),
     ],
 )
 def test_what_cannot_be_done_is_said_and_the_next_command_can_be_tried(
     session: Session, command: str, answer: str
 ) -> None:
-    assert answer in session.enter(command)
+    assert session.enter(command) == answer
     assert session.enter("main").startswith("Program/main")
+
+
+def test_print_names_the_routine_and_the_module_that_have_no_such_datum(session: Session) -> None:
+    session.enter("main")
+    said = "There is no datum 'nothing' in Program/main, nor in Program; `print` alone lists them."
+    assert session.enter("print nothing") == said
+
+
+@pytest.mark.parametrize("command", ["step", "continue", "main", "clear Program:12"])
+def test_what_needs_a_stop_is_refused_while_rapid_runs(session: Session, command: str) -> None:
+    session.enter("main")
+    session.enter("break Program:12")
+    session.enter("next")  # which confirms the start
+    session.enter("continue")
+    session.enter("continue")
+    assert session.enter("continue").startswith("running;")
+    assert session.enter(command) == "T_ROB_R is running; `stop` it first."
+    assert session.is_running
+
+
+def test_start_is_refused_in_words_while_the_motors_are_off(session: Session) -> None:
+    session.enter("main")
+    session.world.controller.set_motors(False)
+    assert session.enter("step") == "The motors are off (controller state motoroff); switch them on first."
+
+
+def test_refusal_of_another_task_without_a_pointer_names_that_task(session: Session) -> None:
+    session.enter("main")
+    session.world.controller.tasks["T_ROB_L"].load(PROGRAM, "program.mod")
+    assert session.enter("step") == "T_ROB_L may need a program pointer; `main` moves all to main."
+
+
+def test_task_that_the_controller_lacks_is_refused_with_those_it_has(session: Session) -> None:
+    with pytest.raises(CommandRefused, match=r"The controller has no task T_ROB1; it has T_ROB_R, T_ROB_L\."):
+        Debugger(session.client, "T_ROB1", session, session.output, lambda _: True, io.StringIO("")).cmdloop()

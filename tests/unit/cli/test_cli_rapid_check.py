@@ -1,6 +1,7 @@
 """`yumi rapid check`: what is found in programs, and where."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -118,3 +119,26 @@ def test_registers_are_known_and_a_module_user_takes_the_place_of_the_delivered_
     assert [fault.sentence for fault in check_program([program, user])] == [
         "'clock1' is not declared, and no signal has that name."
     ]
+
+
+ROOT = Path(__file__).parents[3]
+
+
+def test_problem_matcher_of_the_documentation_takes_the_lines_apart(faulty: Path) -> None:
+    page = (ROOT / "docs/how-to/run-your-own-rapid.md").read_text(encoding="utf-8")
+    tasks = json.loads(page.partition("```json\n")[2].partition("```")[0])
+    pattern = tasks["tasks"][0]["problemMatcher"]["pattern"]
+    output = CliRunner().invoke(main, ["rapid", "check", str(faulty)]).output
+    found = [match for line in output.splitlines() if (match := re.match(pattern["regexp"], line))]
+    names = ("file", "line", "column", "code", "message")
+    taken = [[match[pattern[name]] for name in names] for match in found]
+    given = [
+        [each.file, str(each.line), str(each.column), each.kind, each.sentence] for each in check_program([faulty])
+    ]
+    assert taken == given
+
+
+def test_program_of_the_tutorial_is_the_one_of_the_examples() -> None:
+    page = (ROOT / "docs/tutorials/first-rapid-program.md").read_text(encoding="utf-8")
+    shown = page.partition("```rapid\n")[2].partition("```")[0]
+    assert shown == (ROOT / "examples/rapid/Hello.mod").read_text(encoding="utf-8")

@@ -122,8 +122,13 @@ def test_routine_has_backward_error_and_undo_clauses() -> None:
     [
         (
             "MODULE M\nPROC p()\n  x := 3\nENDPROC ENDMODULE",
-            "m.mod:4:1: found 'ENDPROC' where an operator or ';' is allowed.",
+            "m.mod:4:1: found 'ENDPROC' where an operator or ';' is allowed. Is a ';' missing after line 3?",
         ),
+        (
+            'MODULE M\nPROC p()\n  TPWrite "a"\n\n  ! a comment\n  WaitTime 1;\nENDPROC\nENDMODULE',
+            "Is a ';' missing after line 3?",
+        ),
+        ("MODULE M\nVAR num a\nENDMODULE", "Is a ';' missing after line 2?"),
         ("MODULE M PROC p() x := ; ENDPROC ENDMODULE", "m.mod:1:24: found ';' where an expression is allowed."),
         ("MODULE M VAR num if; ENDMODULE", "m.mod:1:18: found 'if' where a name is allowed."),
         ('MODULE M VAR string a := "b;\nENDMODULE', "m.mod:1:26: the string does not end on its line."),
@@ -139,6 +144,11 @@ def test_routine_has_backward_error_and_undo_clauses() -> None:
 )
 def test_wrong_text_is_refused_with_place_and_remedy(text: str, sentence: str) -> None:
     assert sentence in refusal(text)
+
+
+@pytest.mark.parametrize("statement", ["x := 3 y;", "x := ;", "x := (3\n;"])
+def test_semicolon_is_not_named_as_missing_where_the_line_goes_on(statement: str) -> None:
+    assert "missing" not in refusal(f"MODULE M PROC p() {statement} ENDPROC ENDMODULE")
 
 
 def test_unfinished_module_is_refused_at_its_end() -> None:

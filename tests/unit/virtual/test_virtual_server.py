@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from itertools import pairwise
 from threading import Event
+from typing import Any
 from urllib.parse import quote
 
 import pytest
@@ -21,7 +22,7 @@ from yumi.clock import ManualClock
 from yumi.rapid import compiler, parser
 from yumi.rapid import task as rapid_task
 from yumi.rapid.parser import parse_module
-from yumi.rapid.program import SystemEvent
+from yumi.rapid.program import Execution, SystemEvent
 from yumi.rapid.types import RapidSyntaxError
 from yumi.robot.joints import CYCLE, Side
 from yumi.virtual.rws import rapid as rws_rapid
@@ -147,10 +148,17 @@ def run_in_thread(virtual: VirtualController, over: Event, on_ready: Callable[[i
         pool.submit(virtual.run, over, on_ready).result()
 
 
-def running_program(body: str) -> VirtualController:
+def running_program(body: str, **options: Any) -> VirtualController:
     """A controller whose left arm's task is to execute ``body`` in main, ten times as fast as a real one."""
     virtual = VirtualController(
-        WorldSettings(), rws_port=0, user="user", password="password", host="127.0.0.1", is_started=True, speed=10.0
+        WorldSettings(),
+        rws_port=0,
+        user="user",
+        password="password",
+        host="127.0.0.1",
+        is_started=True,
+        speed=10.0,
+        **options,
     )
     task = virtual.world.controller.tasks["T_ROB_L"]
     task.lose_pp()
@@ -186,6 +194,38 @@ def test_controller_is_ready_though_a_program_never_waits(monkeypatch: pytest.Mo
     monkeypatch.setattr(virtual.world, "exchange", lambda inboxes: cycles.append(1) or exchange(inboxes))
     run_in_thread(virtual, over, lambda port: over.set())
     assert len(cycles) == pytest.approx(LONGEST_BEGINNING / CYCLE, abs=2)
+
+
+def until(virtual: VirtualController, is_over: Callable[[], bool], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run a controller for as many cycles as something takes."""
+    over, exchange = Event(), virtual.world.exchange
+
+    def cycle(inboxes: object) -> object:
+        outgoing = exchange(inboxes)  # type: ignore[arg-type]
+        if is_over():
+            over.set()
+        return outgoing
+
+    monkeypatch.setattr(virtual.world, "exchange", cycle)
+    run_in_thread(virtual, over)
+
+
+def test_program_that_runs_once_is_shown_what_it_writes_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[tuple[str, str]] = []
+    virtual = running_program(
+        r'TPWrite "Hello "\Num:=2; n:=n+1;', runs_once=True, show=lambda *line: shown.append(line)
+    )
+    task = virtual.world.controller.tasks["T_ROB_L"]
+    until(virtual, lambda: task.execution is Execution.READY, monkeypatch)
+    assert (shown, task.read("First", "n")) == ([("T_ROB_L", "Hello 2")], "1")
+
+
+def test_program_that_is_started_with_the_controller_stops_at_breakpoints(monkeypatch: pytest.MonkeyPatch) -> None:
+    virtual = running_program("n:=1; n:=2; WaitTime 10;")
+    task = virtual.world.controller.tasks["T_ROB_L"]
+    task.set_breakpoint("First", 1)
+    until(virtual, lambda: task.execution is Execution.STOPPED, monkeypatch)
+    assert task.read("First", "n") == "1", "it has stopped before the second statement of the line"
 
 
 def test_controller_without_a_program_that_runs_is_ready_before_its_first_cycle(

@@ -434,6 +434,13 @@ class Rapid(Requests):
         with self.holding("rapid"):
             self._do(post(f"{_TASKS}/{task}/program/breakpoint", "set", *form), "setting a breakpoint")
 
+    def clear_breakpoint(self, task: str, module: str, place: Range) -> None:
+        """Remove a breakpoint at a place of ``breakpoints``; RAPID must be stopped.
+
+        Its text is replaced by itself, as RobotWare 6 has no request for it. A program pointer in that text is lost.
+        """
+        self.replace_text(task, module, place, self.module_part(task, module, place))
+
     # Program pointers
 
     def pointers(self, task: str) -> tuple[Pointer, Pointer]:
@@ -637,7 +644,10 @@ class SymbolInfo:
 
 
 class Symbols(Requests):
-    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``."""
+    """``/rw/rapid/symbol`` and ``/rw/rapid/symbols``.
+
+    Where a module is asked for, data of a routine under way are found with ``Hello/wave``, module and routine.
+    """
 
     def symbol(self, task: str, module: str, name: str) -> str:
         """Value of a RAPID symbol as its literal; ``yumi.rws.types`` decodes it."""
@@ -701,6 +711,7 @@ class Symbols(Requests):
         only_used: bool = False,
         skips_shared: bool = False,
         view: str = "block",
+        stack: int | None = None,
     ) -> tuple[SymbolInfo, ...]:
         """Search for symbols.
 
@@ -712,7 +723,8 @@ class Symbols(Requests):
             recursive: in blocks within the block, too.
             only_used: only what is used.
             skips_shared: without what is loaded in all tasks.
-            view: ``block``, ``scope`` for all that is seen from there, or ``stack``.
+            view: ``block``, ``scope`` for all that is seen from there, or ``stack`` for a routine under way.
+            stack: number of the routine under way, 1 for the innermost, as ``stack_frame`` has it.
         """
         form = given(
             view=view,
@@ -724,6 +736,7 @@ class Symbols(Requests):
             symtyp=kind.value,
             regexp=pattern or None,
             dattyp=type or None,
+            stack=stack,
         )
         request = Request("POST", "/rw/rapid/symbols", (("action", "search-symbols"),), form)
         return self._read(request, lambda page: tuple(map(_symbol_info, page.states)), f"searching {block}")

@@ -42,6 +42,7 @@ class TaskHost:
 
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
+        show: called with the task and each line that it writes.
         events: why the task stopped by itself, until they are read.
         devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
@@ -49,6 +50,7 @@ class TaskHost:
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
         self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
+        self.show: Callable[[str, str], None] = lambda task, line: None
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
         self._files = files
@@ -57,7 +59,7 @@ class TaskHost:
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
-        log.debug("%s: %s", task, text)
+        self.show(task, text)
 
     def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
         code, type = _NUMBERS[severity]
@@ -435,7 +437,7 @@ class RapidExecution:
 
     @contextmanager
     def _loading(self, task: str) -> Iterator[None]:
-        self._check_stopped("modules are loaded", task)
+        self.check_stopped("modules are loaded", task)
         try:
             yield
         except ModuleNameTaken as error:
@@ -468,7 +470,7 @@ class RapidExecution:
         Raises:
             Refused: NOT_STOPPED or NO_MODULE.
         """
-        self._check_stopped("modules are unloaded", task)
+        self.check_stopped("modules are unloaded", task)
         try:
             self.tasks[task].unload(name)
         except UnknownSymbol as error:
@@ -476,7 +478,8 @@ class RapidExecution:
         except RobotNotReady as error:
             raise Refused(Refusal.NOT_STOPPED, str(error)) from error
 
-    def _check_stopped(self, what: str, task: str) -> None:
+    def check_stopped(self, what: str, task: str) -> None:
+        """Raise Refused, NOT_STOPPED, while RAPID runs in ``task``; ``what`` is done while it does not."""
         if self.is_running and self.installed[task].is_normal:
             raise Refused(Refusal.NOT_STOPPED, f"{what} while RAPID is stopped: stop it first.")
 

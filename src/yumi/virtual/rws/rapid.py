@@ -17,6 +17,7 @@ from yumi.rapid.devices import Dialog
 from yumi.rapid.parser import parse_module
 from yumi.rapid.program import Execution, UserRoutine
 from yumi.rapid.task import StackEntry, StepKind, Task
+from yumi.rapid.types import RapidReferenceError
 from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
@@ -532,7 +533,7 @@ def get_build_errors(controller: Irc5, call: Call) -> Page:
 def get_breakpoints(controller: Irc5, call: Call) -> Page:
     task = _task(controller, call)
     names = {module.name.lower(): module.name for module in task.modules}
-    places = [(names[module], line) for module, line in sorted(task.breakpoints) if module in names]
+    places = [(names[module], line) for module, line in task.breakpoints if module in names]
     states = (
         State(
             "rap-program-breakpoint",
@@ -548,12 +549,14 @@ def get_breakpoints(controller: Irc5, call: Call) -> Page:
 
 
 def set_breakpoint(controller: Irc5, call: Call) -> None:
-    """Set a breakpoint on a line, or take it away where there is one."""
+    """Set a breakpoint on a line; one that is there stays."""
     task, module, row = _task(controller, call), call.required("module"), int(call.number("row"))
     call.number("column")
-    if not 1 <= row <= len(text_of(task, module).splitlines()):
-        raise Failure(400, Code.SOURCEPOS, f"the module {module[:50]} has no line {row}")
-    task.breakpoints ^= {(module.lower(), row)}
+    text_of(task, module)
+    try:
+        task.set_breakpoint(module, row)
+    except RapidReferenceError as error:
+        raise Failure(400, Code.SOURCEPOS, str(error)) from error
 
 
 # Task panel, alias I/O

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import TypeVar
@@ -27,7 +27,13 @@ from yumi.virtual.rws.rapid import find_task, prepare_modules, quoted
 T = TypeVar("T")
 
 _BASE = "/rw/rapid/"
-_SYMBOL_TYPES = {"con": "rap-sympropconstant", "var": "rap-sympropvar", "per": "rap-symproppers"}
+_SYMBOL_TYPES = {
+    "con": "rap-sympropconstant",
+    "var": "rap-sympropvar",
+    "per": "rap-symproppers",
+    "par": "rap-sympropparam",
+    "for": "rap-sympropfor",  # how ABB calls it is not known
+}
 _OWNERS: Mapping[str, Mapping[str, str]] = {
     "con": {},
     "var": {"taskvar": "true"},
@@ -221,7 +227,15 @@ def set_text_range(controller: Irc5, call: Call) -> None:
     text = _changed_text(module, call)
     if call.required("query-mode") == "Try" and not task.call_stack:
         raise Failure(400, Code.NO_PP, f"{task.name} has no program pointer; Force changes the text all the same")
-    _replace_text(controller, task, module, text)
+    rows = range(_position(call, "startrow"), _position(call, "endrow") + 1)
+    if text != module.syntax.text:
+        _replace_text(controller, task, module, text)
+    else:  # by itself, which removes breakpoints: RobotWare 6 has no other request that does
+        controller.execution.check_stopped("modules are changed", task.name)
+        if any(at.module == module.name and at.line in rows for at in task.call_stack):
+            task.lose_pp()
+    if call.required("replace-mode") == "Replace":
+        task.clear_breakpoints(module.name, rows)
 
 
 def prepare_text_range(controller: Irc5, call: Call) -> Callable[[], None]:
@@ -322,13 +336,13 @@ def get_symbol(controller: Irc5, call: Call) -> Answer:
     return resource("rapid", _BASE, f"symbol/data/RAPID/{url}", state)
 
 
-def _read(task: Task, module: str, name: str) -> str:
-    """A datum of a module, or one that RobotWare has in every task, such as tool0."""
+def _read(task: Task, block: str, name: str) -> str:
+    """A datum of a module or a routine under way, or one that RobotWare has in every task, such as tool0."""
     try:
-        return task.read(module, name)
+        return task.read(block, name)
     except UnknownSymbol:
         found = task.library.datum(name)
-        if found is None:
+        if found is None or _is_routine(block):
             raise
         return format_value(found.type, found.value)
 
@@ -390,34 +404,43 @@ def get_symbol_properties(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, f"symbol/properties/{state.title}", state)
 
 
-def _symbol_state(task: Task, module: str, name: str) -> State:
-    kind, sizes = task.kind_of(module, name), task.dimensions_of(module, name)
-    url = f"RAPID/{task.name}/{module}/{name}"
+def _is_routine(block: str) -> bool:
+    """Whether a block is a routine under way, as module/routine or %1, and no module."""
+    return "/" in block or block.startswith("%")
+
+
+def _symbol_state(task: Task, block: str, name: str) -> State:
+    kind, sizes = task.kind_of(block, name), task.dimensions_of(block, name)
+    url = f"RAPID/{task.name}/{block}/{name}"
+    type_name = task.type_of(block, name)
     fields = {
         "symburl": url,
         "name": name,
         "symtyp": kind,
         "named": "true",
-        "dattyp": task.type_of(module, name),
+        "dattyp": type_name,
         "ndim": str(len(sizes)),
         "dim": ",".join(map(str, sizes)),
         "heap": "false",
         "linked": "true",
         "local": "false",
-        "rdonly": "true" if kind == "con" else "false",
-        **_OWNERS[kind],
+        "rdonly": "true" if kind in ("con", "for") else "false",
+        **_OWNERS.get(kind, {}),
         "storage": kind,
-        "typurl": f"RAPID/{task.name}/{module}/{task.type_of(module, name)}",
+        "typurl": f"RAPID/{type_name}" if _is_routine(block) else f"RAPID/{task.name}/{block}/{type_name}",
     }
     return State(_SYMBOL_TYPES[kind], url, fields)
 
 
 def _at(controller: Irc5, url: str, act: Callable[[Task, str, str], T], missing: int) -> T:
-    """What ``act`` finds at ``task/module/symbol`` or ``task/symbol``; status ``missing`` when there is nothing."""
-    task_name, *module, name = url.split("/") if url.count("/") in (1, 2) else ("", "")
+    """What ``act`` finds at ``task/block/symbol`` or ``task/symbol``; status ``missing`` when there is nothing.
+
+    A block is a module, or a routine under way: ``module/routine``, its innermost call, or a stack frame ``%1``.
+    """
+    task_name, *block, name = url.split("/") if url.count("/") in (1, 2, 3) else ("", "")
     task = controller.tasks.get(task_name.upper())
     if task is not None:
-        for place in module or [each.name for each in task.modules]:
+        for place in ["/".join(block)] if block else [each.name for each in task.modules]:
             try:
                 return act(task, place, name)
             except UnknownSymbol:
@@ -439,23 +462,11 @@ def search(controller: Irc5, call: Call) -> Page:
     if not parts or parts[0].upper() != "RAPID":
         raise invalid("blockurl begins with RAPID")
     tasks = [find_task(controller, parts[1])] if len(parts) > 1 else list(controller.tasks.values())
-    is_recursive = call.parameter("recursive", "TRUE").upper() == "TRUE"
+    if call.parameter("view", "block") == "stack":
+        found = _symbols_of_frame(tasks[0], call) if len(parts) > 1 else []
+    else:
+        found = _symbols_of_block(tasks, parts, call)
     wanted = {kind.strip() for kind in call.parameter("symtyp", "any").lower().split(",")}
-    found: list[State] = []
-    for task in tasks:
-        modules = [
-            each for each in task.program.modules.values() if len(parts) < 3 or each.name.lower() == parts[2].lower()
-        ]
-        if len(parts) > 2 and not modules:
-            raise Failure(400, Code.NO_SUCH_SYMBOL, f"the task {task.name} has no module {parts[2][:50]!r}")
-        if len(parts) == 1:
-            found.append(State("rap-symproptask-li", f"RAPID/{task.name}", _plain_fields(f"RAPID/{task.name}", "tsk")))
-        for module in modules if len(parts) > 1 or is_recursive else ():
-            url = f"RAPID/{task.name}/{module.name}"
-            if len(parts) < 3:
-                found.append(State("rap-sympropmodule-li", url, _plain_fields(url, "mod")))
-            if len(parts) > 2 or is_recursive:
-                found += _symbols(task, module)
     pattern = _pattern(call.parameter("regexp", ""))
     type_name, variables = call.parameter("dattyp", "").lower(), call.parameter("vartyp", "any")
     used = set(re.findall(r"\w+", " ".join(module.text for task in tasks for module in task.modules).lower()))
@@ -473,6 +484,43 @@ def search(controller: Irc5, call: Call) -> Page:
     return resource("rapid", _BASE, "symbols", *named)
 
 
+def _symbols_of_frame(task: Task, call: Call) -> list[State]:
+    """What has a value in a routine under way: parameters, data and loop variables of a stack frame."""
+    number = call.parameter("stack", "1")
+    block = f"%{max(int(number), 1) if number.isdecimal() else 1}"  # 0, which means none elsewhere, is the first, too
+    try:
+        return [_in_list(_symbol_state(task, block, name)) for name in task.symbols(block)]
+    except UnknownSymbol as error:
+        raise Failure(400, Code.NO_PP, str(error)) from error
+
+
+def _symbols_of_block(tasks: Sequence[Task], parts: Sequence[str], call: Call) -> list[State]:
+    """The symbols of a module, a task or all."""
+    is_recursive = call.parameter("recursive", "TRUE").upper() == "TRUE"
+    found: list[State] = []
+    for task in tasks:
+        modules = [
+            each for each in task.program.modules.values() if len(parts) < 3 or each.name.lower() == parts[2].lower()
+        ]
+        if len(parts) > 2 and not modules:
+            raise Failure(400, Code.NO_SUCH_SYMBOL, f"the task {task.name} has no module {parts[2][:50]!r}")
+        if len(parts) == 1:
+            found.append(State("rap-symproptask-li", f"RAPID/{task.name}", _plain_fields(f"RAPID/{task.name}", "tsk")))
+        for module in modules if len(parts) > 1 or is_recursive else ():
+            url = f"RAPID/{task.name}/{module.name}"
+            if len(parts) < 3:
+                found.append(State("rap-sympropmodule-li", url, _plain_fields(url, "mod")))
+            if len(parts) > 2 or is_recursive:
+                found += _symbols(task, module)
+    return found
+
+
+def _in_list(state: State) -> State:
+    """A symbol as a search lists it, which has not all of its properties."""
+    fields = {name: text for name, text in state.fields.items() if name not in ("heap", "linked", "storage")}
+    return State(f"{state.type}-li", state.title, fields)
+
+
 def _plain_fields(url: str, kind: str) -> dict[str, str]:
     return {"symburl": url, "name": url.rpartition("/")[2], "symtyp": kind, "named": "true"}
 
@@ -481,11 +529,9 @@ def _symbols(task: Task, module: LoadedModule) -> Iterator[State]:
     for symbol in tuple(module.symbols.values()):
         if isinstance(symbol, Variable):
             try:
-                state = _symbol_state(task, module.name, symbol.name)
+                yield _in_list(_symbol_state(task, module.name, symbol.name))
             except (UnknownSymbol, RapidReferenceError):
                 continue  # of a type that is missing
-            fields = {name: text for name, text in state.fields.items() if name not in ("heap", "linked", "storage")}
-            yield State(f"{state.type}-li", state.title, fields)
         elif isinstance(symbol, UserRoutine):
             yield _routine_state(task, symbol, "-li")
         else:

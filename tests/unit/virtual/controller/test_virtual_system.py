@@ -378,7 +378,7 @@ def test_call_stack_names_routines_from_the_inside(stepping: World) -> None:
 
 def test_program_stops_at_a_breakpoint_and_goes_on_from_it(stepping: World) -> None:
     task = stepping.controller.tasks["T_ROB_L"]
-    task.breakpoints.add(("steps", 10))
+    task.set_breakpoint("Steps", 10)
     for _ in range(2):
         stepping.controller.start_rapid("once", stop_at_breakpoints=True)
         run(stepping, 0.02)

@@ -384,3 +384,17 @@ def test_change_of_a_group_adds_to_it(client: Session2) -> None:
 def test_client_has_ten_groups(client: Session2) -> None:
     statuses = [subscribed(client, "/rw/panel/opmode;opmode").status for _ in range(11)]
     assert statuses == [201] * 10 + [400]
+
+
+@pytest.mark.parametrize("block", ["Counts/count", "%251"])  # a stack frame is %1, and its % escaped
+def test_data_of_a_routine_under_way_are_read(block: str) -> None:
+    session = Session2()
+    text = "MODULE Counts PROC main() count 5; ENDPROC PROC count(num number) WaitTime 9; ENDPROC ENDMODULE"
+    session.controller.replace_program({"HOME:/counts.mod": text})
+    session.controller.set_motors(True)
+    session.controller.start_rapid()
+    session.world.cycle({})
+    reply = session.ask("GET", f"/rw/rapid/symbol/RAPID/T_ROB_L/{block}/number/data", accept=HAL)
+    assert [each["value"] for each in json.loads(reply.body)["state"]] == ["5"]
+    found = session.ask("POST", "/rw/rapid/symbols/search", "view=stack&blockurl=RAPID/T_ROB_L&stack=1", accept=HAL)
+    assert [each["symburl"] for each in json.loads(found.body)["state"]] == ["RAPID/T_ROB_L/%1/number"]
