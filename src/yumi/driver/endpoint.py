@@ -604,7 +604,7 @@ def endpoint_path(robot: str, namespace: str = "") -> Path:
 
 HOW_TO_START = (
     "No driver runs on this machine for this user; start one with: yumi up --robot <address> (a virtual robot first: "
-    "yumi controller, then yumi up --robot 127.0.0.1 --rws-port 8080)."
+    "yumi controller, then yumi up --robot 127.0.0.1)."
 )
 
 

@@ -283,8 +283,10 @@ class RosDriver:
             log.error(sentence)
         elif level >= logging.WARNING:
             log.warning(sentence)
-        else:
+        elif level >= logging.INFO:
             log.info(sentence)
+        else:
+            log.debug(sentence)
 
     def bring_up(self, *, is_reading_only: bool = False) -> str:
         """Bring the robot to ready.

@@ -22,7 +22,7 @@ def controller() -> PlainController:
 def where(controller: PlainController) -> Iterator[list[str]]:
     with serving(controller) as address:
         host, _, port = address.partition(":")
-        yield ["--robot", host, "--rws-port", port]
+        yield ["--robot", f"{host}:{port}"]
 
 
 def rws(where: list[str], command: str, *arguments: str) -> Result:

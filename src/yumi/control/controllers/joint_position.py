@@ -82,9 +82,10 @@ class JointPositionController(Controller):
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names
         own = [
-            Parameter(f"gains.{name}.{gain.name}", -1.0, -1.0, gain.highest, gain.unit, f"Own {gain.name}; -1 as all.")
+            Parameter(f"gains.{name}.{gain.name}", -1.0, -1.0, gain.highest, gain.unit, description)
             for name in joint_names
             for gain in _PID[:3]
+            for description in (f"{gain.name} of this joint; -1 takes {gain.name} of all joints.",)
         ]
         return (*_PID, *own, *_TRACKING)
 
