@@ -272,7 +272,7 @@ def with_json_targets(arguments: Sequence[str]) -> list[str]:
     Click would take any argument behind it as its file: ``yumi rapid check --json pick.mod`` would overwrite pick.mod.
     """
     targets: list[str] = []
-    for argument, following in zip(arguments, (*arguments[1:], ""), strict=True):
+    for argument, following in zip(arguments, (*arguments[1:], ""), strict=False):
         if argument == "--":
             return [*targets, *arguments[len(targets) :]]
         is_alone = argument == "--json" and following != "-" and not following.endswith(".json")

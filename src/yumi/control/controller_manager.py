@@ -629,9 +629,7 @@ class ControllerManager:
         if state is None or not state.is_running:
             needy = next((loaded.name for loaded in switch.activate if loaded.controller.is_command), None)
             if needy:
-                raise CommandRefused(
-                    f"Controller {needy!r} cannot start: EGM is not running on this arm; start EGM first."
-                )
+                raise _without_egm(needy)
         begin = state or _NOWHERE
         self._deactivate(switch.deactivate)
         try:
@@ -639,6 +637,33 @@ class ControllerManager:
         finally:
             self._note_change()
         return switch.sentence
+
+    def check_take_over(self, name: str, state: ArmState | None, now: float) -> tuple[str, ...]:
+        """The controllers in whose place an inactive one may be activated for a goal: those that move nothing.
+
+        Args:
+            name: the controller that has a goal.
+            state: the arm's newest state; None while it is not heard.
+            now: the time [s].
+
+        Raises:
+            CommandRefused: no such controller, EGM does not run, or another controller commands the arm.
+        """
+        find(self._loaded, name)
+        if state is None or not state.is_running:
+            raise _without_egm(name)
+        busy = [loaded.name for loaded in self._commanding if not loaded.controller.is_idle(now)]
+        if busy:
+            raise CommandRefused(
+                f"Controller {name!r} is inactive, and {' and '.join(busy)} commands the arm; wait until its motion "
+                f"has ended, or activate {name}."
+            )
+        return tuple(loaded.name for loaded in self._commanding)
+
+    def is_inactive(self, name: str) -> bool:
+        """Whether there is such a controller, which could be activated."""
+        loaded = self._loaded.get(name)
+        return loaded is not None and loaded.state is State.INACTIVE
 
     def deactivate_commanding(self) -> tuple[str, ...]:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
@@ -842,6 +867,10 @@ _NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
 def _hold(state: ArmState) -> ArmCommand | None:
     """What is commanded where no controller does."""
     return None
+
+
+def _without_egm(name: str) -> CommandRefused:
+    return CommandRefused(f"Controller {name!r} cannot start: EGM is not running on this arm; start EGM first.")
 
 
 def _words(error: Exception) -> str:

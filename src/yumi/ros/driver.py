@@ -132,6 +132,7 @@ class RosDriver:
             self._timers,
             manager.monitor,
             base,
+            self.update_activity,
         )
         self._grippers = Grippers(
             grippers,

@@ -165,6 +165,7 @@ def test_json_takes_no_argument_that_is_not_a_json_file(tmp_path: Path) -> None:
     result = CliRunner().invoke(main, ["rapid", "check", "--json", str(module)])
     assert (result.exit_code, json.loads(result.output)) == (0, [])
     assert module.read_text() == "MODULE pick\nENDMODULE\n"
+    assert with_json_targets([]) == []
     assert with_json_targets(["call", "--", "--json", "x"]) == ["call", "--", "--json", "x"]
 
 
