@@ -16,10 +16,10 @@ for each in $A:$LINK-a $B:$LINK-b; do
     ip -n "${each%%:*}" link set "${each##*:}" up
 done
 export ROS_DOMAIN_ID=42
-ip netns exec $A yumi controller --rws-port 8080 > /dev/null 2>&1 &
+ip netns exec $A yumi controller > /dev/null 2>&1 &
 CHILDREN="$CHILDREN $!"
 ip netns exec $A sh -c 'until curl -s http://127.0.0.1:8080/ > /dev/null; do :; done'
-ip netns exec $A yumi up --robot 127.0.0.1 --rws-port 8080 --network > "${LOG:-/dev/null}" 2>&1 &
+ip netns exec $A yumi up --robot 127.0.0.1 --network > "${LOG:-/dev/null}" 2>&1 &
 CHILDREN="$CHILDREN $!"
 COUNT='
 import sys, time

@@ -25,8 +25,9 @@ READY = b"Virtual controller ready"
 """What the virtual controller prints when it serves."""
 
 ARGUMENTS = (
-    ("robot", "192.168.125.1", "Address of the controller."),
-    ("rws_port", "", "HTTP port of its Robot Web Services; empty: as in the settings, or 8080 of a virtual one."),
+    ("robot", "192.168.125.1", "Address of the controller, with :PORT where it is not 80."),
+    ("wait", "", "Wait so long until a controller answers there [s]; empty: it must answer at once."),
+    ("rws_port", "8080", "HTTP port of a virtual controller."),
     ("left_egm_port", "", "UDP port where the left arm's datagrams arrive; empty: as in the settings."),
     ("right_egm_port", "", "UDP port where the right arm's datagrams arrive; empty: as in the settings."),
     ("user", "", "User name on the controller; empty: as in the settings."),
@@ -50,11 +51,10 @@ ARGUMENTS = (
 )
 EGM_PORTS = ("left_egm_port", "right_egm_port")
 PASSED_ON = (
-    *("robot", "rws_port", *EGM_PORTS, "user", "password_file", "speed_scale", "config", "controllers", "record"),
+    *("robot", "wait", *EGM_PORTS, "user", "password_file", "speed_scale", "config", "controllers", "record"),
     "initial_joint_controller",
     *("namespace", "prefix", "frame_prefix"),
 )
-VIRTUAL = {"robot": "127.0.0.1", "rws_port": "8080"}
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -67,7 +67,7 @@ def _start(context: Any) -> list[Any]:
     given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
     if given["virtual"].lower() != "true":
         return [_driver(given)]
-    given["robot"], given["rws_port"] = VIRTUAL["robot"], given["rws_port"] or VIRTUAL["rws_port"]
+    given["robot"] = f"127.0.0.1:{given['rws_port']}"
     controller = _command("controller", ["--rws-port", given["rws_port"], *_options(given, EGM_PORTS)])
     waiting = [_driver(given)]
 

@@ -26,9 +26,25 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from yumi import __version__
 from yumi.catalogue import message
-from yumi.cli.options import config_option, limit_discovery, password_options, robot_options, settings_of
+from yumi.cli.options import (
+    ARMS,
+    STARTED,
+    JsonOutput,
+    config_option,
+    egm_port_options,
+    json_option,
+    limit_discovery,
+    output_option,
+    password_options,
+    picture_option,
+    robot_option,
+    robot_options,
+    settings_of,
+    user_option,
+    yes_option,
+)
 from yumi.control.motion import EGM_GAIN
-from yumi.driver.settings import MAX_PORT, read_controllers
+from yumi.driver.settings import read_controllers
 from yumi.errors import CommandRefused, MissingPrerequisite, RobotNotReady, SettingsError, YumiError, missing_extra
 from yumi.robot.joints import Side
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
@@ -44,6 +60,7 @@ _INTERRUPTED = 130
 _INCOMPLETE = 1
 _TABLE_WIDTH = 110
 _BENCH_WIDTH = 92  # a table that is cut is useless, a line that a narrow terminal breaks is not
+_TUNE_PICTURE = Path("build/tune.svg")
 _GAIN_STEP = 0.1
 _QUICK = (1, 300)  # rounds and cycles
 _START = 4.0  # [s] what a fresh server takes, for the announcement
@@ -55,13 +72,10 @@ class _Ended(Exception):
 
 @click.command()
 @click.option("--virtual-time", is_flag=True, help="Without ROS 2 and without waiting; the same figures every time.")
-@click.option("--robot", help="Address of a real controller; without it a virtual one is started.")
-@click.option(
-    "--rws-port", type=click.IntRange(1, MAX_PORT), default=80, show_default=True, help="Of a real controller."
-)
-@click.option("--user", default=DEFAULT_USER, show_default=True, help="On a real controller.")
+@robot_option(STARTED)
+@user_option(DEFAULT_USER)
 @password_options
-@click.option("--yes", is_flag=True, help="Do not ask before a real robot moves.")
+@yes_option
 @click.option(
     "--round-trips",
     type=click.IntRange(10, 1_000_000),
@@ -69,26 +83,22 @@ class _Ended(Exception):
     show_default=True,
     help="In real time, of each kind.",
 )
-@click.option(
-    "--output",
-    type=click.Path(path_type=Path),
-    default=Path("build/evaluation"),
-    show_default=True,
-    help="Folder of the report.",
-)
-@click.option("--json", "report", type=click.Path(path_type=Path), help="Also write every figure to this file.")
+@output_option("build/evaluation")
+@json_option
 def evaluate(
     virtual_time: bool,
     robot: str | None,
-    rws_port: int,
     user: str,
     password: str | None,
     yes: bool,
     round_trips: int,
     output: Path,
-    report: Path | None,
+    json_output: JsonOutput,
 ) -> None:
-    """Repeat the thesis's experiments and write a report beside what it published.
+    """Repeat the thesis's experiments and write a report.
+
+    The report has the thesis's figures beside its own; --json writes every figure. A real robot moves only after you
+    have confirmed it, or with --yes.
 
     In real time a virtual controller, the driver and an application run as processes of their own, after everything was
     run in virtual time, to compare with. Ctrl-C ends it early; the report then contains what was done until then.
@@ -114,7 +124,7 @@ def evaluate(
     from yumi_evaluation import results as evaluation  # noqa: PLC0415 - a quick --help
     from yumi_evaluation.report import model_settings  # noqa: PLC0415
 
-    console = Console(highlight=False)
+    console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _TABLE_WIDTH)
     mode = {
         "mode": "virtual time" if virtual_time else "real time",
@@ -152,7 +162,7 @@ def evaluate(
             if not virtual_time:
                 from yumi_evaluation import networked  # noqa: PLC0415 - needs ROS 2
 
-                where = (robot, rws_port, user, password or DEFAULT_PASSWORD)
+                where = (robot, user, password or DEFAULT_PASSWORD)
                 plan = networked.NetworkedPlan(round_trips, output / "networked", *where)
                 with _progress(console, networked.networked_step_count(), check) as on_step:
                     networked.evaluate_networked(results, plan, on_step, check)
@@ -160,18 +170,18 @@ def evaluate(
         except _Ended:
             console.print("Ended early; the report contains what was done until now.")
         except YumiError:
-            _finish(results, console, output, report)
+            _finish(results, console, output, json_output)
             raise
-    _finish(results, console, output, report)
+    _finish(results, console, output, json_output)
     if results.failures:
         raise RobotNotReady(f"{len(results.failures)} experiments could not be run; the report says why.")
     if not results.is_complete:
         sys.exit(_INTERRUPTED)
 
 
-def _finish(results: Results, console: Console, output: Path, report: Path | None) -> None:
+def _finish(results: Results, console: Console, output: Path, json_output: JsonOutput) -> None:
     from yumi_evaluation.report import print_results, write_report  # noqa: PLC0415 - a quick --help
-    from yumi_evaluation.results import write_json  # noqa: PLC0415
+    from yumi_evaluation.results import document  # noqa: PLC0415
 
     if not results.runs:
         console.print("No experiment was completed: there is nothing to report.")
@@ -179,9 +189,7 @@ def _finish(results: Results, console: Console, output: Path, report: Path | Non
     results.close()
     print_results(results, console)
     console.print(f"Report: {write_report(results, output)}")
-    if report:
-        report.parent.mkdir(parents=True, exist_ok=True)
-        write_json(results, report)
+    json_output.write(json.dumps(document(results), indent=2))
 
 
 @click.command()
@@ -189,20 +197,22 @@ def _finish(results: Results, console: Console, output: Path, report: Path | Non
 @click.option("--to", "highest", type=click.FloatRange(0.1, 10.0), default=3.0, show_default=True, help="Highest gain.")
 @click.option("--step", "size", type=click.FloatRange(0.5, 60.0), default=10.0, show_default=True, help="Step [°].")
 @click.option("--reduced", is_flag=True, help="At 10 °/s, the thesis's reduced speed, instead of 180 °/s.")
-@click.option(
-    "--picture", type=click.Path(dir_okay=False, path_type=Path), default=Path("build/tune.svg"), show_default=True
-)
-def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Path) -> None:
-    """Sweep the proportional gain in virtual time and recommend one, with a picture.
+@picture_option(str(_TUNE_PICTURE))
+@json_option
+def tune(
+    lowest: float, highest: float, size: float, reduced: bool, picture: Path | None, json_output: JsonOutput
+) -> None:
+    """Sweep the proportional gain and recommend one.
 
-    Every gain makes a step twice: of the virtual robot, and of one that answers 20 ms later. Recommended is the gain
-    whose slower step is the quickest, of those with which neither goes past the goal.
+    It is done in virtual time, with a picture. Every gain makes a step twice: of the virtual robot, and of one that
+    answers 20 ms later. Recommended is the gain whose slower step is the quickest, of those with which neither goes
+    past the goal.
 
     \b
     Examples:
       yumi tune
       yumi tune --reduced --step 5
-      ros2 param set /r/joint_position_controller p 1.6     to use what it recommends
+      yumi param r/joint_position_controller p 1.6     to use what it recommends
     """
     if lowest >= highest:
         raise CommandRefused(f"The gains go from {lowest:g} to {highest:g}; --from must be below --to.")
@@ -215,7 +225,7 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
 
     count = round((highest - lowest) / _GAIN_STEP)
     gains = [round(lowest + _GAIN_STEP * number, 3) for number in range(count + 1)]
-    console = Console(highlight=False)
+    console = Console(highlight=False, stderr=json_output.is_printed)
     task = Task(size, Mode.REDUCED if reduced else Mode.FULLSPEED)
     with _ends_on_interrupt() as check, _progress(console, 2 * len(gains), check) as on_step:
         try:
@@ -231,8 +241,15 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
     console.print(str(found))
     if why := found.beside(shipped):
         console.print(why)
-    draw_recommendation(found, shipped, steps.runs, picture)
-    console.print(f"Picture: {picture}")
+    draw_recommendation(found, shipped, steps.runs, picture or _TUNE_PICTURE)
+    console.print(f"Picture: {picture or _TUNE_PICTURE}")
+    figures = {
+        "p": found.gain,
+        "settling_s": found.settling_s,
+        "oscillation_begins_p": found.onset,
+        "delivered_p": shipped,
+    }
+    json_output.write(json.dumps(figures))
 
 
 @click.command()
@@ -250,35 +267,35 @@ def tune(lowest: float, highest: float, size: float, reduced: bool, picture: Pat
     type=click.FloatRange(0.0, 100.0),
     help="EGM's low-pass filter with which the log was made [Hz], 0: off.  [off; of a folder as it says]",
 )
-@click.option(
-    "--output",
-    type=click.Path(path_type=Path),
-    default=Path("build/compare"),
-    show_default=True,
-    help="Folder of the picture and the settings.",
-)
-@click.option("--json", "report", help="Also write every figure to this file; - prints that and nothing else.")
+@output_option("build/compare")
+@json_option
 def compare(
-    log: Path, commands: Path | None, pos_corr_gain: float, lp_filter: float | None, output: Path, report: str | None
+    log: Path,
+    commands: Path | None,
+    pos_corr_gain: float,
+    lp_filter: float | None,
+    output: Path,
+    json_output: JsonOutput,
 ) -> None:
-    """Compare LOG, of a robot under EGM, with the virtual robot that is sent the same commands.
+    """Compare a robot's log with the virtual robot.
 
-    LOG is a recording of `yumi up --record`, another MCAP file with joint states and commands, a CSV file with its
-    --commands, or a folder of records. It also identifies k, dead time, lag, noise and limits, as far as the log
-    determines them, and writes a picture and a settings file for `yumi controller --dynamics`.
+    The virtual robot is sent the commands of LOG, which is a recording of `yumi up --record`, another MCAP file with
+    joint states and commands, a CSV file with its --commands, or a folder of records. It also identifies k, dead time,
+    lag, noise and limits, as far as the log determines them, and writes a picture and a settings file for `yumi
+    controller --dynamics`.
 
     \b
     Examples:
       yumi compare session.mcap
       yumi compare joints.csv --commands commands.csv
-      yumi compare session.mcap --json -
+      yumi compare session.mcap --json
     """
     _demand_extra()
     from yumi_evaluation import comparison  # noqa: PLC0415 - a quick --help
     from yumi_evaluation.identification import RUNS  # noqa: PLC0415
     from yumi_evaluation.logs import read_logs  # noqa: PLC0415
 
-    console = Console(highlight=False, stderr=report == "-")
+    console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _TABLE_WIDTH)
     logs = read_logs(log, commands)
     with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
@@ -287,13 +304,9 @@ def compare(
         except _Ended:
             sys.exit(_INTERRUPTED)
     files = _write_comparison(found, output, pos_corr_gain, log.name)
-    if report is not None:
-        text = json.dumps(comparison.document(found), indent=2, allow_nan=False)
-        if report == "-":
-            click.echo(text)
-            return
-        Path(report).write_text(f"{text}\n", encoding="utf-8")
-    _print_comparison(found, files, console)
+    json_output.write(json.dumps(comparison.document(found), indent=2, allow_nan=False))
+    if not json_output.is_printed:
+        _print_comparison(found, files, console)
 
 
 def _write_comparison(found: Comparison, folder: Path, pos_corr_gain: float, origin: str) -> list[tuple[str, Path]]:
@@ -320,19 +333,19 @@ def _print_comparison(found: Comparison, files: list[tuple[str, Path]], console:
 
 
 @click.command()
-@click.argument("arms", metavar="ARM", type=click.Choice(["right", "left", "both"]))
-@robot_options("Address of the controller; else as in the settings.")
+@click.argument("arm", type=ARMS)
+@robot_options()
+@egm_port_options()
 @config_option
-@click.option("--yes", is_flag=True, help="Do not ask; only with a virtual controller.")
-@click.option(
-    "--out",
-    type=click.Path(file_okay=False, path_type=Path),
-    help="New folder for recordings and comparison.  [build/measure_ and the time]",
-)
-@click.option("--json", "is_json", is_flag=True, help="Print the comparison and the names of the files as JSON.")
-def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json: bool, **options: Any) -> None:
-    """Measure how ARM (right, left or both) follows EGM, by three small motions, and compare with the virtual robot.
+@yes_option
+@output_option("build/measure_ and the time", is_shown_only=True)
+@json_option
+def measure(
+    arm: str, config: Path | None, yes: bool, output: Path | None, json_output: JsonOutput, **options: Any
+) -> None:
+    """Measure how a robot follows EGM, by three small motions.
 
+    They are compared with those of the virtual robot. --yes is for virtual robots only, and the folder must be new.
     All joints move at the same time, by 2° and with 10 °/s at most: a slow ramp, steps, a sine. The command drives the
     robot itself, so no other driver may run. It asks before EGM starts and before each motion; whatever stops the
     robot, a no and Ctrl-C end everything, and what was recorded until then is kept. At the end there are a settings
@@ -340,7 +353,7 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
 
     \b
     Examples:
-      yumi measure right --robot 127.0.0.1 --rws-port 8080 --yes    with `yumi controller` in another terminal
+      yumi measure right --robot 127.0.0.1 --yes    with `yumi controller` in another terminal
       yumi measure both --robot 192.168.125.1
     """
     _demand_extra()
@@ -349,22 +362,21 @@ def measure(arms: str, config: Path | None, yes: bool, out: Path | None, is_json
     from yumi_evaluation import measurement  # noqa: PLC0415 - a quick --help
 
     settings = measurement.settings_for_measuring(settings_of(config, options))
-    folder = out or Path("build") / f"measure_{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    folder = output or Path("build") / f"measure_{datetime.now():%Y-%m-%d_%H-%M-%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsError(f"{folder} is there already; give the folder of a new measurement with --out.")
-    console = Console(highlight=False, stderr=is_json)
+        raise SettingsError(f"{folder} is there already; give the folder of a new measurement with --output.")
+    console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _TABLE_WIDTH)
     before = {each: signal.signal(each, signal.default_int_handler) for each in (signal.SIGTERM, signal.SIGHUP)}
     level = _API_LOG.level
     _API_LOG.setLevel(logging.CRITICAL)  # the steps are printed, and a stop is the error
     try:
-        document, files = _measured(arms, settings, folder, yes, console)
+        document, files = _measured(arm, settings, folder, yes, console)
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
         _API_LOG.setLevel(level)
-    if is_json:
-        click.echo(json.dumps({**document, "files": [str(file) for _, file in files]}, allow_nan=False))
+    json_output.write(json.dumps({**document, "files": [str(file) for _, file in files]}, allow_nan=False))
 
 
 def _measured(
@@ -454,9 +466,7 @@ def _compare_progress(console: Console, total: int, check: Callable[[], None]) -
 
 @click.command()
 @click.option("--rounds", type=click.IntRange(1, 100), default=5, show_default=True, help="Of all contenders.")
-@click.option(
-    "--cycles", type=click.IntRange(100, 500_000), default=4000, show_default=True, help="Counted cycles of a run."
-)
+@click.option("--cycles", type=click.IntRange(100, 500_000), default=4000, show_default=True, help="Number of cycles.")
 @click.option(
     "--quick",
     is_flag=True,
@@ -466,8 +476,8 @@ def _compare_progress(console: Console, total: int, check: Callable[[], None]) -
 @click.option("--wake", multiple=True, metavar="MODE", help="Only this egm.wake; may be repeated.")
 @click.option("--seed", default=1, show_default=True, help="Of the order within the rounds.")
 @click.option("--soak", "minutes", type=click.FloatRange(0.5, 1440.0), help="Instead: both arms for so many minutes.")
-@click.option("--json", "report", type=click.Path(path_type=Path), help="Write every figure to this file.")
-@click.option("--histograms", type=click.Path(path_type=Path), help="Where the picture goes.  [build/bench/*.png]")
+@json_option
+@picture_option("build/bench/histograms.png")
 def bench(
     rounds: int,
     cycles: int,
@@ -476,13 +486,14 @@ def bench(
     wake: tuple[str, ...],
     seed: int,
     minutes: float | None,
-    report: Path | None,
-    histograms: Path | None,
+    json_output: JsonOutput,
+    picture: Path | None,
 ) -> None:
-    """Measure the time from a robot datagram to its reply, interleaved with others.
+    """Measure the time from a robot's datagram to its reply.
 
-    Every run starts a fresh server; a load generator plays the robot on this machine. Ctrl-C reports what is there.
-    Programs and the peers' packages go to build/bench in the current folder.
+    It is compared with other programs', in turns. Every run starts a fresh server and counts --cycles of each; a load
+    generator plays the robot on this machine. Ctrl-C reports what is there. Programs and the peers' packages go to
+    build/bench in the current folder.
 
     \b
     Examples:
@@ -501,7 +512,7 @@ def bench(
             raise SettingsError(f"There is no wake mode {mode!r}; there are: {', '.join(WAKE_MODES)}.")
     chosen = _chosen(contenders(wake or (WAKE_MODES[:1] if quick else WAKE_MODES)), only)
     workshop = Workshop(Path("build/bench"))
-    console = Console(highlight=False)
+    console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _BENCH_WIDTH)
     machine: dict[str, Any] = {
         "cpus": os.cpu_count(),
@@ -513,7 +524,7 @@ def bench(
     workshop.compile_programs()
     if minutes is not None:
         content = _soak(workshop, console, minutes, (wake or WAKE_MODES)[-1])
-        _write(report, {"format": "yumi-bench-soak/1", "machine": machine, **content})
+        json_output.write(json.dumps({"format": "yumi-bench-soak/1", "machine": machine, **content}, indent=2))
         return
     if any(each.runtime is Runtime.PEERS for each in chosen):
         console.print(f"Peers from PyPI: into {workshop.peers}, if they are not there yet")
@@ -530,7 +541,7 @@ def bench(
         sys.exit(_INCOMPLETE)
     figures = Figures(tuple(runs))
     console.print(tables.latency_table(figures), tables.ratio_table(figures), tables.target_table(figures))
-    picture = histograms or workshop.products / "histograms.png"
+    picture = picture or workshop.products / "histograms.png"
     tables.draw_histograms(figures, picture)
     console.print(f"Histograms: {picture}")
     settings = {
@@ -538,7 +549,7 @@ def bench(
         "contenders": [each.name for each in chosen],
     }  # fmt: skip
     is_complete = len(runs) == len(plan)
-    _write(report, tables.document(figures, settings, machine, is_complete=is_complete))
+    json_output.write(json.dumps(tables.document(figures, settings, machine, is_complete=is_complete), indent=2))
     sys.exit(0 if is_complete else _INCOMPLETE)
 
 
@@ -585,11 +596,6 @@ def _soak(workshop: Any, console: Console, minutes: float, wake: str) -> dict[st
             f"after the first chunk ({each['resident_kib'][-1]} KiB)"
         )
     return {"settings": {"minutes": minutes, "period_us": PERIOD_US, "arms": ARMS, "wake": wake}, "soak": figures}
-
-
-def _write(report: Path | None, content: dict[str, Any]) -> None:
-    if report:
-        report.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def _demand_extra() -> None:

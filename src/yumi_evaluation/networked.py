@@ -29,7 +29,7 @@ from yumi_interfaces.srv import LoadModule
 
 from yumi.control.motion import DELAY
 from yumi.control.trajectory import TrajectoryPoint
-from yumi.driver.settings import PASSWORD_VARIABLE
+from yumi.driver.settings import PASSWORD_VARIABLE, address_values, override, read_settings
 from yumi.egm.udp import free_port
 from yumi.errors import RobotNotReady
 from yumi.process.realtime import paused_collector
@@ -311,15 +311,13 @@ class NetworkedPlan:
     Attributes:
         trips: round trips of each kind.
         folder: for logs and the recording.
-        robot: address of a real controller; None starts a virtual one.
-        rws_port: of a real one.
+        robot: address of a real controller, with its port if need be; None starts a virtual one.
         user, password: on it.
     """
 
     trips: int
     folder: Path
     robot: str | None = None
-    rws_port: int = 80
     user: str = DEFAULT_USER
     password: str = field(default=DEFAULT_PASSWORD, repr=False)
 
@@ -379,13 +377,13 @@ def evaluate_networked(results: Results, plan: NetworkedPlan, on_step: OnStep, c
 def start_robot(plan: NetworkedPlan, stack: ExitStack, check: Callable[[], None]) -> tuple[str, ...]:
     """The driver's options to find the robot; a virtual one is started on free ports."""
     if plan.robot:
-        return ("--robot", plan.robot, "--rws-port", str(plan.rws_port))
+        where = override(read_settings(), {"robot": address_values(plan.robot)}, "evaluate").robot
+        return ("--robot", f"{where.address}:{where.rws_port}")
     ports = ("--left-egm-port", str(free_port()), "--right-egm-port", str(free_port()))
     arguments = ("controller", "--rws-port", "0", *ports)
     command = Command("virtual controller", arguments, plan.folder / "controller.log", plan.secrets)
     address = stack.enter_context(command).wait_until_ready(_READY, check)
-    host, _, port = address.removeprefix("http://").partition(":")
-    return ("--robot", host, "--rws-port", port, *ports)
+    return ("--robot", address.removeprefix("http://"), *ports)
 
 
 @contextmanager
@@ -546,7 +544,7 @@ def _measure_trips(
         services = service_trips(node, plan.trips)
         node.stop_egm()
         on_step("Round trips to the state machine")
-        with state_machine_client(plan, f"{robot[1]}:{robot[3]}") as client:
+        with state_machine_client(plan, robot[1]) as client:
             requests, answers = machine_trips(node, client, plan.trips)
     machine = {"ros_service": services, "request": requests, "answer": answers}
     lost = sum(after[name] - before[name] for name in ("missed", "lost"))

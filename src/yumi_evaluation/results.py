@@ -6,7 +6,6 @@ The names of the JSON are those of ``docs/reference/evaluation.md``.
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from enum import Enum
@@ -190,11 +189,6 @@ def write_csv(results: Results, folder: Path) -> None:
             rows.append(["measured", f"{samples[0][0]:.6f}", *(f"{value:.6f}" for _, value in samples)])
         with (folder / f"{run.name.replace('/', '_')}.csv").open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows(rows)
-
-
-def write_json(results: Results, file: Path) -> None:
-    """Every figure."""
-    file.write_text(json.dumps(document(results), indent=2) + "\n", encoding="utf-8")
 
 
 def document(results: Results) -> dict[str, Any]:

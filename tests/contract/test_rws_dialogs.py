@@ -46,7 +46,7 @@ def serving(world: World) -> Iterator[str]:
 
 def answered(address: str, *arguments: str) -> tuple[int, str]:
     host, _, port = address.rpartition(":")
-    outcome = CliRunner().invoke(main, ["answer", *arguments, "--robot", host, "--rws-port", port])
+    outcome = CliRunner().invoke(main, ["answer", *arguments, "--robot", f"{host}:{port}"])
     return outcome.exit_code, outcome.output
 
 

@@ -45,6 +45,7 @@ LEFT_OUT = {
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
     r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
     r"yumi moveit-config": "writes where it is told; tests/unit/cli/test_cli_moveit.py runs it",
+    r"yumi answer": "needs a question; tests/contract/test_rws_dialogs.py answers one",
     r"yumi shell": "a prompt; has tests of its own",
     r"yumi install": "restarts the controller that the other examples use; docs/how-to/real-robot.md has it",
     r"yumi rws (get|set|ls|put|watch|call) ": "tests/unit/cli/test_cli_rws.py has each",

@@ -179,7 +179,7 @@ class Stage:
     def start_driver(self) -> None:
         number = len(self.recordings)
         self.recordings.append(self._folder / f"session_{number}.mcap")
-        where = ["--robot", "127.0.0.1", "--rws-port", str(self.robot.rws_port), *self.robot.egm_options]
+        where = ["--robot", f"127.0.0.1:{self.robot.rws_port}", *self.robot.egm_options]
         arguments = ["up", *where, "--record", str(self.recordings[-1])]
         self.driver = Command("driver", arguments, self._folder / f"driver_{number}.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
@@ -237,7 +237,7 @@ class Stage:
 
     def inject_fault(self, fault: Fault, side: Side | None = None, duration: float | None = None) -> None:
         """``yumi fault``."""
-        options = {"--rws-port": self.robot.rws_port, "--side": side and side.word, "--duration": duration}
+        options = {"--robot": f"127.0.0.1:{self.robot.rws_port}", "--arm": side and side.word, "--duration": duration}
         chosen = [text for name, value in options.items() if value is not None for text in (name, str(value))]
         fault_command.main([fault.value.name, *chosen], standalone_mode=False)
 

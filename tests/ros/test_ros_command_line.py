@@ -132,14 +132,14 @@ def test_driver_says_that_the_password_is_wrong_without_showing_it(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("YUMI_PASSWORD", "not-it-4711")
-    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port))
+    outcome = up("--robot", f"127.0.0.1:{robot.rws_port}")
     expect_one_sentence(outcome, "password")
     assert "not-it-4711" not in outcome[1]
 
 
 def test_driver_says_that_the_host_does_not_answer() -> None:
     with silent_host() as port:
-        expect_one_sentence(up("--robot", "127.0.0.1", "--rws-port", str(port)), "did not answer")
+        expect_one_sentence(up("--robot", f"127.0.0.1:{port}"), "did not answer")
 
 
 def test_driver_refuses_settings_with_a_sentence(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "logs"
     monkeypatch.setenv("ROS_LOG_DIR", str(folder))
-    code, error = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options)
+    code, error = up("--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options)
     assert code == 2, error
     assert error.startswith("Error: ROS 2 does not start: ")
     assert str(folder) in error
@@ -174,7 +174,7 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
 
 
 def test_second_driver_refuses_and_names_the_first(robot: Robot, driver: Command) -> None:
-    outcome = up("--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), "--namespace", "cell2")
+    outcome = up("--robot", f"127.0.0.1:{robot.rws_port}", "--namespace", "cell2")
     expect_one_sentence(
         outcome, f"is driven by another program (process {driver.pid}); end it first, or have that one move the robot"
     )

@@ -39,7 +39,7 @@ def recording(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def driver(ros: None, robot: Robot, recording: Path, tmp_path: Path) -> Iterator[Command]:
-    where = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
+    where = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
     with Command("driver", ["up", *where, "--record", str(recording)], tmp_path / "driver.log") as command:
         command.wait_until_ready(2 * TIMEOUT)
         yield command

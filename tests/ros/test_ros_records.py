@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 def driver(ros: None, robot: Robot, tmp_path: Path) -> Iterator[Command]:
     settings = tmp_path / "mine.yaml"
     settings.write_text(f"recorder: {{folder: {tmp_path / 'flights'}}}\n")
-    where = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
+    where = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
     what = ["--config", str(settings), "--record", str(tmp_path / "session.mcap")]
     with Command("driver", ["up", *where, *what], tmp_path / "driver.log") as command:
         command.wait_until_ready(TIMEOUT)

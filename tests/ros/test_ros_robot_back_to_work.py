@@ -180,7 +180,7 @@ class Person:
 
 
 def happen(robot: Robot, fault: Fault) -> None:
-    fault_command.main([fault.value.name, "--rws-port", str(robot.rws_port)], standalone_mode=False)
+    fault_command.main([fault.value.name, "--robot", f"127.0.0.1:{robot.rws_port}"], standalone_mode=False)
 
 
 @pytest.fixture

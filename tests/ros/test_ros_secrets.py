@@ -71,7 +71,7 @@ def test_demonstration_passes_robot_speed_and_password_on_to_its_driver(
     secret = tmp_path / "password"
     secret.write_text(SECRET)
     secret.chmod(0o600)
-    where = ["--robot", "127.0.0.1", "--rws-port", "8080", "--user", "me"]
+    where = ["--robot", "127.0.0.1:8080", "--user", "me"]
     speed = ["--speed-scale", "0.5"]
     options = [*where, *speed, "--yes", "--password-file", str(secret), "--logs", str(tmp_path / "logs")]
     result = CliRunner().invoke(main, ["demo", *options], catch_exceptions=False)

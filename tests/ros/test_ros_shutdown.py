@@ -33,7 +33,7 @@ class Driven:
     def __init__(self, folder: Path, robot: Robot, server: HostileServer) -> None:
         self.server = server
         port = server.address.rpartition(":")[2]
-        arguments = ["up", "--robot", "127.0.0.1", "--rws-port", port, *robot.egm_options]
+        arguments = ["up", "--robot", f"127.0.0.1:{port}", *robot.egm_options]
         self.driver = Command("driver", arguments, folder / "driver.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         self.client = Client()

@@ -194,17 +194,43 @@ def test_bad_goals_are_rejected_with_the_reason(right: Goals, egm: Client) -> No
     egm.until(egm.hears("s ago; send it before its end, or with the stamp 0 to start at once."))
 
 
-def test_deactivated_controller_aborts_its_goal_and_takes_no_other(right: Goals, egm: Client) -> None:
+def test_deactivated_controller_aborts_its_goal(right: Goals, egm: Client) -> None:
     handle = right.send(swing(egm, 0.5, 4.0))
     switch(egm, {})
     end = right.result(handle)
     assert (end.status, end.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
     assert end.result.error_string == "The controller was deactivated; the arm holds."
-    assert not right.send(swing(egm, 0.5, 4.0)).accepted
-    faulty = swing(egm, 99.0, 4.0)  # nobody looks at its points
-    assert not right.send(faulty).accepted
-    egm.until(egm.hears("is inactive and takes no commands; activate it first."))
-    egm.until(egm.hears(f"To activate: yumi switch right {SINGLE} (in ROS: ros2 control switch_controllers"))
+
+
+def test_goal_activates_its_controller_as_delivered(egm: Client) -> None:
+    """After start_egm the position controller is active, and moves nothing."""
+    switch(egm, {"r": POSITION})
+    goals = Goals(egm, f"r/{SINGLE}")
+    trajectory = swing(egm, 0.2, 1.0)
+    answer = goals.result(goals.send(trajectory))
+    assert (answer.status, answer.result.error_string) == (GoalStatus.STATUS_SUCCEEDED, "The goal is reached.")
+    goals.close()
+    stop(egm)
+
+
+def test_goal_is_aborted_with_the_command_to_switch_while_another_controller_is_sent_goals(egm: Client) -> None:
+    switch(egm, {"r": POSITION})
+    goals, here = Goals(egm, f"r/{SINGLE}"), position(egm)
+    publisher = egm.node.create_publisher(JointState, "r/joint_commands", 1)
+    egm.until(lambda: publisher.get_subscription_count() > 0)
+    sender = egm.node.create_timer(0.05, lambda: publisher.publish(JointState(name=NAMES, position=here)))
+    newest_state(egm, "r")
+    egm.until(lambda: sender.time_since_last_call() is not None)
+    trajectory = swing(egm, 0.2, 1.0)
+    answer = goals.result(goals.send(trajectory))
+    egm.node.destroy_timer(sender)
+    assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)
+    assert answer.result.error_string.startswith(
+        f"Controller '{SINGLE}' is inactive, and {POSITION} commands the arm; wait until its motion has ended, or "
+        f"activate {SINGLE}. To activate: yumi switch right {SINGLE} (in ROS: ros2 control switch_controllers"
+    )
+    goals.close()
+    stop(egm)
 
 
 def query(client: Client, seconds: float) -> Any:

@@ -44,10 +44,14 @@ class Lone:
     def __init__(self, sides: tuple[Side, ...] = (Side.RIGHT,)) -> None:
         self.commands: list[object] = []
         self.refusal = ""
+        self.replaced: dict[Side, tuple[str, ...]] = {}
         self.node: Any = rclpy.create_node("lone")
         buffers: dict[Side, Any] = {side: MemoryBuffer() for side in sides}
         timers = TimerThread(SystemClock(), print)
-        self.action = TrajectoryAction(self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers)
+        self.switched = 0
+        self.action = TrajectoryAction(
+            self.node, "lone", buffers, self, SystemClock(), YUMI_LIMITS, timers, on_switch=self.count_switch
+        )
         self._executor = MultiThreadedExecutor(4)
         self._executor.add_node(self.node)
         self._thread = Thread(target=self._executor.spin)
@@ -60,10 +64,14 @@ class Lone:
             Commands.list_controllers: (INACTIVE, ACTIVE),
             Commands.list_parameters: (UPSAMPLING,),
             Commands.check_commands: {Side.RIGHT: ACTIVATION},
+            Commands.send_commands: self.replaced,
         }
         if self.refusal and command is Commands.check_commands:
             raise CommandRefused(self.refusal)
         return answers.get(command)
+
+    def count_switch(self) -> None:
+        self.switched += 1
 
     def close(self) -> None:
         self._executor.shutdown()
@@ -126,12 +134,42 @@ def test_goal_is_for_the_controllers_that_were_active_before_it_was_planned(lone
     goals.destroy()
 
 
-def test_refusal_of_an_inactive_controller_names_the_commands_that_activate_it(lone: Lone, caller: Client) -> None:
-    lone.refusal = "Controller 'lone' is inactive and takes no commands; activate it first."
+BUSY = "Controller 'lone' is inactive, and other commands the arm."
+
+
+def refused(caller: Client, sent: Any) -> Any:
+    """The result of a goal that was accepted for it alone."""
+    assert sent.result().accepted
+    ended = sent.result().get_result_async()
+    caller.until(ended.done)
+    assert ended.result().status == GoalStatus.STATUS_ABORTED
+    return ended.result().result
+
+
+def test_result_of_a_goal_that_cannot_be_followed_now_names_the_commands_that_switch(
+    lone: Lone, caller: Client
+) -> None:
+    lone.refusal = BUSY
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
-    assert not send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result().accepted
+    result = refused(caller, send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))))
     advice = "ros2 control switch_controllers -c /controller_manager --activate lone --deactivate other)."
-    caller.until(caller.hears(f"{lone.refusal} To activate: yumi switch right lone (in ROS: {advice}"))
+    sentence = f"{BUSY} To activate: yumi switch right lone (in ROS: {advice}"
+    assert (result.error_code, result.error_string) == (FollowJointTrajectory.Result.INVALID_GOAL, sentence)
+    caller.until(caller.hears(sentence))
+    goals.destroy()
+
+
+def test_goal_has_its_controller_activated_and_the_log_says_in_place_of_which(lone: Lone, caller: Client) -> None:
+    lone.replaced = {Side.RIGHT: ("other",)}
+    goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
+    handle = send(caller, goals, list(joint_names(Side.RIGHT)), list(home(Side.RIGHT))).result()
+    assert handle.accepted
+    sent = [each for each in lone.commands if isinstance(each, ControllerCommand)]
+    assert [each.takes_over for each in sent] == [True, True]  # the check before it is planned, and the goal
+    caller.until(caller.hears("lone was activated on the right arm for a goal, in place of other."))
+    assert lone.switched == 1
+    lone.action.on_event(ControlProcessEnded(Side.RIGHT, 1))
+    caller.until(handle.get_result_async().done)
     goals.destroy()
 
 
@@ -140,9 +178,9 @@ def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
 ) -> None:
     planned: list[object] = []
     monkeypatch.setattr("yumi.ros.trajectory.plan_trajectory", lambda *given: planned.append(given))
-    lone.refusal = "Controller 'lone' is inactive and takes no commands; activate it first."
+    lone.refusal = BUSY
     goals = ActionClient(caller.node, FollowJointTrajectory, "lone/follow_joint_trajectory")
-    assert not send(caller, goals, [joint_names(Side.RIGHT)[6]], [0.1]).result().accepted
+    refused(caller, send(caller, goals, [joint_names(Side.RIGHT)[6]], [0.1]))
     assert planned == []
     sent = [each.message for each in lone.commands if isinstance(each, ControllerCommand)]
     assert sent == [CancelTrajectory()]

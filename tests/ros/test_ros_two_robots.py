@@ -161,7 +161,7 @@ def cells(ros: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cells
             "cell2": ["--namespace", "cell2", "--prefix", "b_"],
         }
         for cell, robot in robots.items():
-            address = ["--robot", "127.0.0.1", "--rws-port", str(robot.rws_port), *robot.egm_options]
+            address = ["--robot", f"127.0.0.1:{robot.rws_port}", *robot.egm_options]
             driver = Command(f"driver {cell}", ["up", *address, *names[cell]], folder / f"{cell}.log")
             stack.enter_context(driver).wait_until_ready(2 * TIMEOUT)
         client = Client()

@@ -46,7 +46,7 @@ def test_driver_without_bringup_sends_nothing_but_reads_and_subscriptions(tmp_pa
         return adapter.handle(request, time.monotonic())
 
     with HttpServer(handle, port=0) as server:
-        options = ["--robot", "127.0.0.1", "--rws-port", str(server.port), *ports, "--no-bringup"]
+        options = ["--robot", f"127.0.0.1:{server.port}", *ports, "--no-bringup"]
         with Command("driver", ["up", *options], tmp_path / "driver.log") as driver:
             driver.wait_until_ready(TIMEOUT)
         assert driver.exit_code == 0
@@ -61,7 +61,7 @@ def test_driver_without_bringup_sends_nothing_but_reads_and_subscriptions(tmp_pa
 def test_driver_without_bringup_moves_the_robot_once_it_is_asked_to(tmp_path: Path, ports: list[str]) -> None:
     with Command("virtual controller", ["controller", "--rws-port", "0", *ports], tmp_path / "controller.log") as robot:
         port = robot.wait_until_ready(TIMEOUT).rpartition(":")[2]
-        options = ["--robot", "127.0.0.1", "--rws-port", port, *ports, "--no-bringup"]
+        options = ["--robot", f"127.0.0.1:{port}", *ports, "--no-bringup"]
         with Command("driver", ["up", *options], tmp_path / "driver.log") as driver:
             driver.wait_until_ready(TIMEOUT)
             with RwsClient(f"127.0.0.1:{port}") as client:
@@ -77,7 +77,7 @@ def test_driver_without_bringup_moves_the_robot_once_it_is_asked_to(tmp_path: Pa
 def test_driver_says_what_bringup_will_do_before_it_does_the_first_of_it(tmp_path: Path, ports: list[str]) -> None:
     with Command("virtual controller", ["controller", "--rws-port", "0", *ports], tmp_path / "controller.log") as robot:
         port = robot.wait_until_ready(TIMEOUT).rpartition(":")[2]
-        with Command("driver", ["up", "--robot", "127.0.0.1", "--rws-port", port, *ports], tmp_path / "log") as driver:
+        with Command("driver", ["up", "--robot", f"127.0.0.1:{port}", *ports], tmp_path / "log") as driver:
             driver.wait_until_ready(TIMEOUT)
     log = (tmp_path / "log").read_text()
     announced = (

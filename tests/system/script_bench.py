@@ -64,7 +64,7 @@ class VirtualRobot:
 
     def inject(self, fault: Fault) -> None:
         """``yumi fault``."""
-        fault_command.main([fault.value.name, "--rws-port", str(self._rws_port)], standalone_mode=False)
+        fault_command.main([fault.value.name, "--robot", f"127.0.0.1:{self._rws_port}"], standalone_mode=False)
 
     def is_guided(self, side: Side) -> bool:
         """Whether EGM runs on an arm, as the controller says."""

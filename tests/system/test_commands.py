@@ -51,7 +51,7 @@ def driver(robot: VirtualRobot, folder: Path, request: pytest.FixtureRequest) ->
     """One for all tests that leave it running; another one where its options are others."""
     host, _, port = robot.address.partition(":")
     options = {key: value for key, value in robot.options.items() if key != "address"}
-    arguments = ["up", "--robot", host, "--rws-port", port]
+    arguments = ["up", "--robot", f"{host}:{port}"]
     arguments += [text for key, value in options.items() for text in (f"--{key.replace('_', '-')}", str(value))]
     with Command("driver", [*arguments, *getattr(request, "param", ["--no-ros"])], folder / "driver.log") as driver:
         driver.wait_until_ready(TIMEOUT)

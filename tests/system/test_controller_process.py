@@ -69,7 +69,7 @@ def told(client: RwsClient) -> Queue[Change | str]:
 
 
 def fault(address: str, *arguments: str) -> str:
-    return CliRunner().invoke(main, ["fault", *arguments, "--rws-port", address.rpartition(":")[2]]).output
+    return CliRunner().invoke(main, ["fault", *arguments, "--robot", f"127.0.0.1:{address.rpartition(':')[2]}"]).output
 
 
 def state_as_soon_as_it_is_back(client: RwsClient) -> ControllerState | None:

@@ -287,7 +287,7 @@ def here() -> Iterator[tuple[Served, list[str]]]:
     ports = {side: free_port() for side in Side}
     egm = [text for side, port in ports.items() for text in (f"--{side.word}-egm-port", str(port))]
     with served(world(egm_ports=ports, start_time=time.time()).controller) as what:
-        yield what, ["--robot", "127.0.0.1", "--rws-port", str(what.port), *egm]
+        yield what, ["--robot", f"127.0.0.1:{what.port}", *egm]
 
 
 def run(*arguments: str, environment: Mapping[str, str] | None = None) -> Result:
@@ -341,7 +341,7 @@ def test_doctor_ends_with_code_1_where_there_is_a_problem(here: tuple[Served, li
 
 
 def test_doctor_says_that_nothing_answers() -> None:
-    result = run("--robot", "127.0.0.1", "--rws-port", str(_closed_port()))
+    result = run("--robot", f"127.0.0.1:{_closed_port()}")
     assert result.exit_code == 1
     assert "problem  reachable" in result.output
 

@@ -66,7 +66,7 @@ def test_doctor_names_the_arm_whose_datagrams_a_filter_drops(spaces: None, tmp_p
         try:
             assert controller.stdout is not None
             assert any(CONTROLLER_READY in line for line in controller.stdout)
-            doctor = (*YUMI, "doctor", "--robot", ROBOT, "--rws-port", "8080", "--stream", "--yes", "--json", "-")
+            doctor = (*YUMI, "doctor", "--robot", f"{ROBOT}:8080", "--stream", "--yes", "--json", "-")
             done = subprocess.run(
                 ["ip", "netns", "exec", HERE_SPACE, *doctor], capture_output=True, text=True, check=False, timeout=60.0
             )

@@ -28,7 +28,7 @@ def controller() -> Irc5:
 @pytest.fixture
 def where(controller: Irc5) -> Iterator[list[str]]:
     with served(controller) as what:
-        yield ["--robot", "127.0.0.1", "--rws-port", str(what.port)]
+        yield ["--robot", f"127.0.0.1:{what.port}"]
 
 
 @pytest.fixture

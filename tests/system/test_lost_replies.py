@@ -87,7 +87,14 @@ class Losses:
         self._angle = -self._angle
         self.until(lambda: all(self._moves(side, first[side], at_speed=at_speed) for side in Side))
         since = {side: self.passed(side).cycle for side in Side}
-        options = ["--rws-port", self._controller.rws_port, "--way", Way.TO_ROBOT.value, "--duration", seconds]
+        options = [
+            "--robot",
+            f"127.0.0.1:{self._controller.rws_port}",
+            "--way",
+            Way.TO_ROBOT.value,
+            "--duration",
+            seconds,
+        ]
         fault_command.main([Fault.EGM_LOSS.value.name, *map(str, options)], standalone_mode=False)
         cycles = round((seconds + 0.5) / CYCLE)
         self.until(lambda: all(self.passed(side).cycle > since[side] + cycles for side in Side))

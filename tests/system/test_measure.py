@@ -42,7 +42,7 @@ main()
 def begin(robot: VirtualRobot, folder: Path, *arguments: str) -> subprocess.Popen[str]:
     ports = [f"--{name.replace('_', '-')}={robot.options[name]}" for name in ("left_egm_port", "right_egm_port")]
     host, _, rws_port = robot.address.partition(":")
-    where = ("--robot", host, "--rws-port", rws_port, *ports, "--out", str(folder / "measured"))
+    where = ("--robot", f"{host}:{rws_port}", *ports, "--output", str(folder / "measured"))
     return run_python(folder, "-c", PROGRAM, "measure", *arguments, "--yes", *where)
 
 

@@ -214,7 +214,7 @@ def test_arm_stands_within_a_fifth_of_a_second_after_its_page_is_lost(
     egm = ("--left-egm-port", ports[0], "--right-egm-port", ports[1])
     with Command("controller", ("controller", "--rws-port", "0", *egm), tmp_path / "controller.log") as controller:
         host, _, rws = controller.wait_until_ready(60.0).rpartition("/")[2].partition(":")
-        where = ("--robot", host, "--rws-port", rws, "--no-ros", "--record", str(record), *egm)
+        where = ("--robot", f"{host}:{rws}", "--no-ros", "--record", str(record), *egm)
         with Command("driver", ("up", *where), tmp_path / "driver.log") as driver:
             driver.wait_until_ready(60.0)
             with Command("yumi view", ("view", "--port", "0"), tmp_path / "view.log") as view:

@@ -96,8 +96,8 @@ class Rig:
     def strike(self, attack: Attack) -> None:
         """``yumi fault``."""
         options = {
-            "--rws-port": self._controller.rws_port,
-            "--side": attack.side and attack.side.word,
+            "--robot": f"127.0.0.1:{self._controller.rws_port}",
+            "--arm": attack.side and attack.side.word,
             "--duration": attack.duration,
             "--by": attack.amount,
             "--way": attack.way and attack.way.value,

@@ -65,10 +65,10 @@ def test_every_argument_is_declared_with_a_default_and_a_sentence(launch_file: d
 
 
 def test_driver_is_started_with_what_was_given(launch_file: dict[str, Any], tmp_path: Path) -> None:
-    (driver,) = start(launch_file, robot="192.0.2.1", rws_port="8081", config=str(tmp_path), bringup="false")
+    (driver,) = start(launch_file, robot="192.0.2.1:8081", wait="30", config=str(tmp_path), bringup="false")
     assert (driver.package, driver.executable) == ("yumi_ros2", "yumi")
     options = parse(driver)
-    assert (options["robot"], options["rws_port"], options["bringup"]) == ("192.0.2.1", 8081, False)
+    assert (options["robot"], options["wait"], options["bringup"]) == ("192.0.2.1:8081", 30.0, False)
     assert options["config"] == tmp_path
 
 
@@ -103,7 +103,7 @@ def test_virtual_robot_is_started_first_and_then_its_driver_once(launch_file: di
     assert told.target_action is controller
     assert told.on_stdout(SimpleNamespace(text=b"INFO something else")) is None
     (driver,) = told.on_stdout(SimpleNamespace(text=b"Virtual controller ready: http://127.0.0.1:8080"))
-    assert (parse(driver)["robot"], parse(driver)["rws_port"]) == ("127.0.0.1", 8080)
+    assert parse(driver)["robot"] == "127.0.0.1:8080"
     assert told.on_stdout(SimpleNamespace(text=b"Virtual controller ready: again")) is None
 
 

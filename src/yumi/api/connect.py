@@ -33,13 +33,13 @@ from yumi.driver.readiness import RobotState
 from yumi.driver.settings import (
     ControllerSettings,
     Settings,
+    address_values,
     override,
     password_of_environment,
     read_controllers,
     read_settings,
 )
 from yumi.driver.wiring import Controllers
-from yumi.egm.udp import is_loopback
 from yumi.errors import SettingsError
 from yumi.robot.joints import Joints, Pose, Side
 from yumi.rws.client import RwsClient
@@ -50,9 +50,6 @@ T = TypeVar("T")
 
 Given = Mapping[str, Any]
 """Settings of one group by name; None where nothing was given."""
-
-VIRTUAL_RWS_PORT = 8080
-"""The default port of ``yumi controller``."""
 
 
 def connect(
@@ -186,16 +183,11 @@ def controllers_for(
 def _address(address: str | None, rws_port: int | None) -> Given:
     if address is None:
         return {"rws_port": rws_port}
-    host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
-    if not host or (colon and not port.isdigit()):
-        raise SettingsError(f"{address!r} is not an address; give a host name or IPv4 address, with :port if need be.")
-    if colon and rws_port is not None:
+    if ":" in address and rws_port is not None:
         raise SettingsError(
             f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
         )
-    usual = VIRTUAL_RWS_PORT if is_loopback(host) else None
-    given = int(port) if colon else rws_port
-    return {"address": host, "rws_port": usual if given is None else given}
+    return address_values(address) | ({} if rws_port is None else {"rws_port": rws_port})
 
 
 def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:

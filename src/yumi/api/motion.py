@@ -247,8 +247,6 @@ class Motion:
 PLAN_TOLERANCE = 0.02
 """So far may a joint have moved since a plan was made that is executed [rad]."""
 
-_APART_FROM_ROS = 2**40  # numbers of motions beside those of ROS's trajectory goals, which count from 1
-
 Explain = Callable[[Callable[[Cause], None]], None]
 """Calls back with what stopped the robot, once that is known."""
 
@@ -271,7 +269,7 @@ class MotionRegistry:
         self._is_script = is_script
         self._log = log.log if is_script else _no_log
         self._recoveries = 0
-        self._numbers = count(1 if is_script else _APART_FROM_ROS)
+        self._numbers = count(1)  # people read them; those of ROS are far beyond
         self._open: dict[int, Motion] = {}
         self._faults: dict[Side, tuple[Message, str]] = {}  # and the stop that a person must confirm
         self._lock = Lock()

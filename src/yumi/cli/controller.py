@@ -16,18 +16,27 @@ import click
 
 from yumi.cli.options import (
     FILE,
-    GRIPPER_MODULES,
-    PORT,
-    ROBOT_MODEL,
+    NEW_FILE,
+    JsonOutput,
     Measure,
+    arm_option,
+    cfg_option,
     config_option,
+    count_option,
+    egm_port_options,
     end_flag,
+    gripper_options,
+    json_option,
+    listen_option,
+    model_option,
     password_options,
+    robot_option,
     robot_options,
     settings_of,
     until_stdin_closes_option,
+    user_option,
 )
-from yumi.driver.settings import MAX_PORT, RobotSettings
+from yumi.driver.settings import MAX_PORT, VIRTUAL_RWS_PORT, RobotSettings
 from yumi.errors import CommandRefused
 from yumi.process.supervision import CONTROLLER_READY
 from yumi.robot.gripper import TRAVEL, GripperModules
@@ -47,24 +56,18 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 @click.option(
     "--rws-port",
     type=click.IntRange(0, MAX_PORT),
-    default=8080,
+    default=VIRTUAL_RWS_PORT,
     show_default=True,
     help="Port of Robot Web Services; 0 takes a free one.",
 )
-@click.option("--listen", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@listen_option
 @click.option(
     "--rapid-sockets",
     metavar="ADDRESS",
     help="Address of this machine that RAPID's sockets may use, 0.0.0.0 for all; --listen's without it. Sockets that "
     "may use a loopback address only reach nothing but this machine, whatever address a program names.",
 )
-@click.option(
-    "--robot",
-    type=ROBOT_MODEL,
-    default="yumi",
-    show_default=True,
-    help="What it moves: a YuMi, a single-arm YuMi, or an IRB 120 of six axes (both T_ROB1, ROB_1).",
-)
+@model_option
 @click.option(
     "--robotware",
     type=click.Choice(["6", "7"]),
@@ -79,20 +82,14 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="Name of the controller's system.",
 )
 @click.option("--egm-host", default="127.0.0.1", show_default=True, help="Where the driver is: EGM goes there.")
-@click.option(
-    "--left-egm-port", type=PORT, default=6511, show_default=True, help="The driver's UDP port for the left arm."
-)
-@click.option(
-    "--right-egm-port", type=PORT, default=6512, show_default=True, help="The driver's UDP port for the right arm."
-)
+@egm_port_options(6511, 6512)
 @click.option("--left-object", type=_WIDTH, help="Width of an object between the left fingers [m].")
 @click.option("--right-object", type=_WIDTH, help="Width of an object between the right fingers [m].")
+@gripper_options
 @click.option(
-    "--left-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="Modules of the left gripper."
+    "--left-leak", type=_LEAK, help="An object lies under the left gripper's cups: 0 tight, 1 as if there were none."
 )
-@click.option("--right-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="And of the right one.")
-@click.option("--left-leak", type=_LEAK, help="An object lies under the left gripper's cups; 0 is tight, 1 as if none.")
-@click.option("--right-leak", type=_LEAK, help="And under the right one's.")
+@click.option("--right-leak", type=_LEAK, help="An object lies under the right gripper's cups.")
 @click.option("--calibrated", is_flag=True, help="The grippers are calibrated already.")
 @click.option(
     "--factory", is_flag=True, help="As it leaves the factory: nothing of this package is on it; see `yumi install`."
@@ -105,7 +102,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     help="Your RAPID modules (.mod, .sys) or program (.pgf) instead of ours, in the task of an arm (left, right) or of "
     "another name; may be given for several tasks.",
 )
-@click.option("--cfg", multiple=True, type=FILE, help="System parameters to add, such as an EIO.cfg of your own.")
+@cfg_option
 @click.option(
     "--system",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
@@ -116,9 +113,11 @@ _ARM_TASKS = {side.word: side.task for side in Side}
 )
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
 @click.option("--once", is_flag=True, help="With --start: programs end with main, instead of beginning it again.")
-@click.option("--speed", type=_SPEED, default=1.0, show_default=True, help="Times real time.")
+@click.option(
+    "--real-time-factor", type=_SPEED, default=1.0, show_default=True, help="Run so many times as fast as a real one."
+)
 @click.option("--show", is_flag=True, help="Print what programs write to the FlexPendant (TPWrite), with their task.")
-@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@user_option("Default User")
 @click.option(
     "--without-grant",
     "missing_grants",
@@ -133,7 +132,7 @@ def controller(
     rws_port: int,
     listen: str,
     rapid_sockets: str | None,
-    robot: str,
+    model: str,
     robotware: str,
     robot_name: str | None,
     egm_host: str,
@@ -153,22 +152,24 @@ def controller(
     dynamics: Path | None,
     start: bool,
     once: bool,
-    speed: float,
+    real_time_factor: float,
     show: bool,
     user: str,
     missing_grants: tuple[str, ...],
     password: str | None,
     until_stdin_closes: bool,
 ) -> None:
-    """Run a virtual IRC5 with a YuMi: the protocols and the RAPID of a real one; `yumi fault` injects faults.
+    """Run a virtual IRC5 with a YuMi.
 
-    It runs the state machine of this package, or your own RAPID (--program, --system).
+    It has the protocols and the RAPID of a real one; `yumi fault` injects faults. It runs the state machine of this
+    package, or your own RAPID (--program, --system).
 
-    Its password is "robotics", as of a new controller, unless a file, a prompt or YUMI_PASSWORD gives another.
+    Only --user may log in. The password is "robotics", ABB's default, unless a file, a prompt or YUMI_PASSWORD gives
+    another.
 
     \b
     Example:
-      yumi controller --rws-port 8080 --left-object 0.02
+      yumi controller --left-object 0.02
       curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
     """
     from yumi.virtual.controller.system import (  # noqa: PLC0415
@@ -182,11 +183,11 @@ def controller(
 
     if once and not start:
         raise click.UsageError("--once says how --start runs the programs: give both.")
-    model = ROBOTS[robot]
-    delivered = delivered_system() if model.is_yumi and not factory else factory_system(model)
-    begin = read_backup(system, model) if system else delivered
+    kind = ROBOTS[model]
+    delivered = delivered_system() if kind.is_yumi and not factory else factory_system(kind)
+    begin = read_backup(system, kind) if system else delivered
     settings = world_settings(
-        robot_name=robot_name or f"Virtual_{model.system_name}",
+        robot_name=robot_name or f"Virtual_{kind.system_name}",
         egm_host=egm_host,
         egm_ports={Side.LEFT: left_egm_port, Side.RIGHT: right_egm_port},
         objects={Side.LEFT: left_object, Side.RIGHT: right_object},
@@ -204,7 +205,7 @@ def controller(
         password=chosen,
         granted=[each for each in GRANTS if each.value not in missing_grants],
         host=listen,
-        speed=speed,
+        speed=real_time_factor,
         is_started=start,
         runs_once=once,
         show=_show if show else None,
@@ -249,7 +250,7 @@ def _fault_table(kinds: list[FaultKind]) -> str:
 
 def _options_of(kind: FaultKind) -> str:
     limit = "for ever" if kind.default_duration is None else f"{kind.default_duration:g} s"
-    choices = ["--side"] * kind.has_side + [f"--duration, else {limit}"] * kind.has_duration
+    choices = ["--arm"] * kind.has_side + [f"--duration, else {limit}"] * kind.has_duration
     if kind.amount is not None:
         usual = "at random" if kind.amount.default is None else f"{kind.amount.default:g}"
         choices.append(f"--by {kind.amount.unit}, else {usual}")
@@ -265,34 +266,49 @@ _FAULTS = _fault_table([fault.value for fault in Fault])
     context_settings={"max_content_width": _FAULT_WIDTH},
 )
 @click.argument("name", required=False, type=click.Choice([fault.value.name for fault in Fault]), metavar="[NAME]")
-@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
-@click.option("--side", type=click.Choice([side.word for side in Side]), help="One arm; both without it.")
+@robot_option(default="127.0.0.1")
+@arm_option("both")
 @click.option("--duration", type=float, help="How long it lasts [s].")
 @click.option("--by", type=float, help="Its strength, in the unit of the list below.")
 @click.option(
     "--way", type=click.Choice([way.value for way in Way]), help="Direction of the datagrams; both without it."
 )
+@json_option
 def fault(
-    name: str | None, rws_port: int, side: str | None, duration: float | None, by: float | None, way: str | None
+    name: str | None,
+    robot: str,
+    arm: str | None,
+    duration: float | None,
+    by: float | None,
+    way: str | None,
+    json_output: JsonOutput,
 ) -> None:
-    """Inject a fault into a virtual controller that runs on this machine; without NAME, list the faults.
+    """Inject a fault into a virtual controller, or list them.
+
+    Without NAME it lists the faults.
 
     \b
     Examples:
       yumi fault emergency-stop
-      yumi fault egm-silence --side left --duration 1
+      yumi fault egm-silence --arm left --duration 1
       yumi fault egm-loss --by 50 --duration 2
       yumi fault egm-loss --way to-robot --duration 0.5    the robot receives nothing
-      yumi fault egm-delay --by 20 --side right --duration 2
-      yumi fault warm-restart --rws-port 8080
+      yumi fault egm-delay --by 20 --arm right --duration 2
+      yumi fault warm-restart --robot 127.0.0.1:8080
     """
     if name is None:
-        click.echo(_FAULTS)
+        json_output.write(json.dumps({kind.name: kind.meaning for kind in (fault.value for fault in Fault)}, indent=2))
+        if not json_output.is_printed:
+            click.echo(_FAULTS)
         return
     numbers = {"duration": duration, "by": by}
-    chosen = {"side": side, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
-    inject_fault(f"127.0.0.1:{rws_port}", name, {key: text for key, text in chosen.items() if text is not None})
-    click.echo(f"{name}: done")
+    chosen = {"side": arm, "way": way, **{key: None if each is None else repr(each) for key, each in numbers.items()}}
+    given = {key: text for key, text in chosen.items() if text is not None}
+    where = settings_of(None, {"robot": robot}).robot
+    inject_fault(f"{where.address}:{where.rws_port}", name, given)
+    json_output.write(json.dumps({"fault": name, **given}))
+    if not json_output.is_printed:
+        click.echo(f"{name}: done")
 
 
 # ---- yumi rws
@@ -300,17 +316,15 @@ def fault(
 _SYMBOL_PARTS = 3  # task, module, name
 _PANEL_RESOURCES = ("ctrlstate", "opmode", "speedratio", "coldetstate")
 
-_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON, for programs.")
-
 
 def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
     """Options that say which controller; the command gets a connected client first."""
 
-    @robot_options("Address of the controller; else as in the settings.")
+    @robot_options()
     @config_option
     @wraps(command)
     def with_client(config: Path | None, **options: Any) -> Any:
-        names = ("robot", "rws_port", "left_egm_port", "right_egm_port", "user", "password")
+        names = ("robot", "user", "password")
         where = settings_of(config, {name: options.pop(name) for name in names}).robot
         address = f"{where.address}:{where.rws_port}"
         with RwsClient(address, user=where.user, password=where.password, timeout=where.timeout) as client:
@@ -321,7 +335,7 @@ def of_controller(command: Callable[..., Any]) -> Callable[..., Any]:
 
 @click.group()
 def rws() -> None:
-    """Robot Web Services of a controller by hand: read, write, list, upload, watch, call.
+    """Use Robot Web Services of a controller by hand.
 
     A TARGET is a resource (/rw/panel/opmode), a signal (signal:EGM_STOP), a RAPID symbol (T_ROB_R/TRobEGM/settings)
     or a file (HOME:/pick.mod).
@@ -336,38 +350,42 @@ def rws() -> None:
 
 @rws.command("get")
 @click.argument("target")
-@click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), help="Write a file there.")
-@_as_json
+@click.argument("file", required=False, type=NEW_FILE)
+@json_option
 @of_controller
-def rws_get(client: RwsClient, target: str, output: Path | None, is_json: bool) -> None:
-    """Read TARGET.
+def rws_get(client: RwsClient, target: str, file: Path | None, json_output: JsonOutput) -> None:
+    """Read a resource, signal, symbol or file.
 
-    A resource is printed as JSON in any case. With --json a signal is a number, and a RAPID symbol a number, bool,
-    string, or list for a record or an array.
+    A file goes to FILE of this machine, or is printed. A resource is JSON in any case. With --json a signal is a
+    number, and a RAPID symbol a number, bool, string, or list for a record or an array.
 
     \b
     Examples:
       yumi rws get /rw/rapid/tasks
       yumi rws get signal:hand_ActualPosition_R
       yumi rws get --json T_ROB_R/TRobEGM/settings
-      yumi rws get HOME:/pick.mod -o pick.mod
+      yumi rws get HOME:/pick.mod pick.mod
     """
     device, colon, _ = target.partition(":/")
     if target.startswith("/"):
         path, _, query = target.partition("?")
-        _print(client.call("GET", path, decode_form(query)))
+        _print(client.call("GET", path, decode_form(query)), json_output)
     elif target.startswith("signal:"):
         found = client.signal(target.removeprefix("signal:"))
-        click.echo(json.dumps(found.value) if is_json else f"{found.value:g}")
+        json_output.write(json.dumps(found.value))
+        if not json_output.is_printed:
+            click.echo(f"{found.value:g}")
     elif colon and device.isalnum():
         content = client.read_file(target)
-        if output is None:
+        if file is None:
             sys.stdout.buffer.write(content)
         else:
-            output.write_bytes(content)
+            file.write_bytes(content)
             click.echo(f"{len(content)} bytes written")
     elif symbol := _symbol_of(target):
-        click.echo(json.dumps(client.value(*symbol), ensure_ascii=False) if is_json else client.symbol(*symbol))
+        json_output.write(json.dumps(client.value(*symbol), ensure_ascii=False))
+        if not json_output.is_printed:
+            click.echo(client.symbol(*symbol))
     else:
         raise _unknown_target(target)
 
@@ -377,7 +395,7 @@ def rws_get(client: RwsClient, target: str, output: Path | None, is_json: bool) 
 @click.argument("value")
 @of_controller
 def rws_set(client: RwsClient, target: str, value: str) -> None:
-    """Write VALUE to TARGET, a signal or a RAPID symbol.
+    """Write a value to a signal or a RAPID symbol.
 
     \b
     Examples:
@@ -398,10 +416,12 @@ def rws_set(client: RwsClient, target: str, value: str) -> None:
 
 @rws.command("ls")
 @click.argument("path", default="HOME:/")
-@_as_json
+@json_option
 @of_controller
-def rws_ls(client: RwsClient, path: str, is_json: bool) -> None:
-    """List the directory PATH of the controller, or the entries of a resource, on all its pages.
+def rws_ls(client: RwsClient, path: str, json_output: JsonOutput) -> None:
+    """List a directory or the entries of a resource.
+
+    PATH is a directory of the controller or a resource, of which all pages are read.
 
     \b
     Examples:
@@ -411,18 +431,16 @@ def rws_ls(client: RwsClient, path: str, is_json: bool) -> None:
     """
     if path.startswith("/"):
         states = client.entries(path)
-        if is_json:
-            _print_states(states)
-        else:
+        json_output.write(_states_text(states))
+        if not json_output.is_printed:
             for state in states:
                 click.echo(state.title)
         return
     entries = client.files(path)
-    if is_json:
-        click.echo(json.dumps([{"name": each.name, "size": each.size} for each in entries], indent=2))
-        return
-    for entry in entries:
-        click.echo(f"{entry.name}/" if entry.size is None else f"{entry.name:<40}{entry.size:>12}")
+    json_output.write(json.dumps([{"name": each.name, "size": each.size} for each in entries], indent=2))
+    if not json_output.is_printed:
+        for entry in entries:
+            click.echo(f"{entry.name}/" if entry.size is None else f"{entry.name:<40}{entry.size:>12}")
 
 
 @rws.command("put")
@@ -430,7 +448,7 @@ def rws_ls(client: RwsClient, path: str, is_json: bool) -> None:
 @click.argument("path")
 @of_controller
 def rws_put(client: RwsClient, file: Path, path: str) -> None:
-    """Write FILE of this machine to PATH on the controller.
+    """Write a file of this machine to the controller.
 
     \b
     Examples:
@@ -443,13 +461,13 @@ def rws_put(client: RwsClient, file: Path, path: str) -> None:
 
 @rws.command("watch")
 @click.argument("targets", nargs=-1, required=True)
-@click.option("--count", type=click.IntRange(1), help="End after so many lines.")
-@_as_json
+@count_option()
+@json_option
 @of_controller
-def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is_json: bool) -> None:
-    """Print the values of TARGETS and each change; it subscribes again after a break, and says so.
+def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, json_output: JsonOutput) -> None:
+    """Print values and each of their changes.
 
-    With --json each line is an object.
+    It subscribes again after a break, and says so. With --json each line is an object.
 
     \b
     TARGETS: ctrlstate, opmode, speedratio, coldetstate, execution, signal:NAME, TASK/MODULE/NAME (PERS), elog
@@ -458,9 +476,10 @@ def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is
       yumi rws watch --json signal:EGM_STOP
     """
     for number, item in enumerate(client.watch([_resource_of(target) for target in targets]), 1):
-        if is_json:
-            line = {"interrupted": item.reason} if not isinstance(item, Change) else {"path": item.path, **item.fields}
-            click.echo(json.dumps(line, ensure_ascii=False))
+        line = {"interrupted": item.reason} if not isinstance(item, Change) else {"path": item.path, **item.fields}
+        json_output.write(json.dumps(line, ensure_ascii=False))
+        if json_output.is_printed:
+            pass
         elif isinstance(item, Change):
             click.echo(f"{item.path} {' '.join(f'{name}={text}' for name, text in item.fields.items())}".rstrip())
         else:
@@ -473,9 +492,12 @@ def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, is
 @click.argument("method", type=click.Choice(["GET", "POST", "PUT", "DELETE", "HEAD"], case_sensitive=False))
 @click.argument("path")
 @click.argument("fields", nargs=-1)
+@json_option
 @of_controller
-def rws_call(client: RwsClient, method: str, path: str, fields: tuple[str, ...]) -> None:
-    """Send any request; FIELDS are NAME=VALUE in its body.
+def rws_call(client: RwsClient, method: str, path: str, fields: tuple[str, ...], json_output: JsonOutput) -> None:
+    """Send any request; the answer is JSON.
+
+    FIELDS are NAME=VALUE in its body.
 
     \b
     Examples:
@@ -487,7 +509,7 @@ def rws_call(client: RwsClient, method: str, path: str, fields: tuple[str, ...])
         raise CommandRefused(f"{wrong[0]!r} is not NAME=VALUE.")
     where, _, query = path.partition("?")
     form = tuple((name, value) for name, _, value in (field.partition("=") for field in fields))
-    _print(client.call(method, where, decode_form(query), form or None))
+    _print(client.call(method, where, decode_form(query), form or None), json_output)
 
 
 def _resource_of(target: str) -> Resource:
@@ -518,13 +540,18 @@ def _unknown_target(target: str) -> CommandRefused:
     )
 
 
-def _print(page: Page | None) -> None:
-    if page is not None:
-        _print_states(page.states)
+def _print(page: Page | None, json_output: JsonOutput) -> None:
+    """Print a resource as JSON, whether that is asked for or not."""
+    if page is None:
+        return
+    text = _states_text(page.states)
+    json_output.write(text)
+    if not json_output.is_printed:
+        click.echo(text)
 
 
-def _print_states(states: Sequence[State]) -> None:
-    click.echo(json.dumps([_as_object(state) for state in states], indent=2, ensure_ascii=False))
+def _states_text(states: Sequence[State]) -> str:
+    return json.dumps([_as_object(state) for state in states], indent=2, ensure_ascii=False)
 
 
 def _as_object(state: State) -> dict[str, object]:

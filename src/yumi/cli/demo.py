@@ -25,7 +25,21 @@ from rich.progress import Progress as ProgressBars
 from rich.table import Table
 
 from yumi.catalogue import message
-from yumi.cli.options import SCALE, demand_ros, end_flag, limit_discovery, robot_options, settings_of
+from yumi.cli.options import (
+    STARTED,
+    JsonOutput,
+    demand_ros,
+    egm_port_options,
+    end_flag,
+    json_option,
+    limit_discovery,
+    logs_option,
+    picture_option,
+    robot_options,
+    settings_of,
+    speed_scale_option,
+    yes_option,
+)
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.settings import PASSWORD_VARIABLE, RobotSettings, read_settings
 from yumi.egm.udp import free_port
@@ -73,7 +87,7 @@ def _can_draw(*, is_asked: bool) -> bool:
     if is_asked and not can_draw:
         raise missing_extra(message("picture_needs_matplotlib"), "plot")
     if not can_draw:
-        click.echo(missing_extra(message("no_picture_without_matplotlib"), "plot"))
+        click.echo(missing_extra(message("no_picture_without_matplotlib"), "plot"), err=True)
     return can_draw
 
 
@@ -131,8 +145,7 @@ def run_demo(
             import_module("yumi.ros.move_and_grab")  # takes a second, as the start of the controller does
             address = controller.wait_until_ready(_READY_TIMEOUT, check)
             progress.note(address)
-            host, _, rws_port = address.removeprefix("http://").partition(":")
-            where = ("--robot", host, "--rws-port", rws_port, *ports)
+            where = ("--robot", address.removeprefix("http://"), *ports)
         progress.step("start the driver")
         command = Command("driver", ("up", *where, *plan.options), plan.logs / "driver.log", plan.secrets)
         driver = stack.enter_context(command)
@@ -209,8 +222,9 @@ _POLL = 0.1  # [s]
 class DemoScreen:
     """Shows progress on the terminal, or as plain lines where there is none."""
 
-    def __init__(self) -> None:
-        self._console = Console(highlight=False)
+    def __init__(self, *, is_quiet: bool = False) -> None:
+        """``is_quiet``: standard output is for something else."""
+        self._console = Console(highlight=False, stderr=is_quiet)
         self._bars = ProgressBars(
             TextColumn("     {task.description}"),
             BarColumn(bar_width=32),
@@ -285,43 +299,34 @@ class DemoScreen:
 
 
 @click.command()
-@robot_options("Address of a real controller; without it a virtual one is started.")
-@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 for a virtual robot, 0.1 for another.")
-@click.option("--yes", is_flag=True, help="Do not ask: a robot given by --robot moves, a stop ends the demonstration.")
-@click.option(
-    "--picture",
-    type=click.Path(path_type=Path),
-    show_default=str(_PICTURE),
-    help="Where the picture of the joint paths goes; needs yumi-ros2[plot].",
-)
-@click.option("--json", "report", type=click.Path(path_type=Path), help="Also write the final figures to this file.")
-@click.option(
-    "--logs",
-    type=click.Path(path_type=Path),
-    default=Path("build/demo"),
-    show_default=True,
-    help="Folder for the output of driver and controller.",
-)
+@robot_options(STARTED)
+@egm_port_options()
+@speed_scale_option()
+@yes_option
+@picture_option(str(_PICTURE))
+@json_option
+@logs_option("build/demo")
 def demo(
     robot: str | None,
     password: str | None,
     speed_scale: float | None,
     yes: bool,
     picture: Path | None,
-    report: Path | None,
+    json_output: JsonOutput,
     logs: Path,
     **where: str | int | None,
 ) -> None:
-    """Run the dual-arm move-and-grab task, on a virtual YuMi unless --robot names a real one.
+    """Both arms of a virtual YuMi move and grab.
 
-    After a stop it says what happened and goes on only when a person types yes; without a terminal, or with --yes, it
-    ends.
+    With --robot a real one does, after you have confirmed it. After a stop it says what happened and goes on only when
+    a person types yes; without a terminal, or with --yes, it ends. --picture shows the joint paths, and needs
+    yumi-ros2[plot].
 
     \b
     Examples:
       yumi demo
       yumi demo --robot 192.168.125.1
-      yumi demo --robot 127.0.0.1 --rws-port 8080      the same with `yumi controller` in another terminal
+      yumi demo --robot 127.0.0.1                      the same with `yumi controller` in another terminal
     """
     options = tuple(
         text
@@ -345,11 +350,15 @@ def demo(
         given = {"robot": robot, "password": password, "speed_scale": speed_scale, **where}
         settings = settings_of(None, given)
         top_speed = radians(settings.egm_motion.max_speed_deviation)
-        click.echo(motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)))
+        ahead, is_quiet = (
+            motions_ahead(read_positions(settings.robot), top_speed, first_speed_scale(settings)),
+            json_output.is_printed,
+        )
+        click.echo(ahead, err=is_quiet)
         if not yes:
-            click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True)
+            click.confirm(f"This moves the robot at {robot}. Is its workspace free?", abort=True, err=is_quiet)
     is_over = end_flag()
-    with DemoScreen() as screen:
+    with DemoScreen(is_quiet=json_output.is_printed) as screen:
         confirm = (lambda *_: False) if yes else screen.confirm
         try:
             secrets = {PASSWORD_VARIABLE: password} if password else {}
@@ -360,17 +369,20 @@ def demo(
     screen.table(reports)
     if can_draw:
         draw_joint_paths({side: item.path for side, item in reports.items()}, picture or _PICTURE)
-    if report:
-        figures = {
-            side.word: {
-                "duration_s": item.duration,
-                "final_error_deg": degrees(item.final_error),
-                "missed_cycles": item.missed,
-                "grip": item.grip.word if item.grip else None,
-            }
-            for side, item in reports.items()
-        }
-        report.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    json_output.write(
+        json.dumps(
+            {
+                side.word: {
+                    "duration_s": item.duration,
+                    "final_error_deg": degrees(item.final_error),
+                    "missed_cycles": item.missed,
+                    "grip": item.grip.word if item.grip else None,
+                }
+                for side, item in reports.items()
+            },
+            indent=2,
+        )
+    )
     if can_draw:
-        click.echo(f"Picture of the joint paths: {picture or _PICTURE}")
-    click.echo("Task completed")
+        click.echo(f"Picture of the joint paths: {picture or _PICTURE}", err=json_output.is_printed)
+    click.echo("Task completed", err=json_output.is_printed)

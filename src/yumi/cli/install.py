@@ -18,7 +18,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from yumi.catalogue import clause, message
-from yumi.cli.options import config_option, robot_options, settings_of
+from yumi.cli.options import (
+    NEW_FILE,
+    JsonOutput,
+    config_option,
+    dry_run_option,
+    egm_port_options,
+    json_option,
+    robot_options,
+    settings_of,
+    stream_option,
+    yes_option,
+)
 from yumi.clock import SystemClock
 from yumi.driver.bringup import EgmAddress
 from yumi.egm.udp import UdpServer, address_towards, network_cards, resolve
@@ -33,21 +44,18 @@ if TYPE_CHECKING:
     from yumi.driver.commissioning.installation import Installation, Plan
     from yumi.rws.documents import SystemInfo
 
-_as_json = click.option(
-    "--json", "is_json", is_flag=True, help="Print the plan and the result as JSON; needs --yes or --dry-run."
-)
-
 
 @click.command()
-@robot_options("Address of the controller; else as in the settings.")
+@robot_options()
+@egm_port_options()
 @config_option
-@click.option("--yes", is_flag=True, help="Do not ask.")
-@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
+@yes_option
+@dry_run_option
 @click.option("--roll-back", is_flag=True, help="Make everything as it was before the first installation.")
 @click.option("--replace-main", is_flag=True, help="Unload modules of others that have a main; --roll-back loads them.")
 @click.option("--backup/--no-backup", default=True, help="Have the controller make a backup first, and download it.")
-@click.option("--stream/--no-stream", default=True, help="See at the end that EGM datagrams of both arms arrive.")
-@_as_json
+@stream_option(default=True)
+@json_option
 def install(
     config: Path | None,
     yes: bool,
@@ -56,24 +64,25 @@ def install(
     replace_main: bool,
     backup: bool,
     stream: bool,
-    is_json: bool,
+    json_output: JsonOutput,
     **options: Any,
 ) -> None:
-    """Set up a controller: RAPID modules, I/O signals, EGM's devices and motion data; it restarts, nothing moves.
+    """Set up a controller; it restarts, nothing moves.
 
-    It shows what it would change and asks. What was there before is kept; --roll-back makes it so again, also after
-    an installation that was interrupted. Exit code 0: all is there; 1: it is not.
+    It brings RAPID modules, I/O signals, EGM's devices and motion data. It shows what it would change and asks. What
+    was there before is kept; --roll-back makes it so again, also after an installation that was interrupted. --json
+    writes plan and result. Exit code 0: all is there; 1: it is not.
 
     \b
     Examples:
       yumi install --robot 192.168.125.1 --dry-run
       yumi install --robot 192.168.125.1
       yumi install --robot 192.168.125.1 --roll-back
-      yumi install --robot 127.0.0.1 --rws-port 8080 --yes      with `yumi controller --factory`
+      yumi install --robot 127.0.0.1 --yes      with `yumi controller --factory`
     """
-    if is_json and not (yes or dry_run):
+    if json_output.is_printed and not (yes or dry_run):
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
-    with _session(config, is_json, options) as session:
+    with _session(config, json_output, options) as session:
         if roll_back:
             plan = session.installation.plan_roll_back()
             session.show(plan)
@@ -114,25 +123,26 @@ def install(
 
 
 @click.command()
-@robot_options("Address of the controller; else as in the settings.")
+@robot_options()
+@egm_port_options()
 @config_option
-@click.option("--yes", is_flag=True, help="Do not ask.")
-@click.option("--dry-run", is_flag=True, help="Show what would change, and change nothing.")
-@_as_json
-def uninstall(config: Path | None, yes: bool, dry_run: bool, is_json: bool, **options: Any) -> None:
-    """Take away what `yumi install` has brought; the controller restarts, nothing moves.
+@yes_option
+@dry_run_option
+@json_option
+def uninstall(config: Path | None, yes: bool, dry_run: bool, json_output: JsonOutput, **options: Any) -> None:
+    """Take away what `yumi install` has brought.
 
-    Where this machine has the record of the installation, everything becomes as it was before; else what has the names
-    of this package goes.
+    The controller restarts, nothing moves. Where this machine has the record of the installation, everything becomes as
+    it was before; else what has the names of this package goes.
 
     \b
     Examples:
       yumi uninstall --robot 192.168.125.1 --dry-run
       yumi uninstall --robot 192.168.125.1
     """
-    if is_json and not (yes or dry_run):
+    if json_output.is_printed and not (yes or dry_run):
         raise click.UsageError("--json cannot ask: give --yes or --dry-run with it.")
-    with _session(config, is_json, options) as session:
+    with _session(config, json_output, options) as session:
         plan = session.installation.plan_removal(session.system, session.addresses)
         session.show(plan)
         _stop_at_refusals(session, plan)
@@ -179,7 +189,7 @@ class _Session:
         remote: the controller's IP address.
         addresses: where each arm's datagrams are awaited.
         installation: on it.
-        is_json: whether the result is printed as JSON, and nothing else.
+        json_output: where the result goes as JSON.
     """
 
     def __init__(
@@ -189,33 +199,31 @@ class _Session:
         remote: str,
         addresses: dict[Side, EgmAddress],
         installation: Installation,
-        is_json: bool,
+        json_output: JsonOutput,
     ) -> None:
         self.client = client
         self.system = system
         self.remote = remote
         self.addresses = addresses
         self.installation = installation
-        self.is_json = is_json
+        self.json_output = json_output
 
     def say(self, text: str) -> None:
-        if not self.is_json:
+        if not self.json_output.is_printed:
             click.echo(text)
 
     def finish(self, outcome: str, plan: Plan | None = None, **more: object) -> None:
         """Print the result."""
-        if self.is_json:
-            value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
-            if plan is not None:
-                value |= {
-                    "changes": [str(change) for change in plan.changes],
-                    "refusals": [str(refusal) for refusal in plan.refusals],
-                    "notes": [str(note) for note in plan.notes],
-                    "needs_restart": plan.needs_restart,
-                }
-            click.echo(json.dumps(value | more, indent=2))
-        else:
-            click.echo(outcome)
+        value: dict[str, object] = {"robot": self.client.address, "outcome": outcome}
+        if plan is not None:
+            value |= {
+                "changes": [str(change) for change in plan.changes],
+                "refusals": [str(refusal) for refusal in plan.refusals],
+                "notes": [str(note) for note in plan.notes],
+                "needs_restart": plan.needs_restart,
+            }
+        self.json_output.write(json.dumps(value | more, indent=2))
+        self.say(outcome)
 
     def show_route(self) -> None:
         """What is wrong with the way to the robot: its datagrams will go to this machine's address there."""
@@ -237,7 +245,7 @@ class _Session:
 
 
 @contextmanager
-def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Iterator[_Session]:
+def _session(config: Path | None, json_output: JsonOutput, options: dict[str, Any]) -> Iterator[_Session]:
     from yumi.driver.commissioning.installation import Installation, Record  # noqa: PLC0415 - a quick --help
 
     client, remote, addresses = _controller_of(config, options)
@@ -245,7 +253,8 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
         system = client.connect()
         identity = client.identity()
         record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
-        session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)
+        installation = Installation(client, record, _Progress(json_output.is_printed))
+        session = _Session(client, system, remote, addresses, installation, json_output)
         version = ".".join(map(str, system.robotware))
         session.say(f"{identity.name}, system {system.name!r} at {client.address}, RobotWare {version}")
         yield session
@@ -313,33 +322,31 @@ _TABLE_WIDTH = 110
 
 
 @click.command()
-@robot_options("Address of the controller; else as in the settings.")
+@robot_options()
+@egm_port_options()
 @config_option
-@click.option("--stream", is_flag=True, help="Also receive both arms' positions over EGM for 5 s; it asks first.")
-@click.option("--yes", is_flag=True, help="Do not ask before that.")
-@click.option(
-    "--json",
-    "report",
-    type=click.Path(dir_okay=False, allow_dash=True),
-    help="Also write the findings to this file; - prints them, and nothing else.",
-)
-@click.option("--html", type=click.Path(dir_okay=False, path_type=Path), help="Also write the page to this file.")
-def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, html: Path | None, **options: Any) -> None:
-    """List what is missing before a robot can be driven, with the remedy; nothing moves.
+@stream_option(default=False)
+@yes_option
+@json_option
+@click.option("--html", type=NEW_FILE, help="Also write the page to this file.")
+def doctor(
+    config: Path | None, stream: bool, yes: bool, json_output: JsonOutput, html: Path | None, **options: Any
+) -> None:
+    """List what is missing before a robot can be driven.
 
-    Without --stream it only reads. With --stream it starts the state machine on the robot at main for 5 s, so that
-    datagrams of both arms come through this machine's firewall, or do not; the motors go on. Afterwards motors and
-    program are on or off as before, but the program pointers stay where the program stopped, and its RAPID variables
-    have begun anew. It starts nothing where a task has another program, or its modules are a problem. Other tasks that
-    would start, too, are switched off meanwhile: it says which.
+    Each line has the remedy; nothing moves. Without --stream it only reads. With --stream it starts the state machine
+    on the robot at main for 5 s, so that datagrams of both arms come through this machine's firewall, or do not; the
+    motors go on. Afterwards motors and program are on or off as before, but the program pointers stay where the program
+    stopped, and its RAPID variables have begun anew. It starts nothing where a task has another program, or its modules
+    are a problem. Other tasks that would start, too, are switched off meanwhile: it says which.
 
     Exit code 0: no problems; 1: there are problems.
 
     \b
     Examples:
       yumi doctor --robot 192.168.125.1
-      yumi doctor --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
-      yumi doctor --robot 192.168.125.1 --json -
+      yumi doctor --robot 127.0.0.1                      with `yumi controller` in another terminal
+      yumi doctor --robot 192.168.125.1 --json
       yumi doctor --robot 192.168.125.1 --stream --html robot.html
     """
     from rich.console import Console  # noqa: PLC0415 - a quick --help
@@ -365,25 +372,20 @@ def doctor(config: Path | None, stream: bool, yes: bool, report: str | None, htm
             findings += _examine_stream(client, addresses)
     finally:
         client.close()
-    if report is not None:
-        rows = [
-            {
-                "requirement": each.requirement,
-                "verdict": each.verdict.value,
-                "code": each.said.code,
-                "found": each.found,
-                "remedy": each.remedy,
-                "why": each.why,
-                "where": each.where,
-            }
-            for each in findings
-        ]
-        text = json.dumps({"robot": client.address, "findings": rows}, indent=2)
-        if report == "-":
-            click.echo(text)
-        else:
-            Path(report).write_text(f"{text}\n", encoding="utf-8")
-    if report != "-":
+    rows = [
+        {
+            "requirement": each.requirement,
+            "verdict": each.verdict.value,
+            "code": each.said.code,
+            "found": each.found,
+            "remedy": each.remedy,
+            "why": each.why,
+            "where": each.where,
+        }
+        for each in findings
+    ]
+    json_output.write(json.dumps({"robot": client.address, "findings": rows}, indent=2))
+    if not json_output.is_printed:
         console = Console(highlight=False)
         if not console.is_terminal:
             console.width = max(console.width, _TABLE_WIDTH)

@@ -9,7 +9,7 @@ import errno
 import logging
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -21,7 +21,7 @@ from yumi.cli.controller import controller, fault, rws
 from yumi.cli.demo import demo
 from yumi.cli.install import doctor, install, uninstall
 from yumi.cli.moveit import moveit_config
-from yumi.cli.options import ROS_ARGUMENTS
+from yumi.cli.options import ROS_ARGUMENTS, with_json_targets
 from yumi.cli.rapid import answer, rapid
 from yumi.cli.robot import DRIVER_COMMANDS, GRAPH_COMMANDS, completion, shell
 from yumi.cli.up import record, up, view
@@ -33,6 +33,20 @@ _NAMES_NODES = re.compile(r"(?:[^:]*:)?__(?:ns|node|name):=")
 _NAMESPACE = "__ns:="
 """The rule for all nodes; `yumi up` takes it as its option --namespace. A launch file makes it of PushRosNamespace."""
 
+SECTIONS: Mapping[str, tuple[str, ...]] = {
+    "Start": ("demo", "controller", "up"),
+    "Operate": (
+        *("state", "mode", "start", "stop", "recover", "move", "grip", "calibrate"),
+        *("speed-scale", "controllers", "switch", "shell"),
+    ),
+    "ROS 2": ("topics", "echo", "call", "param", "moveit-config"),
+    "RAPID and web services": ("rapid", "answer", "rws", "fault"),
+    "Look": ("view", "record"),
+    "Measure": ("measure", "compare", "tune", "evaluate", "bench"),
+    "Set up": ("doctor", "install", "uninstall", "completion"),
+}
+"""The commands as `yumi --help` groups them; one that is missing here is listed at the end."""
+
 _EXHAUSTED = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOSPC, errno.EAGAIN)
 
 
@@ -41,6 +55,7 @@ class _Commands(click.Group):
 
     def make_context(self, info_name: str | None, args: list[str], *rest: Any, **extra: Any) -> click.Context:
         own, ros = _split_ros_arguments(args)
+        own = with_json_targets(own)
         names = [argument.removeprefix(_NAMESPACE) for argument in ros if argument.startswith(_NAMESPACE)]
         if names and own[:1] == ["up"]:
             if any(argument.partition("=")[0] == "--namespace" for argument in own):
@@ -54,6 +69,23 @@ class _Commands(click.Group):
         context = super().make_context(info_name, own, *rest, **extra)
         context.meta[ROS_ARGUMENTS] = ros
         return context
+
+    def format_commands(self, context: click.Context, formatter: click.HelpFormatter) -> None:
+        """The commands under headings, all in the same two columns."""
+        names = self.list_commands(context)
+        width = max(map(len, names))
+        known = {name for section in SECTIONS.values() for name in section}
+        sections = {**SECTIONS, "Others": tuple(name for name in names if name not in known)}
+        for heading, section in sections.items():
+            commands = [(name, self.get_command(context, name)) for name in section if name in names]
+            rows = [
+                (name.ljust(width), command.get_short_help_str(formatter.width - 6 - width))
+                for name, command in commands
+                if command is not None and not command.hidden
+            ]
+            if rows:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
 
     def list_commands(self, context: click.Context) -> list[str]:
         return sorted({*super().list_commands(context), *_entry_points()})
@@ -136,13 +168,12 @@ def main() -> None:
 
     \b
     Examples:
-      yumi demo                          both arms of a virtual YuMi move and grab
-      yumi up --robot 192.168.125.1      the driver for a real one
-      yumi controller --rws-port 8080    a virtual controller for any client
-      yumi install --robot 192.168.125.1 put the robot's side onto a real controller; it asks first
-      yumi view --virtual                a virtual robot in the browser
-      yumi state                         what the running driver's robot does; `yumi move`, `yumi stop` …
-      eval "$(yumi completion bash)"     complete commands and their arguments in this shell
+      yumi view --virtual                  a virtual robot in the browser
+      yumi demo                            both arms of a virtual YuMi move and grab
+      yumi controller                      a virtual controller for any client
+      yumi up --robot 192.168.125.1        the driver for a real robot
+      yumi install --robot 192.168.125.1   set up a real controller; it asks first
+      yumi state                           what the robot of the running driver does
     """
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     for noisy in ("httpx", "matplotlib"):

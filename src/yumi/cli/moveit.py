@@ -13,7 +13,7 @@ from typing import Any
 import click
 import yaml
 
-from yumi.cli.options import GRIPPER_MODULES
+from yumi.cli.options import gripper_options
 from yumi.errors import SettingsError
 from yumi.robot.description import FINGER_SPEED, robot_description
 from yumi.robot.gripper import GripperModules
@@ -22,10 +22,9 @@ from yumi.robot.joints import YUMI_LIMITS, JointLimits, Side, finger_names, join
 
 @click.command("moveit-config")
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--right-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="Its modules.")
-@click.option("--left-gripper", type=GRIPPER_MODULES, default="servo", show_default=True, help="And of the left one.")
+@gripper_options
 def moveit_config(folder: Path, right_gripper: str, left_gripper: str) -> None:
-    """Write a MoveIt configuration package of this robot into FOLDER.
+    """Write a MoveIt configuration package of this robot.
 
     \b
     Examples:

@@ -18,9 +18,19 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from yumi.cli.controller import of_controller
-from yumi.cli.options import FILE, PORT, ROBOT_MODEL, password_options
+from yumi.cli.options import (
+    FILE,
+    JsonOutput,
+    cfg_option,
+    json_option,
+    model_option,
+    password_options,
+    robot_option,
+    settings_of,
+    user_option,
+    yes_option,
+)
 from yumi.clock import Clock, SystemClock, comes_true
-from yumi.driver.settings import RobotSettings
 from yumi.errors import CommandRefused, ControllerRefused, RapidError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
 from yumi.rws.services.rapid import Range, RunCycle, Step, SymbolKind
@@ -35,37 +45,32 @@ def rapid() -> None:
     """Work on RAPID programs.
 
     \b
-    Example:
-      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
+    Examples:
+      yumi rapid check pick.mod
+      yumi rapid debug T_ROB_R --robot 192.168.125.1
     """
 
 
 @rapid.command()
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar="FILE…")
-@click.option("--cfg", multiple=True, type=FILE, help="System parameters the program needs, such as your EIO.cfg.")
-@click.option(
-    "--robot",
-    type=ROBOT_MODEL,
-    default="yumi",
-    show_default=True,
-    help="Whose program it is: of a YuMi, or of a robot with ROB_1 and T_ROB1, as yumi controller --robot has them.",
-)
-@click.option("--json", "as_json", is_flag=True, help="A JSON list, for editors.")
-def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: bool) -> None:
-    """List syntax errors, type errors and unknown names of modules, which are checked as one program.
+@cfg_option
+@model_option
+@json_option
+def check(files: tuple[Path, ...], cfg: tuple[Path, ...], model: str, json_output: JsonOutput) -> None:
+    """Find errors in RAPID modules.
 
+    The modules are checked as one program: syntax errors, type errors and unknown names, for the robot of --model.
     One line each: file, line, column, and what is expected. "unknown" is what nothing declares (an error where it is
     executed, once all modules are there), "missing" what RobotWare has and this package has not. Exit code 1 with any.
 
     \b
     Examples:
-      yumi rapid check src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
-      yumi rapid check --json src/yumi/controller_files/*.mod src/yumi/controller_files/*.sys
+      yumi rapid check pick.mod
+      yumi rapid check --json pick.mod          a list, for editors
     """
-    faults = check_program(files, cfg, robot)
-    if as_json:
-        click.echo(json.dumps([asdict(fault) for fault in faults], indent=2))
-    else:
+    faults = check_program(files, cfg, model)
+    json_output.write(json.dumps([asdict(fault) for fault in faults], indent=2))
+    if not json_output.is_printed:
         for fault in faults:
             click.echo(f"{fault.file}:{fault.line}:{fault.column}: {fault.kind}: {fault.sentence}")
         if not faults:
@@ -76,11 +81,11 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], robot: str, as_json: b
 
 @rapid.command("debug")
 @click.argument("task")
-@click.option("--yes", is_flag=True, help="Do not ask before the first start.")
+@yes_option
 @click.option("--once", is_flag=True, help="End with main, instead of beginning it again.")
 @of_controller
 def debug(client: RwsClient, task: str, yes: bool, once: bool) -> None:
-    """Step through the RAPID of TASK on a controller: steps, breakpoints, call stack, data.
+    """Step through the RAPID of a task on a controller.
 
     Commands are typed, or come from standard input: step, next, out, continue, stop, main, where, list, break
     MODULE:LINE, clear [MODULE:LINE], locals, print [NAME], set NAME VALUE, quit; help explains them. All tasks that
@@ -109,23 +114,33 @@ def debug(client: RwsClient, task: str, yes: bool, once: bool) -> None:
 
 @click.command()
 @click.argument("value", required=False)
-@click.option("--robot", default="127.0.0.1", show_default=True, help="Address of the controller.")
-@click.option("--rws-port", type=PORT, default=8080, show_default=True, help="Its HTTP port.")
-@click.option("--user", default="Default User", show_default=True, help="User that may log in.")
+@robot_option(default="127.0.0.1")
+@user_option("Default User")
 @password_options
-def answer(value: str | None, robot: str, rws_port: int, user: str, password: str | None) -> None:
-    """Answer the question that a RAPID program asks the operator; without VALUE, show it.
+@json_option
+def answer(value: str | None, robot: str, user: str, password: str | None, json_output: JsonOutput) -> None:
+    """Show or answer what a RAPID program asks.
 
-    VALUE is a button's or an item's text, the value that the program gets for it, a number, or a text.
+    Without VALUE it shows the question to the operator. VALUE is a button's or an item's text, the value that the
+    program gets for it, a number, or a text.
+
+    \b
+    Examples:
+      yumi answer
+      yumi answer Yes
     """
-    own = RobotSettings()
-    with RwsClient(f"{robot}:{rws_port}", user=user, password=password or own.password, timeout=own.timeout) as client:
+    own = settings_of(None, {"robot": robot}).robot
+    address, login = f"{own.address}:{own.rws_port}", password or own.password
+    with RwsClient(address, user=user, password=login, timeout=own.timeout) as client:
         dialog = client.dialog()
         if dialog is None:
             raise CommandRefused("No program asks anything.")
         asked = [f"{name}: {text}" for name, text in client.dialog_parameters(dialog.stack).items() if text]
         if value is None:
-            click.echo("\n".join([f"{dialog.instruction} of {dialog.stack.split('/')[1]}", *asked]))
+            task = dialog.stack.split("/")[1]
+            json_output.write(json.dumps({"instruction": dialog.instruction, "task": task, "asked": asked}))
+            if not json_output.is_printed:
+                click.echo("\n".join([f"{dialog.instruction} of {task}", *asked]))
             return
         try:
             client.answer_dialog(dialog.stack, value)

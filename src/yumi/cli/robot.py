@@ -28,36 +28,45 @@ from click.shell_completion import CompletionItem, get_completion_class
 import yumi
 from yumi.api.connection import RunningDriver, attach
 from yumi.catalogue import in_words, message
-from yumi.cli.options import SCALE, Measure, demand_ros, limit_discovery, robot_options
+from yumi.cli.options import (
+    ARM,
+    ARMS,
+    OF_DRIVER,
+    SCALE,
+    JsonOutput,
+    Measure,
+    count_option,
+    demand_ros,
+    egm_port_options,
+    json_option,
+    limit_discovery,
+    robot_option,
+    robot_options,
+    speed_scale_option,
+    timeout_option,
+)
 from yumi.driver.endpoint import Arm, ArmMode, ArmReport, DriverState, MotionReport
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
 from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
 
-_ARM = click.Choice(["right", "left"])
-_ARMS = click.Choice(["right", "left", "both"])
 _MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
-
-_which_robot = click.option("--robot", default="", help="Address of the robot or namespace, where several drivers run.")
-_as_json = click.option("--json", "is_json", is_flag=True, help="Print JSON.")
-_as_json_lines = click.option("--json", "is_json", is_flag=True, help="Print JSON, one line each.")
 
 
 def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the driver that runs, and print what it returns: a sentence, or JSON with ``--json``."""
 
-    @_which_robot
-    @_as_json
+    @robot_option()
+    @json_option
     @wraps(command)
-    def with_driver(*args: Any, robot: str, is_json: bool, **options: Any) -> None:
+    def with_driver(*args: Any, robot: str | None, json_output: JsonOutput, **options: Any) -> None:
         def report(step: str) -> None:
             click.echo(step, err=True)
 
-        with attach(robot, on_step=report) as driver:
+        with attach(robot or "", on_step=report) as driver:
             result = command(driver, *args, **options)
-        if is_json:
-            click.echo(msgspec.json.encode(result))
-        else:
+        json_output.write(msgspec.json.encode(result).decode())
+        if not json_output.is_printed:
             click.echo(result if isinstance(result, str) else result_in_words(result))
 
     return with_driver
@@ -70,10 +79,12 @@ def _arms(word: str) -> tuple[Arm, ...]:
 @click.command()
 @click.option("--watch", is_flag=True, help="Print it again and again, until Ctrl-C.")
 @click.option("--rate", type=Measure("rate", 0.1, 60.0, is_open=False), default=1.0, help="So often a second.")
-@_which_robot
-@_as_json_lines
-def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
-    """What the robot of the running driver does, why it does not move, and what stopped it.
+@robot_option()
+@json_option
+def state(watch: bool, rate: float, robot: str | None, json_output: JsonOutput) -> None:
+    """Show what the robot does, and why it does not move.
+
+    It says what stopped the robot, too. With --watch, --json writes one line each time.
 
     \b
     Examples:
@@ -81,12 +92,11 @@ def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
       yumi state --json
       yumi state --watch --rate 5 --json      a line of JSON five times a second, with new events
     """
-    with attach(robot) as driver:
+    with attach(robot or "") as driver:
         states = driver.watch(rate) if watch else iter((driver.state,))
         for each in states:
-            if is_json:
-                click.echo(msgspec.json.encode(each))
-            else:
+            json_output.write(msgspec.json.encode(each).decode())
+            if not json_output.is_printed:
                 if watch and sys.stdout.isatty():
                     click.clear()
                 click.echo(result_in_words(each))
@@ -160,7 +170,7 @@ class _Table(dict[str, Any]):
 @click.command()
 @of_driver
 def controllers(driver: RunningDriver) -> object:
-    """The controllers of both arms, their states, and which of them command.
+    """List the controllers of both arms; which of them command.
 
     \b
     Examples:
@@ -197,23 +207,27 @@ def mode(driver: RunningDriver, name: str | None) -> object:
 
 
 @click.command()
-@click.argument("arms", type=_ARMS, required=False)
+@click.argument("arm", type=ARMS, required=False)
 @of_driver
-def start(driver: RunningDriver, arms: str | None) -> object:
-    """Start EGM on ARMS, or on those that are configured; makes the robot ready first if need be.
+def start(driver: RunningDriver, arm: str | None) -> object:
+    """Start EGM; makes the robot ready first if need be.
+
+    Without ARM it starts on the arms that are configured.
 
     \b
     Examples:
       yumi start
       yumi start right
     """
-    return driver.start_egm(_arms(arms) if arms else ())
+    return driver.start_egm(_arms(arm) if arm else ())
 
 
 @click.command()
 @of_driver
 def stop(driver: RunningDriver) -> object:
-    """Bring the arms to rest and end EGM; waits for nothing else.
+    """Bring the arms to rest and end EGM.
+
+    It waits for nothing else.
 
     \b
     Examples:
@@ -230,7 +244,7 @@ def _is_at_a_terminal() -> bool:
 @click.option("--confirm", default="", help="Id of the stop that you have looked at, as `yumi state` shows it.")
 @of_driver
 def recover(driver: RunningDriver, confirm: str) -> object:
-    """Bring the robot back after a stop; says what had stopped it.
+    """Bring the robot back after a stop; says what stopped it.
 
     After an emergency stop, a guard stop or a collision a person has to look at the robot first: on a terminal the
     command asks for it, elsewhere --confirm names the stop.
@@ -253,20 +267,22 @@ def recover(driver: RunningDriver, confirm: str) -> object:
 
 
 @click.command()
-@click.argument("arms", type=_ARMS, default="both")
+@click.argument("arm", type=ARMS, default="both")
 @of_driver
-def calibrate(driver: RunningDriver, arms: str) -> object:
-    """Close the fingers of the grippers of ARMS (both) and call that zero; EGM must not run.
+def calibrate(driver: RunningDriver, arm: str) -> object:
+    """Close the fingers of a gripper and call that zero.
+
+    EGM must not run. Without ARM both grippers are calibrated.
 
     \b
     Examples:
       yumi calibrate right
     """
-    return driver.calibrate(_arms(arms))
+    return driver.calibrate(_arms(arm))
 
 
 @click.command()
-@click.argument("arm", type=_ARM)
+@click.argument("arm", type=ARM)
 @click.argument("action", type=click.Choice(["open", "close"]))
 @click.option(
     "--width", type=Measure("width", 0.0, 2.0 * TRAVEL, is_open=True), help="Open so far [m]; else all the way."
@@ -274,7 +290,7 @@ def calibrate(driver: RunningDriver, arms: str) -> object:
 @click.option("--force", type=Measure("force", 0.0, MAX_FORCE, is_open=True), help="Hold with this force [N].")
 @of_driver
 def grip(driver: RunningDriver, arm: Arm, action: str, width: float | None, force: float | None) -> object:
-    """Open or close the gripper of ARM; says what it holds.
+    """Open or close a gripper; says what it holds.
 
     \b
     Examples:
@@ -295,12 +311,12 @@ def _complete_goal(context: click.Context, parameter: click.Parameter, incomplet
 
 
 @click.command(context_settings={"ignore_unknown_options": True})
-@click.argument("arm", type=_ARMS)
+@click.argument("arm", type=ARMS)
 @click.argument("goal", nargs=-1, required=True, shell_complete=_complete_goal)
 @click.option("--degrees", "in_degrees", is_flag=True, help="Angles are degrees; without, radians.")
 @click.option("--abb", is_flag=True, help="Seven angles are in the FlexPendant's order J1 to J7, not in chain order.")
-@click.option("--speed-scale", type=SCALE, help="Factor on the joints' highest speeds, on top of the driver's.")
-@click.option("--timeout", type=Measure("time", 0.0, 3600.0, is_open=True), help="Stop arms that take longer [s].")
+@speed_scale_option("of the controller, in the settings")
+@timeout_option()
 @click.option("--pose", is_flag=True, help="GOAL is a place of the tool, x y z [m], and w x y z of its orientation.")
 @click.option("--linear", is_flag=True, help="Move the tool to the pose on a straight line.")
 @click.option("--speed", type=Measure("speed", 0.0, 1.5, is_open=True), help="Of the tool on the line [m/s].")
@@ -317,7 +333,9 @@ def move(
     linear: bool,
     speed: float | None,
 ) -> object:
-    """Move ARM to GOAL and wait until it stands there; Ctrl-C stops it. EGM must run: yumi start.
+    """Move an arm to a goal and wait until it stands there.
+
+    Ctrl-C stops it, as --timeout does. EGM must run: yumi start. --speed-scale comes on top of the driver's own.
 
     GOAL is a pose (home, ready, calibration), some joints as NAME=ANGLE (the others stay), or seven angles in chain
     order, axes 1 2 7 3 4 5 6.
@@ -421,12 +439,14 @@ def _complete_controller(context: click.Context, parameter: click.Parameter, inc
 
 
 @click.command()
-@click.argument("arm", type=_ARM)
+@click.argument("arm", type=ARM)
 @click.argument("activate", nargs=-1, shell_complete=_complete_controller)
 @click.option("--deactivate", multiple=True, shell_complete=_complete_controller, help="Deactivate this one, too.")
 @of_driver
 def switch(driver: RunningDriver, arm: Arm, activate: tuple[str, ...], deactivate: tuple[str, ...]) -> object:
-    """Activate controllers of ARM, in one step; what commands its joints until then is deactivated.
+    """Activate controllers of an arm in place of the others.
+
+    It is one step; what commands its joints until then is deactivated.
 
     \b
     Examples:
@@ -443,7 +463,7 @@ def switch(driver: RunningDriver, arm: Arm, activate: tuple[str, ...], deactivat
 @click.argument("value", type=SCALE, required=False)
 @of_driver
 def speed_scale(driver: RunningDriver, value: float | None) -> object:
-    """Show the factor on the speed of every controller, or set it.
+    """Show the factor on all speeds, or set it.
 
     \b
     Examples:
@@ -463,10 +483,13 @@ _HISTORY = Path.home() / ".yumi_history"
 
 
 @click.command()
-@robot_options("Address of the controller to connect to; else the running driver is used.")
-@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
+@robot_options(OF_DRIVER)
+@egm_port_options()
+@speed_scale_option()
 def shell(**options: Any) -> None:
-    """A Python prompt with completion: ``driver`` where a driver runs, or ``robot`` at an address.
+    """Open a Python prompt with the driver or a robot.
+
+    With a driver that runs it has `driver`. With --robot it connects to that robot by itself, and has `robot`.
 
     \b
     Examples:
@@ -514,7 +537,9 @@ def prompt(names: dict[str, object], banner: str) -> None:
 @click.argument("name", metavar="SHELL", type=click.Choice(["bash", "zsh", "fish"]))
 @click.pass_context
 def completion(context: click.Context, name: str) -> None:
-    """Print what makes SHELL complete the commands, options, controllers and poses of yumi.
+    """Print what makes the shell complete yumi's commands.
+
+    It completes commands, options, controllers and poses.
 
     \b
     Examples:
@@ -538,9 +563,9 @@ _SPIN_PERIOD = 0.05  # [s]
 
 
 @click.command()
-@_as_json
-def topics(is_json: bool) -> None:
-    """The topics of the ROS 2 graph with their types.
+@json_option
+def topics(json_output: JsonOutput) -> None:
+    """List the topics of the ROS 2 graph with their types.
 
     \b
     Examples:
@@ -560,17 +585,21 @@ def topics(is_json: bool) -> None:
             return bool(found) and time.monotonic() - grown > _SETTLED
 
         _spin_until(node, is_settled, _DISCOVERY)
-    click.echo(json.dumps(found) if is_json else "\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
+    json_output.write(json.dumps(found))
+    if not json_output.is_printed:
+        click.echo("\n".join(f"{name:<60} {', '.join(found[name])}" for name in found))
 
 
 @click.command()
 @click.argument("topic")
-@click.option("--count", type=click.IntRange(1), default=1, help="Print so many messages.")
+@count_option(1)
 @click.option("--once", is_flag=True, expose_value=False, help="One message, as without --count.")
-@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=10.0, help="Longest wait for each [s].")
-@_as_json_lines
-def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
-    """Print messages of TOPIC.
+@timeout_option(10.0)
+@json_option
+def echo(topic: str, count: int, timeout: float, json_output: JsonOutput) -> None:
+    """Print messages of a topic.
+
+    --timeout is for each message; --json writes one line for each.
 
     \b
     Examples:
@@ -594,16 +623,20 @@ def echo(topic: str, count: int, timeout: float, is_json: bool) -> None:
             if not _spin_until(node, lambda: bool(received), timeout):
                 raise RobotNotReady(f"No message came on {topic} within {timeout:g} s.")
             values = message_values(received.pop(0))
-            click.echo(json.dumps(values) if is_json else yaml.safe_dump(values, sort_keys=False) + "---")
+            json_output.write(json.dumps(values))
+            if not json_output.is_printed:
+                click.echo(yaml.safe_dump(values, sort_keys=False) + "---")
 
 
 @click.command()
 @click.argument("service")
 @click.argument("request", default="{}")
-@click.option("--timeout", type=click.FloatRange(0.0, min_open=True), default=60.0, help="Longest wait [s].")
-@_as_json
-def call(service: str, request: str, timeout: float, is_json: bool) -> None:
-    """Call SERVICE with REQUEST, a JSON object or YAML of its fields; the exit code is 1 where it says "no success".
+@timeout_option(60.0)
+@json_option
+def call(service: str, request: str, timeout: float, json_output: JsonOutput) -> None:
+    """Call a ROS 2 service.
+
+    REQUEST is a JSON object or YAML of its fields. The exit code is 1 where the answer says "no success".
 
     \b
     Examples:
@@ -619,7 +652,9 @@ def call(service: str, request: str, timeout: float, is_json: bool) -> None:
         asked = fill_message(kind.Request(), values if values is not None else {})
         answer = _call_service(node, kind, f"/{service.lstrip('/')}", asked, timeout)
     shown = message_values(answer)
-    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
+    json_output.write(json.dumps(shown))
+    if not json_output.is_printed:
+        click.echo(yaml.safe_dump(shown, sort_keys=False).rstrip())
     if getattr(answer, "success", True) is False or getattr(answer, "ok", True) is False:
         raise click.exceptions.Exit(1)
 
@@ -630,11 +665,12 @@ _PARAM_VERBS = {"list": "NODE", "get": "NODE NAME", "set": "NODE NAME VALUE"}
 
 @click.command(context_settings={"ignore_unknown_options": True})  # negative numbers are none
 @click.argument("words", nargs=-1, required=True, metavar="[list|get|set] NODE [NAME [VALUE]]")
-@_as_json
-def param(words: Sequence[str], is_json: bool) -> None:
-    """List the parameters of NODE, show one, or set it to VALUE.
+@json_option
+def param(words: Sequence[str], json_output: JsonOutput) -> None:
+    """List the parameters of a node, show one, or set it.
 
-    The verbs of `ros2 param` may be left out.
+    The verbs of `ros2 param` may be left out. Each value is shown with its meaning, unit and range; --json writes the
+    values alone.
 
     \b
     Examples:
@@ -651,21 +687,12 @@ def param(words: Sequence[str], is_json: bool) -> None:
     node_name = words[0]
     name, value = (words[at] if at < len(words) else None for at in (1, 2))
     with _graph_node() as node:
-        from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters  # noqa: PLC0415
-        from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: PLC0415
+        from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters  # noqa: PLC0415
+        from rclpy.parameter import parameter_value_to_python  # noqa: PLC0415
 
         base = f"/{node_name.strip('/')}"
         if name is not None and value is not None:
-            given = yaml.safe_load(value)
-            try:
-                message = Parameter(name, value=given).to_parameter_msg()
-            except (TypeError, AttributeError) as error:
-                raise SettingsError(f"{value!r} is no value of a parameter.") from error
-            answer = _call_service(
-                node, SetParameters, f"{base}/set_parameters", SetParameters.Request(parameters=[message])
-            )
-            if not answer.results[0].successful:
-                raise CommandRefused(f"{name} of {base} was not set: {answer.results[0].reason}")
+            _set_parameter(node, base, name, value)
         names = [name] if name is not None else None
         if names is None:
             listed = _call_service(node, ListParameters, f"{base}/list_parameters", ListParameters.Request())
@@ -676,7 +703,37 @@ def param(words: Sequence[str], is_json: bool) -> None:
         }
         if name is not None and shown.get(name) is None:
             raise CommandRefused(f"{base} has no parameter {name!r}; `yumi param {node_name}` lists them.")
-    click.echo(json.dumps(shown) if is_json else yaml.safe_dump(shown, sort_keys=False).rstrip())
+        asked = DescribeParameters.Request(names=names)
+        described = _call_service(node, DescribeParameters, f"{base}/describe_parameters", asked).descriptors
+    json_output.write(json.dumps(shown))
+    if not json_output.is_printed:
+        for each, descriptor in zip(shown, described, strict=False):
+            click.echo(parameter_line(each, shown[each], descriptor))
+
+
+def _set_parameter(node: Any, base: str, name: str, value: str) -> None:
+    from rcl_interfaces.srv import SetParameters  # noqa: PLC0415 - yumi works without ROS
+    from rclpy.parameter import Parameter  # noqa: PLC0415
+
+    given = yaml.safe_load(value)
+    try:
+        message = Parameter(name, value=given).to_parameter_msg()
+    except (TypeError, AttributeError) as error:
+        raise SettingsError(f"{value!r} is no value of a parameter.") from error
+    asked = SetParameters.Request(parameters=[message])
+    answer = _call_service(node, SetParameters, f"{base}/set_parameters", asked)
+    if not answer.results[0].successful:
+        raise CommandRefused(f"{name} of {base} was not set: {answer.results[0].reason}")
+
+
+def parameter_line(name: str, value: object, descriptor: Any) -> str:
+    """A parameter as YAML, with what its descriptor says of it as a comment."""
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    remarks = [descriptor.description] if descriptor.description else []
+    remarks += [f"{each.from_value:g} to {each.to_value:g}" for each in ranges]
+    remarks += [descriptor.additional_constraints] if descriptor.additional_constraints and not ranges else []
+    line = yaml.safe_dump({name: value}, sort_keys=False).rstrip()
+    return f"{line}  # {'; '.join(remark.rstrip('.') for remark in remarks)}" if remarks else line
 
 
 GRAPH_COMMANDS = (topics, echo, call, param)

@@ -7,6 +7,7 @@ the browser, or a recording. ``record`` shows and exports the recordings and fli
 from __future__ import annotations
 
 import asyncio
+import json
 import logging
 import os
 import secrets
@@ -28,17 +29,29 @@ from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
     FILE,
+    FOLDER,
+    NEW_FILE,
     ROS_ARGUMENTS,
-    SCALE,
+    TIME,
+    JsonOutput,
+    arm_option,
     config_option,
     demand_ros,
+    egm_port_options,
     end_flag,
+    json_option,
     limit_discovery,
+    listen_option,
+    logs_option,
+    picture_option,
+    robot_option,
     robot_options,
     settings_of,
+    speed_scale_option,
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
+from yumi.control.limiter import FULL
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControllerReport, Event, is_fault
 from yumi.driver.control_process import ControlProcess
@@ -46,10 +59,17 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
-from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_controllers, read_settings
+from yumi.driver.settings import (
+    MAX_PORT,
+    CalibrateWhen,
+    RobotSettings,
+    Settings,
+    read_controllers,
+    read_settings,
+)
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
-from yumi.egm.udp import free_port, is_loopback
-from yumi.errors import ProtocolError, RobotNotReady, SettingsError, YumiError
+from yumi.egm.udp import free_port, is_loopback, resolve
+from yumi.errors import NoConnection, ProtocolError, RobotNotReady, SettingsError, YumiError
 from yumi.process.realtime import release_process, settle_memory, short_switch_interval
 from yumi.process.supervision import (
     DRIVER_READY,
@@ -78,13 +98,26 @@ END_REQUESTS = 3.0
 END = 4.5
 """A driver that has not ended this long after it was asked to is ended by force [s]."""
 
+DEFAULT_WAIT = 60.0
+"""So long does ``yumi up --wait`` wait for a controller [s]."""
+
 _POLL = 0.05  # [s]
+_WAIT_PERIOD = 0.5  # [s] between two attempts to reach a controller that is waited for
 _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
 
 
 @click.command()
-@robot_options("Address of the controller; 127.0.0.1 for a virtual one on this machine.")
-@click.option("--speed-scale", type=SCALE, help="Factor on all speeds; else 1 on this machine, 0.1 elsewhere.")
+@robot_options()
+@egm_port_options()
+@click.option(
+    "--wait",
+    is_flag=False,
+    flag_value=DEFAULT_WAIT,
+    type=TIME,
+    metavar="[SECONDS]",
+    help=f"Wait until a controller answers at the address, {DEFAULT_WAIT:g} s at most unless SECONDS says otherwise.",
+)
+@speed_scale_option()
 @config_option
 @click.option(
     "--controllers", type=click.Path(path_type=Path), help="Controllers instead of the delivered controllers.yaml."
@@ -94,7 +127,7 @@ _SIGNALS = 1.0  # [s] between two attempts to subscribe to the grippers' signals
     metavar="NAME",
     help="Controller that commands the arms after EGM has started; else joint_position_controller.",
 )
-@click.option("--record", type=click.Path(dir_okay=False, path_type=Path), help="Record every cycle to this MCAP file.")
+@click.option("--record", type=NEW_FILE, help="Record every cycle to this MCAP file.")
 @click.option(
     "--bringup/--no-bringup",
     default=None,
@@ -115,17 +148,20 @@ def up(
     record: Path | None,
     network: bool,
     with_ros: bool,
+    wait: float | None,
     until_stdin_closes: bool,
     **options: Any,
 ) -> None:
-    """Run the driver: bring the robot to ready and serve ROS 2, the commands of yumi and scripts that attach to it.
+    """Run the driver: it brings the robot to ready.
 
-    It says what it will do to the robot before it does it.
+    It serves ROS 2, the commands of yumi and scripts that attach to it, and says what it will do to the robot before it
+    does that.
 
     \b
     Examples:
       yumi up --robot 192.168.125.1
-      yumi up --robot 127.0.0.1 --rws-port 8080      with `yumi controller` in another terminal
+      yumi up --robot 127.0.0.1                      with `yumi controller` in another terminal
+      yumi up --robot 127.0.0.1 --wait               with one that may start later
       yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
       yumi up --robot 192.168.125.1 --namespace cell1    one of several robots: /cell1/r/joint_states
       yumi up --robot 192.168.125.1 --no-ros         no ROS 2 is needed; move it with `yumi start`, `yumi move`
@@ -150,7 +186,40 @@ def up(
     ros_arguments = ["--ros-args", *click.get_current_context().meta[ROS_ARGUMENTS]]
     if with_ros:
         speak_as(FrontEnd.ROS)
+    if wait is not None and not wait_for_controller(settings.robot, wait, is_over):
+        return
     run_driver(settings, chosen, is_over, report_ready, record, ros_arguments, with_ros=with_ros)
+
+
+def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> bool:
+    """Wait until a controller answers at the robot's address; False when ``is_over`` was set first.
+
+    Args:
+        robot: where it is, and who logs in.
+        timeout: longest wait [s].
+        is_over: ends the wait.
+
+    Raises:
+        NoConnection: none answers in time, or the address is unknown.
+        YumiError: what answers refuses the user, or is not a controller.
+    """
+    resolve(robot.address)  # an unknown name does not become known
+    address, end, is_told = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
+    while not is_over.is_set():
+        client = RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout)
+        try:
+            client.connect()
+            return True
+        except NoConnection:
+            if time.monotonic() >= end:
+                raise
+        finally:
+            client.close()
+        if not is_told:
+            click.echo(f"Waiting up to {timeout:g} s for a controller at {address}.")
+            is_told = True
+        is_over.wait(_WAIT_PERIOD)
+    return False
 
 
 def run_driver(
@@ -234,14 +303,21 @@ def run_driver(
         front.start()
         endpoint.start()
         stack.callback(endpoint.stop)
-        how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
-        speed = f"{manager.speed} Change it with {how} or the setting robot.speed_scale."
-        for sentence in (connected, control.started_as, *map(str, settings.collision.remarks), speed):
+        for sentence in (connected, *map(str, settings.collision.remarks)):
             log(logging.INFO, sentence)
+        log(logging.DEBUG, control.started_as)
+        log(*_speed_line(manager, with_ros=with_ros))
         reason = front.bring_up(is_reading_only=not settings.ros.bringup)
         settle_memory()
         on_ready(reason)
         is_over.wait()
+
+
+def _speed_line(manager: RobotManager, *, with_ros: bool) -> tuple[int, str]:
+    """How fast the robot may move and how to change that, and the level of the line: who has all speeds needs none."""
+    how = "yumi_robot_manager/set_speed_scale" if with_ros else "yumi speed-scale"
+    level = logging.INFO if manager.speed.in_force < FULL else logging.DEBUG
+    return level, f"{manager.speed} Change it with {how} or the setting robot.speed_scale."
 
 
 def _only_under_name(root: str) -> SingleInstance:
@@ -436,36 +512,17 @@ _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` st
 
 @click.command()
 @click.argument("recording", required=False, type=FILE)
-@click.option(
-    "--robot",
-    default="",
-    help="Address of the robot, or namespace, where several drivers run. Where no driver of it runs, one is started.",
-)
+@robot_option()
 @click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
 @click.option("--operate", is_flag=True, help="Let a page on this machine operate a real robot; a virtual one it may.")
 @click.option("--port", type=click.IntRange(0, MAX_PORT), default=8090, show_default=True, help="0 takes a free one.")
-@click.option(
-    "--listen",
-    default="127.0.0.1",
-    show_default=True,
-    help="Address to listen on; another one than this machine's own takes a token, as --operate does.",
-)
-@click.option(
-    "--logs",
-    type=click.Path(path_type=Path),
-    default=Path("build/view"),
-    show_default=True,
-    help="Folder for the output of a driver and a virtual robot that are started.",
-)
-@click.option(
-    "--config",
-    type=FILE,
-    help="Settings of a driver that is started, instead of the delivered yumi.yaml: boxes, grippers, limits.",
-)
+@listen_option
+@logs_option("build/view")
+@config_option
 @until_stdin_closes_option
 def view(
     recording: Path | None,
-    robot: str,
+    robot: str | None,
     virtual: bool,
     operate: bool,
     port: int,
@@ -474,9 +531,11 @@ def view(
     config: Path | None,
     until_stdin_closes: bool,
 ) -> None:
-    """Show the robot of the running driver in the browser, or a RECORDING: open the address that is printed.
+    """Show the robot, or a recording, in the browser.
 
-    A page only looks until a person takes control there; a real robot is operated with --operate on this machine only.
+    Open the address that is printed. Where no driver of the robot that --robot names runs, one is started, with
+    --config if it is given. A page only looks until a person takes control there; a real robot is operated with
+    --operate on this machine only, and with a token, as is every page that --listen offers to other machines.
 
     \b
     Examples:
@@ -487,6 +546,7 @@ def view(
     """
     from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415 - a quick --help
 
+    robot = robot or ""
     if recording is not None and (robot or virtual or operate):
         raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
     if virtual and robot:
@@ -541,9 +601,7 @@ def _has_driver(robot: str) -> bool:
 @contextmanager
 def _started_driver(robot: str, logs: Path, is_over: Flag, options: tuple[str, ...]) -> Iterator[None]:
     """A driver without ROS in a process of its own: the page must not disturb the control loop."""
-    host, _, rws_port = robot.partition(":")
-    where = ("--robot", host, *(("--rws-port", rws_port) if rws_port else ()))
-    with _started("driver", ("up", *where, "--no-ros", *options), logs, is_over):
+    with _started("driver", ("up", "--robot", robot, "--no-ros", *options), logs, is_over):
         yield
 
 
@@ -580,7 +638,9 @@ def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -
 
 @click.group()
 def record() -> None:
-    """Look at flight records and recordings, and export them.
+    """Look at flight records and recordings.
+
+    They can be exported, too.
 
     \b
     Examples:
@@ -593,11 +653,14 @@ def record() -> None:
 
 @record.command("show")
 @click.argument("file", type=FILE)
-@click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Cycles in the table.")
-@click.option("--arm", type=click.Choice([side.word for side in Side]), help="Which arm; else the one that stopped.")
-@click.option("--picture", type=click.Path(dir_okay=False, path_type=Path), help="Also draw it and save it here.")
-def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None) -> None:
+@click.option("--cycles", type=click.IntRange(1), default=20, show_default=True, help="Number of cycles.")
+@arm_option("the one that stopped")
+@picture_option("none is drawn")
+@json_option
+def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None, json_output: JsonOutput) -> None:
     """Show what led to the event that stopped the motion.
+
+    --cycles is how many the table has.
 
     \b
     Examples:
@@ -606,15 +669,17 @@ def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None) 
     """
     from rich.console import Console  # noqa: PLC0415 - a quick --help
 
-    from yumi.recording.tables import draw_recording, recording_table  # noqa: PLC0415
+    from yumi.recording.tables import draw_recording, recording_document, recording_table  # noqa: PLC0415
 
     recording = read_recording(file)
     side = next((side for side in Side if side.word == arm), recording.arm)
-    console = Console(soft_wrap=False)
-    console.print(recording_table(recording, side, cycles, console.width))
+    json_output.write(json.dumps(recording_document(recording, side, cycles)))
+    if not json_output.is_printed:
+        console = Console(soft_wrap=False)
+        console.print(recording_table(recording, side, cycles, console.width))
     if picture:
         draw_recording(recording, side, picture)
-        click.echo(f"Picture: {picture}")
+        click.echo(f"Picture: {picture}", err=json_output.is_printed)
 
 
 @record.command("export")
@@ -628,7 +693,9 @@ def show_record(file: Path, cycles: int, arm: str | None, picture: Path | None) 
     help="Which table of the recording.",
 )
 def export_record(file: Path, output: Path, table: TableName) -> None:
-    """Write a table of a recording as CSV or Parquet; OUTPUT's ending says which.
+    """Write a table of a recording as CSV or Parquet.
+
+    The ending of OUTPUT says which.
 
     \b
     Examples:
@@ -642,8 +709,9 @@ def export_record(file: Path, output: Path, table: TableName) -> None:
 
 
 @record.command("list")
-@click.option("--folder", type=click.Path(path_type=Path), help="Where they are; else as the delivered settings say.")
-def list_records(folder: Path | None) -> None:
+@click.option("--folder", type=FOLDER, show_default="as in the settings", help="Where they are.")
+@json_option
+def list_records(folder: Path | None, json_output: JsonOutput) -> None:
     """List flight records with what stopped the motion.
 
     \b
@@ -652,9 +720,10 @@ def list_records(folder: Path | None) -> None:
     """
     folder = folder or Path(read_settings().recorder.folder)
     files = sorted(folder.glob("*.mcap"))
-    if not files:
+    if not files and not json_output.is_printed:
         click.echo(f"There are no records in {folder}.")
     damaged = 0
+    stops: list[dict[str, str | None]] = []
     for file in files:
         try:
             stop = read_recording(file, before=0.0).stop
@@ -662,6 +731,9 @@ def list_records(folder: Path | None) -> None:
             damaged += 1
             click.echo(f"{error}", err=True)
             continue
-        click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
+        stops.append({"file": str(file), "stop": stop.sentence if stop else None})
+        if not json_output.is_printed:
+            click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
+    json_output.write(json.dumps(stops))
     if damaged:
         raise ProtocolError(f"{damaged} of the {len(files)} files in {folder} cannot be read.")

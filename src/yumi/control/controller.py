@@ -34,6 +34,10 @@ class GoalKind(IntFlag):
     TOOL = 16
 
 
+IDLE = 1.0
+"""A controller that follows what it is sent is idle when nothing has come for so long [s]."""
+
+
 class Controller(ABC):
     """One controller of one arm.
 
@@ -119,6 +123,10 @@ class Controller(ABC):
 
         A motion without a time base outside the controller is planned again from there.
         """
+
+    def is_idle(self, now: float) -> bool:
+        """Whether nothing asks it to move the arm at ``now`` [s], so that a goal for another one may replace it."""
+        return False
 
     def take_reports(self) -> Sequence[object]:
         """Its reports since the last call, picklable and frozen; asked after each reply, cheap when empty."""

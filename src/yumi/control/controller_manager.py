@@ -640,7 +640,7 @@ class ControllerManager:
         if state is None or not state.is_running:
             needy = next((loaded.name for loaded in switch.activate if loaded.controller.is_command), None)
             if needy:
-                raise CommandRefused(message("controller_without_egm", controller=needy))
+                raise _without_egm(needy)
         begin = state or _NOWHERE
         self._deactivate(switch.deactivate)
         try:
@@ -648,6 +648,30 @@ class ControllerManager:
         finally:
             self._note_change()
         return switch.sentences
+
+    def check_take_over(self, name: str, state: ArmState | None, now: float) -> tuple[str, ...]:
+        """The controllers in whose place an inactive one may be activated for a goal: those that move nothing.
+
+        Args:
+            name: the controller that has a goal.
+            state: the arm's newest state; None while it is not heard.
+            now: the time [s].
+
+        Raises:
+            CommandRefused: no such controller, EGM does not run, or another controller commands the arm.
+        """
+        find(self._loaded, name)
+        if state is None or not state.is_running:
+            raise _without_egm(name)
+        busy = [loaded.name for loaded in self._commanding if not loaded.controller.is_idle(now)]
+        if busy:
+            raise CommandRefused(message("controller_inactive", controller=name, commanding=tuple(busy)))
+        return tuple(loaded.name for loaded in self._commanding)
+
+    def is_inactive(self, name: str) -> bool:
+        """Whether there is such a controller, which could be activated."""
+        loaded = self._loaded.get(name)
+        return loaded is not None and loaded.state is State.INACTIVE
 
     def deactivate_commanding(self) -> tuple[str, ...]:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
@@ -851,6 +875,10 @@ _NOWHERE = ArmState(0.0, 0.0, 0, ZERO, ZERO, ZERO, is_running=False)
 def _hold(state: ArmState) -> ArmCommand | None:
     """What is commanded where no controller does."""
     return None
+
+
+def _without_egm(name: str) -> CommandRefused:
+    return CommandRefused(message("controller_without_egm", controller=name))
 
 
 def _raised(name: str, call: str, error: Exception) -> Message:

@@ -399,12 +399,14 @@ class ControllerCommand:
         controller: its name.
         message: a picklable value it knows.
         activation: of the controllers that it was planned for, see :meth:`Commands.check_commands`; 0 is any.
+        takes_over: whether a controller that is inactive is activated for it, in place of those that move nothing.
     """
 
     side: Side
     controller: str
     message: object
     activation: int = 0
+    takes_over: bool = False
 
 
 class Commands:
@@ -528,15 +530,40 @@ class Commands:
             if each.activation not in (0, arm.activation):
                 reason = message("interrupted_while_planned", arm=each.side.word)
                 raise CommandRefused(message("goal_refused", reason=reason))
-            arm.manager.check(each.controller, each.message, arm.state)
+            if each.takes_over and arm.manager.is_inactive(each.controller):
+                arm.manager.check_take_over(each.controller, arm.state, self._now())
+                arm.check_stands()
+            else:
+                arm.manager.check(each.controller, each.message, arm.state)
         return {each.side: self._arms[each.side].activation for each in commands}
 
-    def send_commands(self, *commands: ControllerCommand) -> None:
-        """Have controllers of one or both arms take their commands between the same two cycles, all or none."""
+    def send_commands(self, *commands: ControllerCommand) -> Mapping[Side, tuple[str, ...]]:
+        """Have controllers of one or both arms take their commands between the same two cycles, all or none.
+
+        Returns:
+            The arms on which a controller was activated for its command, and the controllers that it has replaced.
+        """
         self.check_commands(*commands)
+        replaced: dict[Side, tuple[str, ...]] = {}
+        for each in commands:
+            arm = self._arms[each.side]
+            if each.takes_over and arm.manager.is_inactive(each.controller):
+                before = arm.manager.check_take_over(each.controller, arm.state, self._now())
+                self.switch_controllers(each.side, (each.controller,), before)
+                replaced[each.side] = before
+        try:
+            for each in commands:
+                arm = self._arms[each.side]
+                arm.manager.check(each.controller, each.message, arm.state)
+        except CommandRefused:
+            for each in commands:
+                if each.side in replaced:
+                    self.switch_controllers(each.side, replaced[each.side], (each.controller,))
+            raise
         for each in commands:
             arm = self._arms[each.side]
             arm.manager.receive(each.controller, each.message, arm.state)
+        return replaced
 
     def _publish(self, side: Side) -> None:
         self._arms[side].publish(self._now())

@@ -264,7 +264,9 @@ class Handlers:
         self._lock = Lock()
 
     def note(self, level: int, said: Message | str) -> None:
-        """Keep a line of the driver's log, with a level of :mod:`logging`."""
+        """Keep a line of the driver's log, with a level of :mod:`logging`; none for debugging."""
+        if level < logging.INFO:
+            return
         with self._lock:
             self._count += 1
             word = _LEVELS.get(level, "info")

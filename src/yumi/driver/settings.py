@@ -23,6 +23,7 @@ from yumi.control.tool_path import FASTEST, ToolLimits, Wall
 from yumi.driver.control_process import WakeMode
 from yumi.driver.egm_control import POSITION_CONTROLLER, RecoverySettings, WatchdogSettings
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, EgmMotionSettings
+from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError
 from yumi.robot.collision import TOOL_FRAME, CollisionModel, Obstacle, Part, check_declared
 from yumi.robot.gripper import GripperModules
@@ -40,6 +41,9 @@ from yumi.settings import (
 )
 
 MAX_PORT = 65535
+VIRTUAL_RWS_PORT = 8080
+"""The default port of ``yumi controller``."""
+
 PASSWORD_VARIABLE = "YUMI_PASSWORD"
 """The environment variable with the robot's password; it wins over the settings file."""
 
@@ -476,6 +480,22 @@ def _listed_controllers(file: ParameterFile, side: Side) -> dict[str, Controller
         initial = None if state is None else states[str(state.value)]
         listed[name] = ControllerSettings(name, kind.value, state=initial, place=kind.place)
     return listed
+
+
+def address_values(address: str) -> dict[str, Any]:
+    """The values of :class:`RobotSettings` that an address gives, ``host`` or ``host:port``.
+
+    Without a port it is 8080 on this machine, where ``yumi controller`` serves; for any other it stays what it is, 80.
+
+    Raises:
+        SettingsError: it is no address.
+    """
+    host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
+    if not host or (colon and not port.isdigit()):
+        raise SettingsError(f"{address!r} is not an address; give a host name or IPv4 address, with :port if need be.")
+    if colon:
+        return {"address": host, "rws_port": int(port)}
+    return {"address": host, "rws_port": VIRTUAL_RWS_PORT} if is_loopback(host) else {"address": host}
 
 
 def override(settings: Settings, values: Mapping[str, Mapping[str, Any]], place: str) -> Settings:

@@ -202,6 +202,22 @@ def recording_table(recording: Recording, side: Side, cycles: int, width: int = 
     return Group(Text(headline, style=style), Text(summary), _cycles_table(shown, zero, width), _stages_table(frames))
 
 
+def recording_document(recording: Recording, side: Side, cycles: int) -> dict[str, Any]:
+    """What :func:`recording_table` shows, for programs: SI units, times from the event, joints in chain order."""
+    frames, stop = recording.frames.get(side, ()), recording.stop
+    zero = stop.time if stop else frames[-1].time if frames else 0.0
+    names = ("number", "dt", "session", "is_running", *_VECTORS)
+    return {
+        "arm": side.word,
+        "stop": {"kind": stop.kind, "sentence": stop.sentence} if stop else None,
+        "is_complete": recording.is_complete,
+        "cycles": [
+            {"time": frame.time - zero, **{name: getattr(frame, name) for name in names}}
+            for frame in [each for each in frames if each.time <= zero][-cycles:]
+        ],
+    }
+
+
 def _cycles_table(frames: Sequence[Frame], zero: float, width: int) -> Table:
     from rich.table import Table  # noqa: PLC0415 - as above
 

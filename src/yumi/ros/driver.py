@@ -130,6 +130,7 @@ class RosDriver:
             self._timers,
             manager.monitor,
             base,
+            self.update_activity,
         )
         self._grippers = Grippers(
             grippers,
@@ -281,8 +282,10 @@ class RosDriver:
             log.error(sentence)
         elif level >= logging.WARNING:
             log.warning(sentence)
-        else:
+        elif level >= logging.INFO:
             log.info(sentence)
+        else:
+            log.debug(sentence)
 
     def bring_up(self, *, is_reading_only: bool = False) -> Message | None:
         """Bring the robot to ready.

@@ -1,7 +1,9 @@
 """FollowJointTrajectory and its topics for one arm or both: what upstream's joint trajectory controller offers.
 
 There is one on the node of each trajectory controller, and one for both arms. A goal is accepted when the controller
-has accepted it, and refused with the reason in the log. The controller reports the end of each motion, whatever ends
+has accepted it; one that is inactive is activated for it where no other controller commands the arm. A trajectory with
+a fault is rejected with the reason in the log; where the arm cannot follow now, the goal is accepted and aborted at
+once, so that the reason is in its result. The controller reports the end of each motion, whatever ends
 it, and the goal ends with it: a newer goal, a trajectory on the topic, a cancel, a deactivation.
 """
 
@@ -63,6 +65,8 @@ from yumi.ros.nodes import TimerThread, is_cancelled
 from yumi.settings import number
 
 _FRESH = 0.5  # [s] an active controller writes its feedback many times within this time
+
+_FIRST_NUMBER = 2**40  # of these goals, beside the motions of scripts and commands, which count from 1
 
 Plans = Mapping[Side, ArmPlan]
 Feedbacks = Mapping[Side, TrajectoryFeedback]
@@ -187,6 +191,7 @@ class TrajectoryAction:
         timers: publish what the controllers report.
         causes: knows what stopped the robot; that is added to refusals and results.
         frame: of the robot's base, for the headers.
+        on_switch: called when a goal has activated the controller.
     """
 
     def __init__(
@@ -200,8 +205,10 @@ class TrajectoryAction:
         timers: TimerThread,
         causes: Causes | None = None,
         frame: str = "",
+        on_switch: Callable[[], None] = lambda: None,
     ) -> None:
         self._causes = causes
+        self._on_switch = on_switch
         self._frame = frame
         self._log = node.get_logger()
         self._ros_clock = node.get_clock()
@@ -213,7 +220,7 @@ class TrajectoryAction:
         self._control = control
         self._clock = clock
         self._limits = limits
-        self._numbers = count(1)
+        self._numbers = count(_FIRST_NUMBER)
         self._lock = Lock()
         self._open: dict[int, _OpenGoal] = {}
         self._seen: dict[Side, int] = dict.fromkeys(feedback, 0)
@@ -273,16 +280,31 @@ class TrajectoryAction:
                 goal.is_over.set()
 
     def _consider(self, request: Any) -> Any:
+        goal = _OpenGoal(request)
+        try:
+            activations = self._check_free(takes_over=True)
+        except YumiError as error:  # a goal that is rejected has no result, where a client could read the reason
+            goal.reason = f"{error}{self._advice()}{self._causes.cause() if self._causes else ''}"
+            self._log.warning(goal.reason)
+            goal.is_over.set()
+            with self._lock:
+                self._open[next(self._numbers)] = goal
+            return GoalResponse.ACCEPT
         try:
             tolerances, reason = tolerances_of(request, self._sides)
             if reason:
                 self._log.warning(f"The goal's tolerances are ignored, the controller's own apply: {reason}.")
-            self._send(request.trajectory, tolerances, _OpenGoal(request))
+            self._send(request.trajectory, tolerances, goal, activations)
         except YumiError as error:
             said = because(error.said, self._causes.cause()) if self._causes else error.said
             self._log.warning(f"{said}{self._advice()}")
             return GoalResponse.REJECT
         return GoalResponse.ACCEPT
+
+    def _check_free(self, *, takes_over: bool) -> Mapping[Side, int]:
+        """The activations of the arms' controllers; raises YumiError where a goal could not be followed now."""
+        checks = self._commands(dict.fromkeys(self._sides, CancelTrajectory()), takes_over=takes_over)
+        return self._control.call(Commands.check_commands, *checks)
 
     def _advice(self) -> str:
         """How to activate what is not active, as a sentence with a blank before it; empty where all is."""
@@ -297,15 +319,18 @@ class TrajectoryAction:
                     ways.append(how_to_activate(namespace, side, self._name, rivals))
         return f" To activate: {'; '.join(ways)}." if ways else ""
 
-    def _send(self, message: Any, tolerances: Mapping[Side, Tolerances], goal: _OpenGoal | None) -> None:
-        """Have every arm accept its part of a trajectory, or none.
+    def _send(
+        self,
+        message: Any,
+        tolerances: Mapping[Side, Tolerances],
+        goal: _OpenGoal | None,
+        activations: Mapping[Side, int],
+    ) -> None:
+        """Have every arm accept its part of a trajectory, or none; for a goal, inactive controllers are activated.
 
         Raises:
             YumiError: the trajectory has a fault, a controller refuses it, or the control process has ended.
         """
-        activations = self._control.call(
-            Commands.check_commands, *self._commands(dict.fromkeys(self._sides, CancelTrajectory()))
-        )  # refuses while inactive
         names = {name for side in self._sides for name in joint_names(side)}
         held = (
             None
@@ -324,7 +349,8 @@ class TrajectoryAction:
             with self._lock:
                 self._open[number] = goal  # its end may be reported before the answer comes
         try:
-            self._command(commands, activations)  # to plan may take seconds: a stop meanwhile has dropped the goal
+            # To plan may take seconds: a stop meanwhile has dropped the goal.
+            self._command(commands, activations, takes_over=goal is not None)
         except YumiError:
             with self._lock:
                 self._open.pop(number, None)
@@ -350,15 +376,32 @@ class TrajectoryAction:
             starts[side] = Setpoint(positions[side], newest[1].output_velocity if newest and is_known else ZERO)
         return timed(trajectory, number(values, "positions_upsampling.policy_frequency")), starts
 
-    def _command(self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None) -> None:
-        self._control.call(Commands.send_commands, *self._commands(messages, activations))
+    def _command(
+        self,
+        messages: Mapping[Side, object],
+        activations: Mapping[Side, int] | None = None,
+        *,
+        takes_over: bool = False,
+    ) -> None:
+        commands = self._commands(messages, activations, takes_over=takes_over)
+        replaced = self._control.call(Commands.send_commands, *commands)
+        for side, names in replaced.items():
+            instead = f", in place of {', '.join(names)}" if names else ""
+            self._log.info(f"{self._name} was activated on the {side.word} arm for a goal{instead}.")
+        if replaced:
+            self._on_switch()
 
     def _commands(
-        self, messages: Mapping[Side, object], activations: Mapping[Side, int] | None = None
+        self,
+        messages: Mapping[Side, object],
+        activations: Mapping[Side, int] | None = None,
+        *,
+        takes_over: bool = False,
     ) -> tuple[ControllerCommand, ...]:
         known = activations or {}
         return tuple(
-            ControllerCommand(side, self._name, message, known.get(side, 0)) for side, message in messages.items()
+            ControllerCommand(side, self._name, message, known.get(side, 0), takes_over)
+            for side, message in messages.items()
         )
 
     def _cancel(self, handle: Any) -> Any:
@@ -411,7 +454,7 @@ class TrajectoryAction:
 
         def send() -> None:
             check_wait("Trajectory", waited_for(info))
-            self._send(message, own, None)
+            self._send(message, own, None, self._check_free(takes_over=False))
 
         self._try(send)
 
@@ -468,11 +511,13 @@ class TrajectoryControllers:
         timers: TimerThread,
         causes: Causes | None = None,
         frame: str = "",
+        on_switch: Callable[[], None] = lambda: None,
     ) -> None:
-        both = TrajectoryAction(dual_node, DUAL_ARM, dual, control, clock, limits, timers, causes, frame)
+        shared = (control, clock, limits, timers, causes, frame, on_switch)
+        both = TrajectoryAction(dual_node, DUAL_ARM, dual, *shared)
 
         def of_one_arm(node: Any, side: Side, name: str) -> TrajectoryAction:
-            return TrajectoryAction(node, name, {side: single[side]}, control, clock, limits, timers, causes, frame)
+            return TrajectoryAction(node, name, {side: single[side]}, *shared)
 
         self._both = both
         self.interfaces: Mapping[str, MakeInterface] = {

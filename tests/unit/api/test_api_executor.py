@@ -433,6 +433,12 @@ def test_driver_with_ros_keeps_no_fault_and_logs_nothing(caplog: pytest.LogCaptu
     assert (motions.fault(Side.RIGHT), caplog.text) == (None, "")
 
 
+@pytest.mark.parametrize("is_script", [True, False])
+def test_motions_are_counted_from_one_for_those_who_read_the_log(is_script: bool) -> None:
+    motions = MotionRegistry(is_script=is_script)
+    assert [motions.begin(Side.RIGHT).identity for _ in range(3)] == [1, 2, 3]
+
+
 def test_jog_does_not_end_a_motion_that_began_since_the_last_one(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     twist = (0.1, *ZERO[1:])

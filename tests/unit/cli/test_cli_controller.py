@@ -38,15 +38,18 @@ def run(*arguments: object) -> tuple[int, str]:
 
 
 def test_fault_command_injects_a_fault(world: World, port: int) -> None:
-    assert run("egm-silence", "--side", "left", "--duration", 3, "--rws-port", port) == (0, "egm-silence: done\n")
+    assert run("egm-silence", "--arm", "left", "--duration", 3, "--robot", f"127.0.0.1:{port}") == (
+        0,
+        "egm-silence: done\n",
+    )
     assert [world.network.amount(Fault.EGM_LOSS, side) for side in (Side.LEFT, Side.RIGHT)] == [100.0, None]
 
 
 def test_fault_command_passes_strength_and_direction_on(world: World, port: int) -> None:
-    chosen = ("--by", 20, "--way", "to-robot", "--side", "right", "--rws-port", port)
+    chosen = ("--by", 20, "--way", "to-robot", "--arm", "right", "--robot", f"127.0.0.1:{port}")
     assert run("egm-delay", *chosen) == (0, "egm-delay: done\n")
     assert world.network.amount(Fault.EGM_DELAY, Side.RIGHT, Way.TO_ROBOT) == 20.0
-    assert run("egm-loss", "--by", 200, "--rws-port", port) == (
+    assert run("egm-loss", "--by", 200, "--robot", f"127.0.0.1:{port}") == (
         1,
         "Error: The strength ('by') of egm-loss is 0 to 100 %, not 200.\n",
     )
@@ -61,7 +64,7 @@ def test_fault_command_lists_the_faults(arguments: tuple[str, ...]) -> None:
 
 def test_fault_command_passes_a_refusal_on(port: int) -> None:
     sentence = "Error: An arm whose motors are off does not collide; switch the motors on first.\n"
-    assert run("collision", "--rws-port", port) == (1, sentence)
+    assert run("collision", "--robot", f"127.0.0.1:{port}") == (1, sentence)
 
 
 def test_fault_command_refuses_a_name_it_does_not_know() -> None:
@@ -72,9 +75,9 @@ def test_fault_command_refuses_a_name_it_does_not_know() -> None:
 def test_fault_command_says_that_nothing_listens(port: int) -> None:
     with HttpServer(lambda _: HttpReply(404), port=0) as server:
         free = server.port
-        code, output = run("collision", "--rws-port", free)
+        code, output = run("collision", "--robot", f"127.0.0.1:{free}")
         assert output == f"Error: What answers at 127.0.0.1:{free} is not a virtual controller of this package.\n"
-    code, output = run("collision", "--rws-port", free)
+    code, output = run("collision", "--robot", f"127.0.0.1:{free}")
     assert (code, output.endswith("A virtual controller is started with `yumi controller`.\n")) == (1, True)
 
 

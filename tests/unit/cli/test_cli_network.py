@@ -162,7 +162,7 @@ def test_names_of_topics_may_be_remapped(rule: str) -> None:
 
 
 def test_demo_refuses_a_port_without_a_robot() -> None:
-    result = CliRunner().invoke(main, ["demo", "--rws-port", "8080"])
+    result = CliRunner().invoke(main, ["demo", "--left-egm-port", "6521"])
     assert result.exit_code == 1
     assert "name it with --robot" in result.output
 

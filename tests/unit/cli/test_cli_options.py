@@ -14,11 +14,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from yumi.cli.main import main
-from yumi.cli.up import run_driver
+from yumi.cli.options import settings_of
+from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
 from yumi.control.shared_state import SessionLost
-from yumi.driver.settings import Settings, override, read_settings
+from yumi.driver.settings import RobotSettings, Settings, override, read_settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
+from yumi.errors import LoginRefused, NoConnection
 from yumi.robot.joints import Side
 
 
@@ -42,7 +44,7 @@ def run(*arguments: str) -> Result:
         (("param", "list", "r/node", "p", "1.3"), "list takes NODE, not r/node p 1.3."),
         (("param", "set", "r/node", "p"), "set takes NODE NAME VALUE, not r/node p."),
         (("param", "list"), "list takes NODE, not nothing."),
-        (("up", "--rws-port", "0"), "0 is not in the range 1<=x<=65535"),
+        (("up", "--robot", "127.0.0.1:0"), "command line: robot: rws_port is 0"),
         (("up", "--speed-scale", "0"), "0.0 is not in the range 0.01<=x<=1.0"),
         (("up", "--speed-scale", "nan"), "'nan' is not a factor"),
         (("demo", "--speed-scale", "2"), "2.0 is not in the range 0.01<=x<=1.0"),
@@ -124,17 +126,21 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     monkeypatch.setattr("yumi.cli.up.run_driver", lambda *given, with_ros: given[3](reason))
-    result = run("up", "--robot", "127.0.0.1", "--rws-port", "8080")
+    result = run("up", "--robot", "127.0.0.1:8080")
     assert (result.exit_code, result.output.splitlines()[-1]) == (0, line)
 
 
 @pytest.mark.parametrize(
-    ("options", "value"), [((), "0.1: every controller moves with at most 10%"), (("--speed-scale", "1"), "1: every")]
+    ("options", "value", "level"),
+    [
+        ((), "0.1: every controller moves with at most 10%", "INFO"),
+        (("--speed-scale", "1"), "1: every", "DEBUG"),
+    ],
 )
 def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, options: tuple[str, ...], value: str
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, options: tuple[str, ...], value: str, level: str
 ) -> None:
-    order: list[str] = []
+    order: list[tuple[str, str]] = []
 
     def make_parts(settings: Settings, *_: Any, **__: Any) -> Mock:
         parts = Mock()
@@ -144,7 +150,7 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
         return parts
 
     def bring_up(*_: Any, **__: Any) -> str:
-        order.extend(record.getMessage() for record in caplog.records)
+        order.extend((record.levelname, record.getMessage()) for record in caplog.records)
         return ""
 
     over = Event()
@@ -155,10 +161,12 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
     monkeypatch.setattr("yumi.cli.up.bring_up", bring_up)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: over)
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
-    with caplog.at_level("INFO", logger="yumi"):
+    with caplog.at_level("DEBUG", logger="yumi"):
         result = run("up", "--robot", "192.0.2.1", "--no-ros", *options)
     assert result.exit_code == 0, result.output
-    (said,) = [line for line in order if line.startswith("speed_scale is ")]
+    assert ("DEBUG", "the control process has started") in order
+    ((shown, said),) = [line for line in order if line[1].startswith("speed_scale is ")]
+    assert shown == level
     assert said.startswith(f"speed_scale is {value}")
     assert said.endswith("Change it with yumi speed-scale or the setting robot.speed_scale.")
 
@@ -206,3 +214,93 @@ def test_examples_of_every_help_are_a_line_each() -> None:
     for name, text in helps.items():
         assert "\\b" not in text, name  # click's mark for lines that stay as they are
         assert not re.search(r"Examples?: +yumi", text), name
+
+
+class Controllers:
+    """What a client meets at each of its attempts; the clients that were made."""
+
+    def __init__(self, *answers: Exception | None) -> None:
+        self.answers = list(answers)
+        self.addresses: list[str] = []
+
+    def client(self, address: str, **_: object) -> Controllers:
+        self.addresses.append(address)
+        return self
+
+    def connect(self) -> None:
+        answer = self.answers.pop(0)
+        if answer is not None:
+            raise answer
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+NOBODY = NoConnection("no controller listens there")
+
+
+def wait(controllers: Controllers, monkeypatch: pytest.MonkeyPatch, timeout: float, is_over: Event) -> bool:
+    monkeypatch.setattr("yumi.cli.up.RwsClient", controllers.client)
+    monkeypatch.setattr("yumi.cli.up._WAIT_PERIOD", 0.0)
+    return wait_for_controller(RobotSettings(address="127.0.0.1", rws_port=8080), timeout, is_over)
+
+
+def test_driver_waits_until_a_controller_answers_and_says_so_once(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    controllers = Controllers(NOBODY, NOBODY, None)
+    assert wait(controllers, monkeypatch, 30.0, Event())
+    assert controllers.addresses == ["127.0.0.1:8080"] * 3
+    assert capsys.readouterr().out == "Waiting up to 30 s for a controller at 127.0.0.1:8080.\n"
+
+
+def test_driver_that_has_waited_long_enough_says_why_there_is_no_connection(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(NoConnection, match="no controller listens there"):
+        wait(Controllers(NOBODY), monkeypatch, 0.0, Event())
+
+
+def test_driver_does_not_wait_for_a_controller_that_refuses_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    controllers = Controllers(LoginRefused("no"), None)
+    with pytest.raises(LoginRefused):
+        wait(controllers, monkeypatch, 30.0, Event())
+    assert len(controllers.addresses) == 1
+
+
+def test_driver_that_is_ended_while_it_waits_is_not_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    over = Event()
+    controllers = Controllers(NOBODY, None)
+    monkeypatch.setattr(controllers, "connect", lambda: (over.set(), controllers.answers.pop(0)) and _raise(NOBODY))
+    assert not wait(controllers, monkeypatch, 30.0, over)
+    assert len(controllers.addresses) == 1
+
+
+def _raise(error: Exception) -> NoReturn:
+    raise error
+
+
+@pytest.mark.parametrize(
+    ("option", "timeout"),
+    [((), None), (("--wait",), DEFAULT_WAIT), (("--wait", "5"), 5.0), (("--wait", "--no-ros"), 60.0)],
+)
+def test_wait_may_have_a_time(monkeypatch: pytest.MonkeyPatch, option: tuple[str, ...], timeout: float | None) -> None:
+    waits: list[float] = []
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
+    monkeypatch.setattr("yumi.cli.up.run_driver", lambda *_, **__: None)
+    monkeypatch.setattr("yumi.cli.up.wait_for_controller", lambda robot, time, is_over: waits.append(time) or True)
+    result = run("up", "--robot", "127.0.0.1", *option)
+    assert (result.exit_code, waits) == (0, [] if timeout is None else [timeout]), result.output
+
+
+@pytest.mark.parametrize(
+    ("robot", "address", "port"),
+    [("192.0.2.1", "192.0.2.1", 80), ("192.0.2.1:8081", "192.0.2.1", 8081), ("127.0.0.1", "127.0.0.1", 8080)],
+)
+def test_robot_is_the_address_of_a_controller_with_its_port(robot: str, address: str, port: int) -> None:
+    found = settings_of(None, {"robot": robot}).robot
+    assert (found.address, found.rws_port) == (address, port)
+
+
+def test_robot_that_is_no_address_is_refused() -> None:
+    result = run("up", "--no-ros", "--robot", "192.0.2.1:http")
+    assert (result.exit_code, "'192.0.2.1:http' is not an address" in result.output) == (2, True)

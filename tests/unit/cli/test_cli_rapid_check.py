@@ -107,7 +107,7 @@ def test_names_are_those_of_the_robot_a_program_is_for(tmp_path: Path, robot: st
     )
     faults = check_program([path], robot=robot)
     assert [fault.kind for fault in faults] == ["unknown"] * count
-    result = CliRunner().invoke(main, ["rapid", "check", "--robot", robot, str(path)])
+    result = CliRunner().invoke(main, ["rapid", "check", "--model", robot, str(path)])
     assert result.exit_code == (1 if count else 0)
 
 

@@ -22,7 +22,7 @@ def controller() -> PlainController:
 def where(controller: PlainController) -> Iterator[list[str]]:
     with serving(controller) as address:
         host, _, port = address.partition(":")
-        yield ["--robot", host, "--rws-port", port]
+        yield ["--robot", f"{host}:{port}"]
 
 
 def rws(where: list[str], command: str, *arguments: str) -> Result:
@@ -70,7 +70,7 @@ def test_json_has_values_instead_of_text(where: list[str]) -> None:
 
 
 def test_file_is_written_where_it_is_wanted(where: list[str], tmp_path: Path) -> None:
-    rws(where, "get", "HOME:/user.sys", "-o", str(tmp_path / "user.sys"))
+    rws(where, "get", "HOME:/user.sys", str(tmp_path / "user.sys"))
     assert (tmp_path / "user.sys").read_text() == "MODULE user(SYSMODULE)\nENDMODULE\n"
 
 

@@ -98,7 +98,7 @@ def at_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def run(folder: Path, *arguments: str, answers: str = "") -> Result:
-    return CliRunner().invoke(measure, ["right", *arguments, "--out", str(folder / "new")], input=answers)
+    return CliRunner().invoke(measure, ["right", *arguments, "--output", str(folder / "new")], input=answers)
 
 
 def archive(folder: Path) -> dict[str, bytes]:
@@ -281,7 +281,9 @@ def test_real_robot_is_moved_only_by_a_person_at_a_terminal(
 def test_folder_with_files_is_not_written_to(robot: type[FakeRobot], tmp_path: Path) -> None:
     (tmp_path / "new").mkdir()
     (tmp_path / "new" / "file").touch()
-    assert "is there already; give the folder of a new measurement with --out" in str(run(tmp_path, "--yes").exception)
+    assert "is there already; give the folder of a new measurement with --output" in str(
+        run(tmp_path, "--yes").exception
+    )
     assert robot.done == []
 
 

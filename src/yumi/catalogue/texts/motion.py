@@ -231,6 +231,10 @@ CONTROLLERS: Mapping[str, Text] = {
     "controller_without_egm": Text(
         "controller {controller:quoted} cannot start: EGM is not running on this arm", "{start_egm}"
     ),
+    "controller_inactive": Text(
+        "controller {controller:quoted} is inactive, and {commanding:and} commands the arm",
+        "wait until its motion has ended, or activate {controller}",
+    ),
     "interface_named_twice": Text(
         "controller {controller:quoted} names interface {interface} twice", "name each one once"
     ),

@@ -531,6 +531,9 @@ class CartesianController(JointTrajectoryController):
         if not isinstance(self._source, _Stream):
             super().note_withheld(position)
 
+    def is_idle(self, now: float) -> bool:
+        return super().is_idle(now) and not isinstance(self._source, _Stream)
+
     def take_reports(self) -> Sequence[object]:
         reports = super().take_reports()
         if self._limited:

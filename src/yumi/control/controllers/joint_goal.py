@@ -224,6 +224,9 @@ class JointGoalController(Controller):
         notices, self._notices = self._notices, []
         return notices
 
+    def is_idle(self, now: float) -> bool:
+        return self._order is None and self._standstill is None
+
     @property
     def reference(self) -> Joints | None:
         return self._motion.end

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from math import inf
 
-from yumi.control.controller import Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
+from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
 from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     DELAY,
@@ -72,6 +72,7 @@ class JointPositionController(Controller):
         self._inbox = GoalInbox(goals)
         self._joint_names: tuple[str, ...] = ()
         self._goal: Joints | None = None
+        self._given_at = -inf
         self._p = self._i = self._d = ZERO
         self._i_clamp = (0.0, 0.0)
         self._integrals = [0.0] * JOINT_COUNT
@@ -82,9 +83,10 @@ class JointPositionController(Controller):
     def parameters(self, joint_names: tuple[str, ...]) -> tuple[Parameter, ...]:
         self._joint_names = joint_names
         own = [
-            Parameter(f"gains.{name}.{gain.name}", -1.0, -1.0, gain.highest, gain.unit, f"Own {gain.name}; -1 as all.")
+            Parameter(f"gains.{name}.{gain.name}", -1.0, -1.0, gain.highest, gain.unit, description)
             for name in joint_names
             for gain in _PID[:3]
+            for description in (f"{gain.name} of this joint; -1 takes {gain.name} of all joints.",)
         ]
         return (*_PID, *own, *_TRACKING)
 
@@ -107,7 +109,7 @@ class JointPositionController(Controller):
         return tuple(f"{name}/{kind}" for name in joint_names for kind in ("position", "velocity"))
 
     def activate(self, state: ArmState) -> None:
-        self._goal = state.position
+        self._goal, self._given_at = state.position, -inf
         self._inbox.forget()
         self._integrals = [0.0] * JOINT_COUNT
         self._is_tracking = False
@@ -115,10 +117,13 @@ class JointPositionController(Controller):
     def update(self, state: ArmState) -> ArmCommand | None:
         goal = self._inbox.take(state.session, state.time)
         if goal is not None:
-            self._goal = goal.position
+            self._goal, self._given_at = goal.position, state.time
         if self._goal is None:
             return None
         return self._track(state, goal) if self._feeds_forward else self._control(state, self._goal)
+
+    def is_idle(self, now: float) -> bool:
+        return now - self._given_at > IDLE
 
     @property
     def reference(self) -> Joints | None:
@@ -230,7 +235,7 @@ class ForwardCommandController(Controller):
         goal = self._buffers[self._forwarded].take(state.session, state.time)
         if self._forwarded == "position":
             if goal is not None:
-                self._wanted = goal.position
+                self._wanted, self._given_at = goal.position, state.time
             return None if self._wanted is None else ArmCommand(self._wanted)
         if goal is not None:
             self._wanted, self._given_at = goal.velocity, goal.time
@@ -241,6 +246,9 @@ class ForwardCommandController(Controller):
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)
+
+    def is_idle(self, now: float) -> bool:
+        return now - self._given_at > IDLE
 
     @property
     def reference(self) -> Joints | None:
@@ -318,6 +326,9 @@ class JointVelocityController(Controller):
 
     def note_withheld(self, position: Joints) -> None:
         self._motion.give_up(position)
+
+    def is_idle(self, now: float) -> bool:
+        return now - self._given_at > IDLE
 
     @property
     def reference(self) -> Joints | None:

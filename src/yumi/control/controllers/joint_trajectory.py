@@ -636,6 +636,9 @@ class JointTrajectoryController(Controller):
         reports, self._reports = self._reports, []
         return reports
 
+    def is_idle(self, now: float) -> bool:
+        return self._goal is None and self._standstill is None and not self._is_braking
+
     @property
     def reference(self) -> Joints | None:
         return self._position
