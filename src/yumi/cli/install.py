@@ -20,7 +20,7 @@ import click
 
 from yumi.cli.options import config_option, robot_options, settings_of
 from yumi.clock import SystemClock
-from yumi.driver.bringup import EgmAddress
+from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.egm.udp import UdpServer, address_towards, network_cards, resolve
 from yumi.errors import NoConnection, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side
@@ -243,6 +243,7 @@ def _session(config: Path | None, is_json: bool, options: dict[str, Any]) -> Ite
     client, remote, addresses = _controller_of(config, options)
     try:
         system = client.connect()
+        LaunchChecks(client).check_robot(system)
         identity = client.identity()
         record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         session = _Session(client, system, remote, addresses, Installation(client, record, _Progress(is_json)), is_json)

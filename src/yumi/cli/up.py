@@ -27,6 +27,7 @@ import msgspec
 from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.cli.options import (
     FILE,
+    PORT,
     ROS_ARGUMENTS,
     SCALE,
     config_option,
@@ -45,7 +46,15 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
 from yumi.driver.gripper import GripperSetup
 from yumi.driver.robot_manager import RobotConnection, RobotManager, bring_up
-from yumi.driver.settings import MAX_PORT, CalibrateWhen, Settings, read_controllers, read_settings
+from yumi.driver.settings import (
+    MAX_PORT,
+    CalibrateWhen,
+    RobotSettings,
+    Settings,
+    password_of_environment,
+    read_controllers,
+    read_settings,
+)
 from yumi.driver.wiring import Controllers, DriverParts, make_parts, only_at_robot
 from yumi.egm.udp import free_port, is_loopback
 from yumi.errors import ProtocolError, RobotNotReady, SettingsError, YumiError
@@ -433,7 +442,8 @@ _READY_TIMEOUT = 60.0  # [s] for a driver or a virtual robot that `yumi view` st
 @click.option(
     "--robot",
     default="",
-    help="Address of the robot, or namespace, where several drivers run. Where no driver of it runs, one is started.",
+    help="Address of the robot, or namespace, where several drivers run. Where no driver of it runs, one is started; "
+    "where none can, the controller is read: any robot, with any RAPID program.",
 )
 @click.option("--virtual", is_flag=True, help="Start a virtual robot with a driver, and show that one.")
 @click.option("--operate", is_flag=True, help="Let a page on this machine operate a real robot; a virtual one it may.")
@@ -471,15 +481,19 @@ def view(
     """Show the robot of the running driver in the browser, or a RECORDING: open the address that is printed.
 
     A page only looks until a person takes control there; a real robot is operated with --operate on this machine only.
+    A controller without the state machine of this package, or of another robot, is shown by what it reports: joints,
+    RAPID tasks with their program pointers, and its log.
 
     \b
     Examples:
       yumi view                               the robot of the driver that runs, or will
       yumi view --virtual                     a virtual robot to try
       yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
+      yumi view --robot 127.0.0.1:8080        what `yumi controller --program x.mod --start` does
       yumi view session.mcap                  a recording or flight record, with a time slider
     """
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415 - a quick --help
+    from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
+    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
 
     if recording is not None and (robot or virtual or operate):
         raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
@@ -489,6 +503,7 @@ def view(
         raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
     is_over = end_flag(until_stdin_closes)
     own = () if config is None else ("--config", str(config))
+    controller: ControllerReader | None = None
     with ExitStack() as stack:
         if virtual:
             robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
@@ -497,6 +512,10 @@ def view(
                 raise SettingsError(
                     f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
                 )
+        elif robot and not operate and (controller := open_controller(_robot_at(robot, config))) is not None:
+            click.echo("View only, since no driver can run for this controller:")
+            for sentence in controller.message().missing:
+                click.echo(f"  {sentence}")
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
@@ -508,6 +527,7 @@ def view(
             may_operate=may_operate,
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
+            controller=controller,
         )
         asyncio.run(_serve_pages(settings, is_over))
 
@@ -530,6 +550,13 @@ def _has_driver(robot: str) -> bool:
     except RobotNotReady:
         return False
     return True
+
+
+def _robot_at(robot: str, config: Path | None) -> RobotSettings:
+    """Where the controller at host or host:port is, and who logs in."""
+    host, _, rws_port = robot.partition(":")
+    given = {"rws_port": PORT.convert(rws_port, None, None)} if rws_port else {}
+    return settings_of(config, {"robot": host, "password": password_of_environment(), **given}).robot
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotN
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
+from yumi.rws.documents import SystemInfo
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 ANNOUNCEMENT = "Bring-up will: "
@@ -45,6 +46,8 @@ LONGEST_ROUTINE = 300.0
 
 OLDEST_ROBOTWARE = (6, 9)
 """EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
+
+SINGLE_ARM_YUMI = "IRB 14050"
 
 REQUIRED_OPTIONS: Mapping[str, str] = {"689-1 Externally Guided Motion (EGM)": "EGM can move no arm"}
 """What the controller must have, and what does not work without.
@@ -283,6 +286,7 @@ class LaunchChecks:
             RobotNotReady: something is missing that cannot be repaired from here; the message says what and how.
         """
         system = self._client.system()
+        self.check_robot(system)
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
             version = ".".join(map(str, system.robotware))
             raise RobotNotReady(f"The controller runs RobotWare {version}; EGM for a YuMi needs 6.09 or newer.")
@@ -296,14 +300,34 @@ class LaunchChecks:
         self.check_tasks()
         self.check_devices()
 
+    def check_robot(self, system: SystemInfo) -> None:
+        """See that the controller moves a YuMi.
+
+        Args:
+            system: of the controller.
+
+        Raises:
+            RobotNotReady: it moves another robot; the message names the robot and what to use instead.
+        """
+        units = self._client.mechanical_units()
+        if any(side.unit in units for side in Side):
+            return
+        address, robot = self._client.address, f"an {system.robot}" if system.robot else "another robot"
+        listed = f"mechanical unit{'s' * (len(units) > 1)} {', '.join(units)}" if units else "no mechanical unit"
+        yumi = "a YuMi with two arms" if system.robot == SINGLE_ARM_YUMI else "a YuMi"
+        raise RobotNotReady(
+            f"The controller at {address} is {robot} ({listed}), not {yumi}; for other robots use yumi.EgmServer "
+            f"(docs/how-to/control-any-abb-robot.md), or look with `yumi view --robot {address}`."
+        )
+
     def check_unit(self, side: Side) -> None:
         """See that the controller moves an arm; raises RobotNotReady."""
         try:
             self._client.joint_target(side.unit)
-        except ControllerRefused as error:
+        except ControllerRefused:
             raise RobotNotReady(
                 f"The controller has no mechanical unit {side.unit}; it does not move a YuMi's {side.word} arm."
-            ) from error
+            ) from None
 
     def check_tasks(self) -> None:
         """See that the program is in both tasks: of all that is checked, this changes without a restart."""
@@ -315,8 +339,8 @@ class LaunchChecks:
         task, remedy = side.task, "load the RAPID modules of this package on it"
         try:
             kind = self._client.symbol_type(task, MAIN, "current_state")
-        except ControllerRefused as error:
-            raise RobotNotReady(f"Task {task} has no state machine ({MAIN}); {remedy}.") from error
+        except ControllerRefused:
+            raise RobotNotReady(f"Task {task} has no state machine ({MAIN}); {remedy}.") from None
         if kind != "num":
             raise RobotNotReady(f"{task}/{MAIN}/current_state has type {kind}, not num; {remedy}.")
         try:

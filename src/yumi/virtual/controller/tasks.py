@@ -42,6 +42,7 @@ class TaskHost:
 
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
+        line_count: how many lines that were.
         events: why the task stopped by itself, until they are read.
         devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
@@ -49,6 +50,7 @@ class TaskHost:
     def __init__(self, signals: Signals, files: Mapping[str, str], log: EventLog, *, is_virtual: bool) -> None:
         self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
+        self.line_count = 0
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
         self._files = files
@@ -57,6 +59,7 @@ class TaskHost:
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
+        self.line_count += 1
         log.debug("%s: %s", task, text)
 
     def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:
