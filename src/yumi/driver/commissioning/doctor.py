@@ -115,7 +115,7 @@ _BACKGROUND = {
     "option": ("without 689-1 the controller knows no instruction of EGM", "System Info, System properties, Options"),
     "add-in": ("it brings the state machine by itself", "System Info, System properties, Options"),
     "gripper": ("the grippers are commanded by their RAPID driver", "ABB menu, SmartGripper"),
-    "robot": ("this driver moves an IRB 14000 alone", ""),
+    "robot": ("this driver moves an IRB 14000 only", ""),
     "arm": ("each arm is a mechanical unit of its own", "Jogging, Mechanical unit"),
     "operating mode": (
         "only in AUTO may a program on a computer change anything",
