@@ -132,7 +132,7 @@ def test_another_robot_is_refused_by_its_name(command: str, state: Path) -> None
     with served(World(WorldSettings(system=factory_system(ROBOTS["irb120"]))).controller) as what:
         result = run(command, "--robot", "127.0.0.1", "--rws-port", str(what.port), "--yes")
         assert {request.method for request in what.requests} == {"GET"}
-    assert result.exit_code == 2
+    assert result.exit_code == 1
     assert result.stderr.startswith(
         f"Error: The controller at 127.0.0.1:{what.port} is an IRB 120 (mechanical unit ROB_1)"
     )

@@ -78,7 +78,10 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
     with browser() as chromium, Command("view", arguments, tmp_path / "view.log") as view:
         lines: list[str] = []
         url = view.wait_until_ready(60.0, on_line=lines.append)
-        assert "An IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it." in lines[1]
+        assert (
+            "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it."
+            in lines[1]
+        )
         page = chromium.new_page(viewport={"width": 1000, "height": 700})
         page.set_default_timeout(SOON)
         page.on("pageerror", lambda error: errors.append(str(error)))

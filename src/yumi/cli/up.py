@@ -513,6 +513,7 @@ def view(
                     f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
                 )
         elif robot and not operate and (controller := open_controller(_robot_at(robot, config))) is not None:
+            stack.callback(controller.close)
             click.echo("View only, since no driver can run for this controller:")
             for sentence in controller.message().missing:
                 click.echo(f"  {sentence}")

@@ -263,6 +263,18 @@ class Bringup:
         return self.machines.state(side)
 
 
+def other_robot(robot: str, units: Sequence[str]) -> str:
+    """A robot that is not a YuMi, in a sentence.
+
+    Args:
+        robot: ABB's name of it; empty where the controller does not name it.
+        units: its mechanical units.
+    """
+    name = f"an {robot}" if robot else "another robot"
+    listed = f"mechanical unit{'s' * (len(units) > 1)} {', '.join(units)}" if units else "no mechanical unit"
+    return f"{name} ({listed}), not a YuMi{' with two arms' * (robot == SINGLE_ARM_YUMI)}"
+
+
 class LaunchChecks:
     """Checks one controller for what no request can repair, and for what will be missed later.
 
@@ -312,11 +324,9 @@ class LaunchChecks:
         units = self._client.mechanical_units()
         if any(side.unit in units for side in Side):
             return
-        address, robot = self._client.address, f"an {system.robot}" if system.robot else "another robot"
-        listed = f"mechanical unit{'s' * (len(units) > 1)} {', '.join(units)}" if units else "no mechanical unit"
-        yumi = "a YuMi with two arms" if system.robot == SINGLE_ARM_YUMI else "a YuMi"
+        address = self._client.address
         raise RobotNotReady(
-            f"The controller at {address} is {robot} ({listed}), not {yumi}; for other robots use yumi.EgmServer "
+            f"The controller at {address} is {other_robot(system.robot, units)}; for other robots use yumi.EgmServer "
             f"(docs/how-to/control-any-abb-robot.md), or look with `yumi view --robot {address}`."
         )
 

@@ -23,7 +23,7 @@ import msgspec
 import numpy as np
 
 from yumi.clock import Clock, SystemClock
-from yumi.driver.bringup import LaunchChecks
+from yumi.driver.bringup import LaunchChecks, other_robot
 from yumi.driver.endpoint import EventReport, Surroundings
 from yumi.driver.settings import RobotSettings
 from yumi.errors import ControllerRefused, ProtocolError, RobotNotReady, YumiError
@@ -36,6 +36,7 @@ from yumi.rws.session import BUSY
 from yumi.rws.transport import HttpTransport
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 from yumi.virtual.faults import DISPLAY_PATH
+from yumi.web.live import _failure
 
 LINES = 200
 """So many lines of the log are kept for a page that is opened later."""
@@ -325,8 +326,8 @@ class ControllerReader:
         if self.is_yumi:
             yield self._why
         else:
-            robot, units = f"An {self.robot}" if self.robot else "Another robot", ", ".join(self.kind.units) or "none"
-            yield f"{robot} (mechanical unit {units}), not a YuMi: no driver of this package runs for it."
+            what = other_robot(self.robot, self.kind.units)
+            yield f"The robot is {what}: no driver of this package runs for it."
         if not self.kind.is_drawn:
             yield "There is no description of this robot here: its joints are shown as numbers."
         for name, sentence in self._refused.items():
@@ -431,13 +432,17 @@ class ControllerReader:
             self._append([_line_of(event) for event in new])
 
     def _read_display(self) -> None:
-        lines = []
-        for state in self._client.entries(DISPLAY_PATH):
-            task, number = state.text("task"), state.whole("number")
-            if number > self._last_lines.get(task, 0):
-                self._last_lines[task] = number
-                lines.append(LogLine("TPWrite", state.text("text")[:_LONGEST_LINE], task=task))
-        self._append(lines)
+        shown = [
+            (state.text("task"), state.whole("number"), state.text("text")[:_LONGEST_LINE])
+            for state in self._client.entries(DISPLAY_PATH)
+        ]
+        newest = {task: number for task, number, _ in shown}  # they come in their order
+        # Fewer lines than before are those of a controller that was started anew.
+        known = {task: last for task, last in self._last_lines.items() if last <= newest.get(task, 0)}
+        self._last_lines = newest
+        self._append(
+            [LogLine("TPWrite", text, task=task) for task, number, text in shown if number > known.get(task, 0)]
+        )
 
     def _append(self, lines: list[LogLine]) -> None:
         if lines:
@@ -468,6 +473,8 @@ def _line_of(event: Event) -> LogLine:
 def open_controller(robot: RobotSettings) -> ControllerReader | None:
     """A reader of the controller, where no driver of this package can run for it; None where one can.
 
+    The reader is to be closed.
+
     Args:
         robot: where the controller is, and who logs in.
 
@@ -484,19 +491,27 @@ def open_controller(robot: RobotSettings) -> ControllerReader | None:
 
     client = client_of(address)
     try:
-        LaunchChecks(client).run()
-    except RobotNotReady as error:
-        reader = ControllerReader(client, clock, str(error))
+        why = _why_no_driver(client)
+        reader = ControllerReader(client, clock, why) if why else None
     except YumiError:
         client.close()
         raise
-    else:
-        client.close()
-        return None
-    if not reader.is_virtual:
+    if reader is not None and not reader.is_virtual:
         return reader
-    client.close()  # a virtual controller bears more than the twenty requests a second of a real one
-    return ControllerReader(client_of(HttpTransport(address, clock, request_interval=0.0)), clock, reader._why)
+    client.close()
+    if reader is None:
+        return None
+    # A virtual controller bears more than the twenty requests a second of a real one.
+    return ControllerReader(client_of(HttpTransport(address, clock, request_interval=0.0)), clock, why)
+
+
+def _why_no_driver(client: RwsClient) -> str:
+    """Why no driver of this package can run for a controller; empty where one can."""
+    try:
+        LaunchChecks(client).run()
+    except RobotNotReady as error:
+        return str(error)
+    return ""
 
 
 class ControllerView:
@@ -542,16 +557,16 @@ class ControllerView:
 
     async def run(self) -> None:
         """Read the controller while a page is open, until cancelled."""
-        reading: asyncio.Future[float] | None = None
+        reading: asyncio.Future[float] | None = None  # nothing is read any more when this has ended
         try:
             while True:
                 await self._watched.wait()
                 reading = asyncio.ensure_future(asyncio.to_thread(self.reader.step))
                 try:
                     delay = await asyncio.shield(reading)
-                except YumiError as error:
+                except Exception as error:  # a fault of ours, too, which the log shows whole
                     self.reader.forget()
-                    self._set_why_not(str(error))
+                    self._set_why_not(_failure(error).message)
                     await asyncio.sleep(_RECONNECT)
                     continue
                 self._set_why_not("")
@@ -565,7 +580,6 @@ class ControllerView:
         finally:
             if reading is not None:
                 await asyncio.wait([reading])
-            await asyncio.to_thread(self.reader.close)
 
     def _set_why_not(self, sentence: str) -> None:
         if sentence != self.why_not:

@@ -114,7 +114,7 @@ def test_six_axes_are_shown_where_they_are_while_the_pointer_stands_at_the_line_
     assert (message.program, message.motors, message.operating_mode) == ("running", "motoron", "AUTO")
     assert message.speed_ratio == 100
     assert message.missing == (
-        "An IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
+        "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
     )
     assert LogLine("TPWrite", "begins", task="T_ROB1") in cell.lines
 
@@ -127,6 +127,20 @@ def test_event_log_is_shown_from_its_beginning_each_message_once(tmp_path: Path)
     assert codes == [event.code for event in reversed(cell.world.controller.events.entries())]
     late = next(line for line in cell.lines if line.text == "Box is late")
     assert (late.level, late.detail, len(late.clock)) == ("warning", "It came after 3 s.", 8)
+
+
+def test_lines_of_tpwrite_are_shown_once_and_anew_by_a_controller_that_was_started_anew(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    host = cell.world.controller.execution.installed["T_ROB1"].host
+    for text in ("one", "two"):
+        host.write_text("T_ROB1", text)
+        cell.go_on(1.0)
+    assert [line.text for line in cell.lines if line.source == "TPWrite"] == ["one", "two"]
+    host.lines.clear()
+    host.line_count = 0
+    host.write_text("T_ROB1", "three")
+    cell.go_on(1.0)
+    assert [line.text for line in cell.lines if line.source == "TPWrite"] == ["one", "two", "three"]
 
 
 def test_arms_of_a_yumi_are_shown_in_the_order_of_the_chain_without_a_state_machine(tmp_path: Path) -> None:
@@ -152,7 +166,7 @@ def test_robot_without_a_description_is_shown_as_numbers(tmp_path: Path) -> None
     message = cell.reader.message()
     assert message.arms["ROB_1"] == pytest.approx(irb120().home, abs=1e-4)
     assert message.missing == (
-        "An IRB 1200 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
+        "The robot is an IRB 1200 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
         "There is no description of this robot here: its joints are shown as numbers.",
     )
     model = controller_model(cell.reader)
@@ -264,7 +278,6 @@ def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path)
                 assert message["sentence"] == "No driver runs for this controller; it can be looked at only."
         finally:
             await server.stop()
-        assert not cell.client._session.is_open  # a controller has 70 of them
 
     asyncio.run(asyncio.wait_for(main(), 30.0))
 
