@@ -494,6 +494,7 @@ POST {TASK}/pcp?action=set-pp-prev-inst
 POST {TASK}/pcp?action=set-pp-next-inst
 GET /rw/rapid/taskselection
 GET /rw/rapid/aliasio
+GET /virtual/display
 GET /rw/rapid/uiinstr
 GET /rw/rapid/uiinstr/active | question
 GET /rw/rapid/uiinstr/active/params/{{dialog}} | question

@@ -19,6 +19,7 @@ from yumi.rws.services.io import SignalChange
 from yumi.rws.services.motion import Coordinates, Increment, JogMode, Supervision
 from yumi.rws.services.rapid import QueueMessage, Range, RunCycle, Step, StopMode, SymbolKind
 from yumi.rws.types import Code, OperatingMode, SignalType
+from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.rws.operations import Call, Operation
 from yumi.virtual.world import World
 
@@ -532,6 +533,16 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     client.register(is_local=True)
     client.set_local(False)
     client.impersonate(user.uid)
+
+
+def test_lines_on_the_flexpendant_of_a_virtual_controller(client: RwsClient, bench: Bench) -> None:
+    host = bench.controller.execution.installed["T_ROB_L"].host
+    before = host.line_count
+    for number in range(1, 43):
+        host.write_text("T_ROB_L", f"line {number}")
+    entries = [each for each in client.entries(DISPLAY_PATH) if each.text("task") == "T_ROB_L"]
+    shown = [(each.whole("number"), each.text("text")) for each in entries]
+    assert shown == [(before + number, f"line {number}") for number in range(13, 43)]
 
 
 def test_masterships(client: RwsClient, bench: Bench) -> None:

@@ -29,6 +29,7 @@ from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
+from yumi.virtual.controller.system import ROBOTS, factory_system
 from yumi.virtual.rws.http import HttpReply, HttpRequest
 from yumi.virtual.rws.service import RwsService
 from yumi.virtual.server import HttpServer
@@ -109,6 +110,27 @@ def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() 
         without_option(controller, start)
     option, loss = "689-1 Externally Guided Motion (EGM)", "EGM can move no arm"
     assert problems(controller) == [("option", message("option_missing", option=option, loss=loss))]
+
+
+@pytest.mark.parametrize(
+    ("robot", "sentence"),
+    [
+        ("irb120", "The controller at memory is an IRB 120 (mechanical unit ROB_1), not a YuMi"),
+        (
+            "irb14050",
+            "The controller at memory is an IRB 14050 (mechanical units ROB_1, ROB_1_7), not a YuMi with two arms",
+        ),
+    ],
+)
+def test_another_robot_is_named_first_and_lacks_nothing_else(robot: str, sentence: str) -> None:
+    controller = world(system=factory_system(ROBOTS[robot])).controller
+    first, *others = findings(controller)
+    assert (first.requirement, first.verdict, first.found) == ("robot", Verdict.PROBLEM, sentence)
+    assert first.remedy == (
+        "for other robots use yumi.EgmServer (docs/how-to/control-any-abb-robot.md), or look with "
+        "`yumi view --robot memory`"
+    )
+    assert {each.verdict for each in others} == {Verdict.OK}
 
 
 def test_missing_gripper_product_is_a_note() -> None:

@@ -16,7 +16,7 @@ from yumi.driver.commissioning.installation import Contents, Installation, Plan
 from yumi.rws.types import OperatingMode
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.files import CAPACITY
-from yumi.virtual.controller.system import factory_system
+from yumi.virtual.controller.system import ROBOTS, factory_system
 from yumi.virtual.world import World, WorldSettings
 
 
@@ -126,3 +126,15 @@ def test_restart_that_was_due_is_said(where: list[str], state: Path, monkeypatch
     monkeypatch.setattr(Installation, "install", lambda *_, **__: None)
     result = run("install", *where, "--yes", "--no-stream")
     assert result.stdout.splitlines()[-1] == "Restarted; everything is there."
+
+
+@pytest.mark.parametrize("command", ["install", "uninstall"])
+def test_another_robot_is_refused_by_its_name(command: str, state: Path) -> None:
+    with served(World(WorldSettings(system=factory_system(ROBOTS["irb120"]))).controller) as what:
+        result = run(command, "--robot", "127.0.0.1", "--rws-port", str(what.port), "--yes")
+        assert {request.method for request in what.requests} == {"GET"}
+    assert result.exit_code == 1
+    assert result.stderr.startswith(
+        f"Error: The controller at 127.0.0.1:{what.port} is an IRB 120 (mechanical unit ROB_1)"
+    )
+    assert not list(state.rglob("*.json"))

@@ -56,6 +56,25 @@ def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytes
         remarks(system, HERE)
 
 
+@pytest.mark.parametrize(
+    ("options", "robot"),
+    [(("IRB 120-3/0.6",), "an IRB 120"), (("IRB 6700-155/2.85",), "an IRB 6700"), ((), "another robot")],
+)
+def test_another_robot_is_refused_by_its_name_before_anything_that_it_lacks(
+    system: System, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], robot: str
+) -> None:
+    controller = system.world.controller
+    controller.identity = replace(controller.identity, options=options)
+    monkeypatch.setattr(system.client, "mechanical_units", lambda: ("ROB_1",))
+    with pytest.raises(RobotNotReady) as refused:
+        remarks(system, HERE)
+    assert str(refused.value) == (
+        f"The controller at memory is {robot} (mechanical unit ROB_1), not a YuMi; for other robots use "
+        "yumi.EgmServer (docs/how-to/control-any-abb-robot.md), or look with `yumi view --robot memory`."
+    )
+    assert (refused.value.__cause__, refused.value.__context__) == (None, None)
+
+
 def test_program_of_another_version_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(system.client, "symbol", lambda *_: "1")
     with pytest.raises(RobotNotReady, match=r"Task T_ROB_R has version 1\.0 of the state machine, not 1\.1; load"):

@@ -31,7 +31,7 @@ from yumi.cli.options import (
     yes_option,
 )
 from yumi.clock import SystemClock
-from yumi.driver.bringup import EgmAddress
+from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.egm.udp import UdpServer, address_towards, network_cards, resolve
 from yumi.errors import NoConnection, RobotNotReady, YumiError
 from yumi.robot.joints import Joints, Side
@@ -251,6 +251,7 @@ def _session(config: Path | None, json_output: JsonOutput, options: dict[str, An
     client, remote, addresses = _controller_of(config, options)
     try:
         system = client.connect()
+        LaunchChecks(client).check_robot(system)
         identity = client.identity()
         record = Record.of(f"{identity.serial or identity.name}_{system.name}_{system.id.strip('{}')}")
         installation = Installation(client, record, _Progress(json_output.is_printed))

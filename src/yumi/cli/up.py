@@ -64,6 +64,7 @@ from yumi.driver.settings import (
     CalibrateWhen,
     RobotSettings,
     Settings,
+    password_of_environment,
     read_controllers,
     read_settings,
 )
@@ -536,15 +537,19 @@ def view(
     Open the address that is printed. Where no driver of the robot that --robot names runs, one is started, with
     --config if it is given. A page only looks until a person takes control there; a real robot is operated with
     --operate on this machine only, and with a token, as is every page that --listen offers to other machines.
+    A controller without the state machine of this package, or of another robot, is shown by what it reports: joints,
+    RAPID tasks with their program pointers, and its log.
 
     \b
     Examples:
       yumi view                               the robot of the driver that runs, or will
       yumi view --virtual                     a virtual robot to try
       yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
+      yumi view --robot 127.0.0.1:8080        what `yumi controller --program x.mod --start` does
       yumi view session.mcap                  a recording or flight record, with a time slider
     """
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415 - a quick --help
+    from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
+    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):
@@ -555,6 +560,7 @@ def view(
         raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
     is_over = end_flag(until_stdin_closes)
     own = () if config is None else ("--config", str(config))
+    controller: ControllerReader | None = None
     with ExitStack() as stack:
         if virtual:
             robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
@@ -563,6 +569,11 @@ def view(
                 raise SettingsError(
                     f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
                 )
+        elif robot and not operate and (controller := open_controller(_robot_at(robot, config))) is not None:
+            stack.callback(controller.close)
+            click.echo("View only, since no driver can run for this controller:")
+            for sentence in controller.message().missing:
+                click.echo(f"  {sentence}")
         elif robot:
             click.echo(f"No driver of {robot} runs; one is started" + ("." if operate else ", which only reads."))
             stack.enter_context(_started_driver(robot, logs, is_over, (*own, *(() if operate else ("--no-bringup",)))))
@@ -574,6 +585,7 @@ def view(
             may_operate=may_operate,
             token=secrets.token_urlsafe(18) if may_operate or not is_loopback(listen) else "",
             recording=None if recording is None else page_recording(recording),
+            controller=controller,
         )
         asyncio.run(_serve_pages(settings, is_over))
 
@@ -596,6 +608,11 @@ def _has_driver(robot: str) -> bool:
     except RobotNotReady:
         return False
     return True
+
+
+def _robot_at(robot: str, config: Path | None) -> RobotSettings:
+    """Where the controller at host or host:port is, and who logs in."""
+    return settings_of(config, {"robot": robot, "password": password_of_environment()}).robot
 
 
 @contextmanager

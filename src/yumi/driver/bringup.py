@@ -30,6 +30,7 @@ from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotN
 from yumi.robot.joints import Side
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
+from yumi.rws.documents import SystemInfo
 from yumi.rws.types import ControllerState, ExecutionState, OperatingMode
 
 ANNOUNCEMENT = "Bring-up will: "
@@ -46,6 +47,8 @@ LONGEST_ROUTINE = 300.0
 
 OLDEST_ROBOTWARE = (6, 9)
 """EGM for seven axes came with RobotWare 6.09 (reference/statemachine.md §3.5)."""
+
+SINGLE_ARM_YUMI = "IRB 14050"
 
 REQUIRED_OPTIONS: Mapping[str, str] = {"689-1 Externally Guided Motion (EGM)": "EGM can move no arm"}
 """What the controller must have, and what does not work without.
@@ -261,6 +264,18 @@ class Bringup:
         return self.machines.state(side)
 
 
+def other_robot(robot: str, units: Sequence[str]) -> str:
+    """A robot that is not a YuMi, in a sentence.
+
+    Args:
+        robot: ABB's name of it; empty where the controller does not name it.
+        units: its mechanical units.
+    """
+    name = f"an {robot}" if robot else "another robot"
+    listed = f"mechanical unit{'s' * (len(units) > 1)} {', '.join(units)}" if units else "no mechanical unit"
+    return f"{name} ({listed}), not a YuMi{' with two arms' * (robot == SINGLE_ARM_YUMI)}"
+
+
 class LaunchChecks:
     """Checks one controller for what no request can repair, and for what will be missed later.
 
@@ -284,6 +299,7 @@ class LaunchChecks:
             RobotNotReady: something is missing that cannot be repaired from here; the message says what and how.
         """
         system = self._client.system()
+        self.check_robot(system)
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
             version = ".".join(map(str, system.robotware))
             raise RobotNotReady(message("robotware_too_old", version=version, oldest="6.09"))
@@ -297,12 +313,27 @@ class LaunchChecks:
         self.check_tasks()
         self.check_devices()
 
+    def check_robot(self, system: SystemInfo) -> None:
+        """See that the controller moves a YuMi.
+
+        Args:
+            system: of the controller.
+
+        Raises:
+            RobotNotReady: it moves another robot; the message names the robot and what to use instead.
+        """
+        units = self._client.mechanical_units()
+        if any(side.unit in units for side in Side):
+            return
+        address = self._client.address
+        raise RobotNotReady(message("not_a_yumi", address=address, robot=other_robot(system.robot, units)))
+
     def check_unit(self, side: Side) -> None:
         """See that the controller moves an arm; raises RobotNotReady."""
         try:
             self._client.joint_target(side.unit)
-        except ControllerRefused as error:
-            raise RobotNotReady(message("unit_missing", unit=side.unit, arm=side.word)) from error
+        except ControllerRefused:
+            raise RobotNotReady(message("unit_missing", unit=side.unit, arm=side.word)) from None
 
     def check_tasks(self) -> None:
         """See that the program is in both tasks: of all that is checked, this changes without a restart."""
@@ -314,8 +345,8 @@ class LaunchChecks:
         task = side.task
         try:
             kind = self._client.symbol_type(task, MAIN, "current_state")
-        except ControllerRefused as error:
-            raise RobotNotReady(message("state_machine_missing", task=task, module=MAIN)) from error
+        except ControllerRefused:
+            raise RobotNotReady(message("state_machine_missing", task=task, module=MAIN)) from None
         if kind != "num":
             raise RobotNotReady(message("state_has_wrong_type", task=task, module=MAIN, kind=kind))
         try:

@@ -169,6 +169,7 @@ PAGE_READY = "Page ready: "
 """How the line begins that a command prints when it serves; the third one when the robot is not ready."""
 
 _STOP_TIMEOUT = 20.0  # [s]
+_ERROR = "Error: "  # how the line of a command begins that has failed
 _POLL_PERIOD = 0.1  # [s]
 
 
@@ -240,12 +241,12 @@ class Command:
         Args:
             timeout: longest wait [s].
             check: called again and again; raises when waiting has become useless.
-            on_line: given each line that comes before.
+            on_line: given each line that comes before, but for its error, which is raised.
 
         Raises:
-            RobotNotReady: it ended or did not become ready in time; the message is its last line.
+            RobotNotReady: it ended or did not become ready in time; the message is its error, else its last line.
         """
-        last, polls = "", int(timeout / _POLL_PERIOD)
+        last, error, polls = "", "", int(timeout / _POLL_PERIOD)
         while polls > 0:
             check()
             try:
@@ -254,12 +255,15 @@ class Command:
                 polls -= 1
                 continue
             if line is None:
-                raise RobotNotReady(last or message("exited_silently", program=self.name, log=str(self.log)))
+                raise RobotNotReady(error or last or message("exited_silently", program=self.name, log=str(self.log)))
             for ready in (CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, PAGE_READY):
                 if line.startswith(ready):
                     return line.removeprefix(ready).strip()
+            if line.startswith(_ERROR):
+                error = line.removeprefix(_ERROR)
+                continue
             on_line(line)
-            last = line.removeprefix("Error: ") or last
+            last = line or last
         raise RobotNotReady(message("program_not_ready_in_time", program=self.name, timeout=timeout, log=str(self.log)))
 
     def stop(self) -> None:

@@ -317,6 +317,7 @@ EXTERNAL_AXES = tuple(f"eax_{axis}" for axis in "abcdef")
 _NOT_CONNECTED = 8.9e9  # 9E9 marks an external axis that does not exist; it is printed in several roundings
 _MM = 1e-3
 _VERSION = re.compile(r"\d+(\.\d+)+")
+_ROBOT = re.compile(r"IRB \d+\w*")  # of an option such as "IRB 120-3/0.6"
 
 
 @dataclass(frozen=True, slots=True)
@@ -327,6 +328,12 @@ class SystemInfo:
     robotware: tuple[int, ...]
     options: tuple[str, ...]
     id: str = ""
+
+    @property
+    def robot(self) -> str:
+        """ABB's name of the robot without its variant, such as ``IRB 120``; empty where no option names one."""
+        names = (match[0] for option in self.options if (match := _ROBOT.match(option)))
+        return next(names, "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,6 +14,9 @@ from functools import partial
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, NoConnection
 
+DISPLAY_PATH = "/virtual/display"
+"""Where a virtual controller shows what its programs wrote to the FlexPendant, in a session; no ABB controller does."""
+
 FAULTS_PATH = "/virtual/faults"
 """Where a virtual controller takes them; no ABB controller has it."""
 

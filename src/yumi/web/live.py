@@ -221,7 +221,7 @@ class LiveRobot:
                 finally:
                     await link.close()
             except Exception as error:
-                why_not, self.is_virtual = _said(error), False
+                why_not, self.is_virtual = said_of(error), False
                 if why_not != self.why_not:
                     self.why_not, self._state = why_not, None
                     self.jogged.clear()  # the next driver begins anew
@@ -253,7 +253,7 @@ class LiveRobot:
             finally:
                 await link.close()
         except Exception as error:  # the driver has ended, or EGM has: no controller commands there; what is our fault
-            _said(error)  # is logged
+            said_of(error)  # is logged
 
     def _words(self, said: Said) -> Mapping[str, object]:
         return words_for_page(said.message, is_virtual=self.is_virtual)
@@ -547,7 +547,7 @@ def within_joint_speed(jog: ToolJog, position: Joints) -> ToolJog:
     )
 
 
-def _said(error: Exception) -> Message:
+def said_of(error: Exception) -> Message:
     """What an exception says; what is no refusal is a fault of ours, which the log shows whole."""
     if isinstance(error, YumiError):
         return error.said
@@ -567,7 +567,7 @@ def words_for_page(said: Message, *, is_virtual: bool) -> Mapping[str, object]:
 def failure_for_page(error: Exception, *, is_virtual: bool) -> Mapping[str, object]:
     """What a page gets of an exception."""
     stop = getattr(error, "stop", "")
-    return {"kind": type(error).__name__, "stop": stop, **words_for_page(_said(error), is_virtual=is_virtual)}
+    return {"kind": type(error).__name__, "stop": stop, **words_for_page(said_of(error), is_virtual=is_virtual)}
 
 
 # ---- what a page sends

@@ -6,8 +6,8 @@ origin, or under a host name that is not this machine's, is refused. One page at
 taken control: a virtual one always, a real one where the server was started to operate it and the page is opened on
 the same machine.
 
-A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state or
-a recording (:func:`page_recording`) says.
+A page draws the robot's description, which it gets as JSON (:func:`robot_model`), and moves it as the driver's state,
+a controller without a driver (:mod:`yumi.web.controller`) or a recording (:func:`page_recording`) says.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -40,6 +40,7 @@ from yumi.robot.description import MESHES, robot_description
 from yumi.robot.gripper import MAX_FORCE, TRAVEL
 from yumi.robot.joints import CHAIN_AXES, POSES, YUMI_LIMITS, Joints, Side, finger_names, joint_names, set_prefix
 from yumi.virtual.faults import Fault
+from yumi.web.controller import ControllerReader, ControllerView, LogMessage, chain_model
 from yumi.web.live import (
     AnyMessage,
     Ask,
@@ -90,6 +91,7 @@ class ViewSettings:
         may_operate: whether a real robot may be operated from this machine.
         token: what pages must show; needed where another machine can reach the server, or a real robot is operated.
         recording: to be shown instead of a robot.
+        controller: to be shown instead of a driver's robot: nothing on it can be operated.
     """
 
     robot: str = ""
@@ -98,6 +100,7 @@ class ViewSettings:
     may_operate: bool = False
     token: str = field(default="", repr=False)
     recording: Mapping[str, Any] | None = None
+    controller: ControllerReader | None = None
 
     def __post_init__(self) -> None:
         if not is_loopback(self.host) and not self.token:
@@ -120,11 +123,16 @@ class ViewServer:
         self.port = settings.port
         self._settings = settings
         self._live = LiveRobot(settings.robot, self._publish, self._publish_events, self._note_driver)
+        reader = settings.controller
+        self._controller = None
+        if reader is not None:
+            self._controller = ControllerView(reader, self._publish, self._publish_log, self._introduce_all)
+        self._shown: LiveRobot | ControllerView = self._controller or self._live
         self._planning = PlanningProcess()
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
         self._switching = asyncio.Lock()  # one change of control at a time
-        self._model = msgspec.json.encode(robot_model())
+        self._model = msgspec.json.encode(robot_model() if reader is None else controller_model(reader))
         self._following: asyncio.Task[None] | None = None
         self._taking: asyncio.Task[None] | None = None
         self._giving_back: asyncio.Task[None] | None = None
@@ -165,7 +173,7 @@ class ViewServer:
             ) from error
         self.port = self._runner.addresses[0][1]
         if self._settings.recording is None:
-            self._following = asyncio.create_task(self._live.run())
+            self._following = asyncio.create_task(self._shown.run())
 
     async def stop(self) -> None:
         """Give control back, close all pages and end."""
@@ -176,6 +184,8 @@ class ViewServer:
         self._planning.close()
         if self._following is not None:
             self._following.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._following
         for page in tuple(self._pages):
             await page.socket.close()
         await self._runner.cleanup()
@@ -247,7 +257,7 @@ class ViewServer:
             return socket
         page = _Page(socket, is_local=is_loopback(request.remote or ""))
         self._pages.add(page)
-        self._live.watch(True)
+        self._shown.watch(True)
         self._introduce(page)
         sending = asyncio.create_task(page.send_all())
         try:
@@ -256,7 +266,7 @@ class ViewServer:
                     await self._take(page, received.data)
         finally:
             self._pages.discard(page)
-            self._live.watch(bool(self._pages))
+            self._shown.watch(bool(self._pages))
             sending.cancel()
             await self._release(page, message("page_closed"))
             with suppress(asyncio.CancelledError, ConnectionError):
@@ -361,6 +371,8 @@ class ViewServer:
         """Why a page may only look; None when it may operate the robot."""
         if self._settings.recording is not None:
             return message("is_a_recording")
+        if self._controller is not None:
+            return message("no_driver_for_controller")
         if self._live.why_not is not None:
             return self._live.why_not
         if self._live.is_virtual:
@@ -389,6 +401,11 @@ class ViewServer:
         for page in self._pages:
             page.send({"type": "events", "events": self._live.words_of_events(events)})
 
+    def _publish_log(self, message: LogMessage) -> None:
+        data = msgspec.json.encode(message)
+        for page in self._pages:
+            page.send_bytes(data)
+
     async def _take_from_silent(self, page: _Page) -> None:
         try:
             await self._release(page, message("page_was_silent"))
@@ -412,12 +429,14 @@ class ViewServer:
             {
                 "type": "view",
                 "is_recording": self._settings.recording is not None,
-                "why_no_robot": "" if self._settings.recording is not None else self._words(self._live.why_not),
-                "is_virtual": self._live.is_virtual,
+                "controller": None if self._controller is None else self._controller.reader.kind,
+                "log": () if self._controller is None else tuple(self._controller.lines),
+                "why_no_robot": "" if self._settings.recording is not None else self._words(self._shown.why_not),
+                "is_virtual": self._shown.is_virtual,
                 "why_not_operated": self._words(self._why_not_operated(page)),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
-                "events": self._live.words_of_events(self._live.events),
-                "surroundings": self._live.surroundings,
+                "events": self._live.words_of_events(self._shown.events),
+                "surroundings": self._shown.surroundings,
                 "faults": [_fault_for_page(each) for each in Fault] if self._live.is_virtual else [],
             }
         )
@@ -438,7 +457,10 @@ class _Page:
         self._has_news = asyncio.Event()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        self._messages.append(msgspec.json.encode(message))
+        self.send_bytes(msgspec.json.encode(message))
+
+    def send_bytes(self, message: bytes) -> None:
+        self._messages.append(message)
         self._has_news.set()
 
     def send_state(self, state: bytes) -> None:
@@ -526,6 +548,17 @@ def robot_model() -> dict[str, Any]:
         "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
         "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
     }
+
+
+def controller_model(reader: ControllerReader) -> dict[str, Any]:
+    """As :func:`robot_model`, of any robot; one without a description has no links to draw."""
+    model = robot_model()
+    if reader.is_yumi:
+        return model
+    if reader.kind.is_drawn:
+        camera = {"position": [1.75, -1.3, 1.0], "target": [0.15, 0.0, 0.38], "floor": 0.0}
+        return {**model, **chain_model(reader.units[:1]), "camera": camera, "tip": "tool0"}
+    return {**model, **chain_model([replace(unit, arm=None) for unit in reader.units])}
 
 
 def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from yumi.errors import RobotNotReady
 from yumi.process import supervision
 from yumi.process.supervision import CONTROLLER_READY, DRIVER_READY, DRIVER_RUNNING, Command
 
@@ -58,3 +59,11 @@ def test_ready_line_is_taken_and_the_lines_before_it_are_passed_on(tmp_path: Pat
     with Command("it", ("up",), tmp_path / "log") as it:
         assert it.wait_until_ready(5.0, on_line=lines.append) == "http://127.0.0.1:1"
     assert lines == ["first", "second"]
+
+
+def test_error_of_a_command_is_raised_and_not_passed_on_too(tmp_path: Path) -> None:
+    OUTPUT[:] = ["first", "Error: No robot is there.", "INFO one line more"]
+    lines: list[str] = []
+    with Command("it", ("up",), tmp_path / "log") as it, pytest.raises(RobotNotReady, match=r"^No robot is there\.$"):
+        it.wait_until_ready(5.0, on_line=lines.append)
+    assert lines == ["first", "INFO one line more"]

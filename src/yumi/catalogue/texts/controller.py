@@ -9,6 +9,12 @@ from yumi.catalogue.text import Text
 CONTROLLER: Mapping[str, Text] = {
     "robotware_too_old": Text("the controller runs RobotWare {version}; EGM for a YuMi needs {oldest} or newer"),
     "option_missing": Text("the controller lacks the option {option:quoted}; without it {loss}"),
+    "not_a_yumi": Text(
+        "the controller at {address} is {robot}",
+        "for other robots use yumi.EgmServer (docs/how-to/control-any-abb-robot.md), or look with `yumi view --robot "
+        "{address}`",
+    ),
+    "is_a_yumi": Text("a YuMi"),
     "unit_missing": Text("the controller has no mechanical unit {unit}; it does not move a YuMi's {arm} arm"),
     "state_machine_missing": Text(
         "task {task} has no state machine ({module})", "load the RAPID modules of this package on it"

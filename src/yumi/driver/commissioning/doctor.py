@@ -125,6 +125,7 @@ _BACKGROUND = {
     "option": ("without 689-1 the controller knows no instruction of EGM", "System Info, System properties, Options"),
     "add-in": ("it brings the state machine by itself", "System Info, System properties, Options"),
     "gripper": ("the grippers are commanded by their RAPID driver", "ABB menu, SmartGripper"),
+    "robot": ("this driver moves an IRB 14000 only", ""),
     "arm": ("each arm is a mechanical unit of its own", "Jogging, Mechanical unit"),
     "operating mode": (
         "only in AUTO may a program on a computer change anything",
@@ -203,10 +204,16 @@ def examine_controller(
     except YumiError as error:
         yield problem("reachable", error)
         return
+    checks = LaunchChecks(client, addresses)
+    other = _checked("robot", message("is_a_yumi"), partial(checks.check_robot, system))
+    if other.verdict is Verdict.PROBLEM:  # first, and alone: nothing of a YuMi is missing on another robot
+        yield other
+        yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
+        yield Finding("login", Verdict.OK, message("logged_in", system=system.name))
+        return
     yield Finding("reachable", Verdict.OK, message("as_found", value=client.address))
     yield Finding("login", Verdict.OK, message("logged_in", system=system.name))
     yield from _system(system)
-    checks = LaunchChecks(client, addresses)
     for side in Side:
         yield _checked(f"arm {side.unit}", message("arm_moved_by_controller"), partial(checks.check_unit, side))
     for look in (_mode, _motors, _execution, _panel, _masterships, _grants, _sessions, _tasks):
@@ -630,7 +637,7 @@ _FIRST_DATAGRAM = 3.0  # [s] within which the first datagram comes
 _IDLE_DEADLINE = 5.0  # [s]
 _SAME_POSITION = 0.02  # [rad] by which the positions in datagrams may differ from those of Robot Web Services
 
-_NEEDED_TO_STREAM = ("modules in", "program in", "version in", "task", "reachable", "login", "answers")
+_NEEDED_TO_STREAM = ("robot", "modules in", "program in", "version in", "task", "reachable", "login", "answers")
 _WORST_LOSS = 0.001
 _WORST_JITTER = 0.5 * CYCLE  # mean; a reply that is late by a whole cycle is used in the next
 

@@ -10,7 +10,16 @@ from math import degrees
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws import documents
-from yumi.rws.documents import EXTERNAL_AXES, Pairs, RobTarget, State, joint_target_of, pose_of, rob_target_of
+from yumi.rws.documents import (
+    EXTERNAL_AXES,
+    JointTarget,
+    Pairs,
+    RobTarget,
+    State,
+    joint_target_of,
+    pose_of,
+    rob_target_of,
+)
 from yumi.rws.session import Requests, get, given, post
 
 _MOTION = "/rw/motionsystem"
@@ -119,8 +128,13 @@ class Motion(Requests):
 
     def joint_target(self, unit: str) -> Joints:
         """Where the arm ``ROB_R`` or ``ROB_L`` stands, chain order [rad]."""
-        request = get(f"{_UNITS}/{unit}/jointtarget")
-        return self._read(request, documents.read_joint_target, f"reading the joints of {unit}").chain()
+        return self.axis_positions(unit).chain()
+
+    def axis_positions(self, unit: str) -> JointTarget:
+        """Where the axes of any mechanical unit stand."""
+        return self._read(
+            get(f"{_UNITS}/{unit}/jointtarget"), documents.read_joint_target, f"reading the joints of {unit}"
+        )
 
     def motion_system(self) -> MotionSystem:
         """What is jogged."""

@@ -43,6 +43,7 @@ class TaskHost:
     Attributes:
         lines: what the task wrote to the FlexPendant, oldest first; it remembers the last few.
         show: called with the task and each line that it writes.
+        line_count: how many lines that were.
         events: why the task stopped by itself, until they are read.
         devices: disk, network, FlexPendant and so on, which all tasks of a controller share.
     """
@@ -51,6 +52,7 @@ class TaskHost:
         self.devices = Devices(RapidDisk(FileStore({})), NoNetwork())
         self.lines: deque[str] = deque(maxlen=_SCREEN_LINES)
         self.show: Callable[[str, str], None] = lambda task, line: None
+        self.line_count = 0
         self.events: deque[TaskEvent] = deque()
         self._signals = signals
         self._files = files
@@ -59,6 +61,7 @@ class TaskHost:
 
     def write_text(self, task: str, text: str) -> None:
         self.lines.append(text)
+        self.line_count += 1
         self.show(task, text)
 
     def write_event(self, task: str, title: str, text: str, severity: Severity, arguments: tuple[str, ...]) -> None:

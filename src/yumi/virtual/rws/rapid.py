@@ -22,12 +22,14 @@ from yumi.rws.documents import Link, Page, State
 from yumi.rws.types import Code, Grant
 from yumi.virtual.controller.controller import Irc5
 from yumi.virtual.controller.tasks import InstalledTask
+from yumi.virtual.faults import DISPLAY_PATH
 from yumi.virtual.rws.configuration import path_of_file
 from yumi.virtual.rws.http import HttpReply, entry, resource
 from yumi.virtual.rws.motion import joint_fields, target_fields
 from yumi.virtual.rws.operations import Call, Failure, Operation, Values, invalid
 
 _BASE = "/rw/rapid/"
+_DISPLAYED = 30  # lines of a task
 _NO_CONTENT = 204
 _MOST_PAGE = 30
 
@@ -819,7 +821,20 @@ def _dialog_at(controller: Irc5, stack: str) -> Dialog:
     raise Failure(404, Code.FAIL, f"no program asks anything at {stack!r}")
 
 
+def get_display(controller: Irc5, call: Call) -> Page:
+    """What each task wrote to the FlexPendant last (TPWrite), lines numbered from 1; no ABB controller has this."""
+    states = (
+        State("display-line", f"{name}/{first + index}", {"task": name, "number": str(first + index), "text": text})
+        for name, each in controller.execution.installed.items()
+        for lines in [tuple(each.host.lines)[-_DISPLAYED:]]
+        for first in [each.host.line_count - len(lines) + 1]
+        for index, text in enumerate(lines)
+    )
+    return resource("virtual", "/virtual/", "display", *states)
+
+
 DIALOG_OPERATIONS = (
+    Operation("GET", DISPLAY_PATH, get_display),
     Operation("GET", "/rw/rapid/uiinstr", get_dialogs),
     Operation("GET", "/rw/rapid/uiinstr/active", get_active_dialog),
     Operation("GET", "/rw/rapid/uiinstr/active/params/{stack:.+}", get_dialog_parameters),

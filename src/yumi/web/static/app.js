@@ -1,5 +1,6 @@
 // The page: shows what the driver says of the robot, and asks for what a person presses. Angles are shown in degrees.
 
+import * as program from "./program.js";
 import { Scene } from "./scene.js";
 
 const DEGREES = 180 / Math.PI;
@@ -11,7 +12,7 @@ const MAX_ANGULAR = 0.5; // [rad/s]
 const JOG_PERIOD = 20; // [ms] between two messages while a key is held; 60 ms after the last one the arm brakes
 const PULL = 4; // [1/s] a tool follows its handle so fast
 const STRIP = 300; // samples of a strip
-const ARMS = ["right", "left"];
+let ARMS = ["right", "left"]; // as the model has them
 const LOST = "The connection to yumi view is lost; is it still running? Where it was started anew, open the address that it has printed.";
 const NOT_SENT = "Nothing was sent: the connection to yumi view is lost. To stop the robot, press the emergency stop.";
 
@@ -88,6 +89,14 @@ function take(message) {
     sample();
     show();
     setTimeout(() => send({ type: "seen" }), 0); // after what is drawn
+  } else if (message.type === "controller") {
+    state = program.stateOf(message, view.controller);
+    stateTime = message.time;
+    program.show(message);
+    show();
+    setTimeout(() => send({ type: "seen" }), 0);
+  } else if (message.type === "log") {
+    program.addLog(message.lines);
   } else if (message.type === "events") {
     addEvents(message.events);
   } else if (message.type === "view") {
@@ -102,6 +111,7 @@ function take(message) {
     if (message.why_no_robot) state = null;
     fillFaults();
     if (message.is_recording) openRecording();
+    program.introduce(message);
     show();
   } else if (message.type === "refused") {
     endJog(); // control may be lost
@@ -194,6 +204,7 @@ function silentArms() {
 function verdict() {
   if (view.why_no_robot) return ["error", "No robot", view.why_no_robot];
   if (!state) return ["wait", "Waiting for the robot", ""];
+  if (view.controller) return program.verdict(view.controller, state);
   let todo = remedies(state.reason).map(({ remedy }) => remedy).join("; ");
   if (todo && view.control === "none" && !view.why_not_operated) todo = `take control, then: ${todo}`;
   const silent = silentArms();
@@ -337,11 +348,12 @@ const MOTORS = {
 function showChips() {
   at("chips").hidden = !state;
   if (!state) return;
-  chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
+  const robot = [view.controller?.robot, state.robot].filter(Boolean).join(" at ");
+  chip("robot", view.is_virtual ? `${robot}, virtual` : robot);
   chip("mode", state.operating_mode ?? "unknown", state.operating_mode === "AUTO" ? "good" : "warn");
   chip("motors", MOTORS[state.motors] ?? state.motors ?? "unknown", state.motors === "motoron" ? "good" : "warn");
   chip("program", state.program ?? "unknown", state.program === "running" ? "good" : "warn");
-  for (const name of ARMS) {
+  for (const name of view.controller ? [] : ARMS) {
     const leading = state.controllers[name].filter((each) => each.commands).map((each) => each.name.replace("_controller", ""));
     const egm = state.egm[name] === "running" && leading.length ? leading.join(", ").replaceAll("_", " ") : state.egm[name];
     chip(`EGM ${name}`, egm, state.egm[name] === "running" ? "good" : "");
@@ -369,18 +381,18 @@ function showControl() {
   }
   at("virtual-panel").hidden = !(has && view.is_virtual);
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated;
-  text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note || "You are looking only.");
+  text(at("control-note"), has || view.is_recording || view.controller || view.why_no_robot ? "" : note || "You are looking only.");
 }
 
 function buildJoints() {
   const body = at("joints");
-  for (let index = 0; index < 7; index += 1) {
+  for (let index = 0; index < Math.max(...ARMS.map((name) => model.arms[name].axes.length)); index += 1) {
     const marker = make("i", { className: "now" });
     const goal = make("i", { className: "goal" });
     const bar = make("div", { className: "bar" }, goal, marker);
     const value = make("td", { className: "number" });
     const error = make("td", { className: "number error" });
-    const axis = model.arms.right.axes[index];
+    const axis = model.arms[ARMS[0]].axes[index];
     const less = make("button", { textContent: "−", className: "hold", ariaLabel: `Jog axis ${axis} down` });
     const more = make("button", { textContent: "+", className: "hold", ariaLabel: `Jog axis ${axis} up` });
     less.dataset.jog = `joint ${index} -1`;
@@ -392,7 +404,7 @@ function buildJoints() {
     holdable(less, speeds(-1));
     holdable(more, speeds(1));
     const { lower, upper } = model.limits;
-    bar.title = `${(lower[index] * DEGREES).toFixed(1)}° to ${(upper[index] * DEGREES).toFixed(1)}°`;
+    if (lower.length) bar.title = `${(lower[index] * DEGREES).toFixed(1)}° to ${(upper[index] * DEGREES).toFixed(1)}°`;
     body.append(
       make("tr", {}, make("th", { scope: "row", textContent: axis }), value, make("td", { className: "bar-cell" }, bar), error,
         make("td", { className: "jog-cell" }, less, more)),
@@ -408,7 +420,7 @@ function showArm() {
   rows.forEach(({ marker, goal, value, error }, index) => {
     const position = (arm.position ?? arm.resting)?.[index];
     text(value, position === undefined ? "–" : `${fixed(position * DEGREES, 2)}°`);
-    marker.hidden = position === undefined;
+    marker.hidden = position === undefined || !lower.length;
     goal.hidden = !arm.goal;
     if (position !== undefined) {
       marker.style.left = share(position, index);
@@ -425,7 +437,7 @@ function showArm() {
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${fixed(value * 1000, 1)}`).join(", ");
   const source = arm.position ? "" : ", as the controller reports while EGM is off";
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
-  text(at("tool-pose"), seen ? `Fingertips at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
+  text(at("tool-pose"), seen ? `${model.tip ?? "Fingertips"} at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
 
   const gripper = state.grippers[shownArm];
   const parts = gripper
@@ -472,7 +484,7 @@ let isStripDue = 0;
 
 function buildStrips() {
   for (const strip of strips) {
-    strip.values = { right: [], left: [] };
+    strip.values = Object.fromEntries(ARMS.map((name) => [name, []]));
     strip.canvas = make("canvas", { width: 300, height: 40, className: "strip" });
     strip.label = make("span", { className: "strip-value" });
     strip.canvas.setAttribute("role", "img");
@@ -742,7 +754,7 @@ function forgetPlan() {
 
 function fillGoals() {
   const isHandle = at("pose").value === "the handle";
-  at("both").disabled = !(at("pose").value in model.arms.right.poses);
+  at("both").disabled = !(at("pose").value in model.arms[ARMS[0]].poses);
   at("joint-goal").hidden = at("pose").value !== "joint positions";
   at("preview").disabled = isHandle;
   if (isHandle) at("preview").setAttribute("aria-pressed", "false");
@@ -833,9 +845,10 @@ function bind() {
       at(`tab-${other}`).focus();
     });
   }
-  const goals = [...Object.keys(model.arms.right.poses), "joint positions", "the handle"];
+  const goals = [...Object.keys(model.arms[ARMS[0]].poses), "joint positions", "the handle"];
   at("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
-  model.arms.right.axes.forEach((axis, index) => {
+  model.arms[ARMS[0]].axes.forEach((axis, index) => {
+    if (!model.limits.lower.length) return;
     const [lower, upper] = [model.limits.lower[index], model.limits.upper[index]].map((each) => each * DEGREES);
     const range = `${lower.toFixed(1)}° to ${upper.toFixed(1)}°`;
     const input = make("input", { type: "number", step: "any", min: lower, max: upper, title: range, ariaLabel: `Axis ${axis}, degrees` });
@@ -878,7 +891,7 @@ function bind() {
   });
   at("handle").addEventListener("change", () => {
     if (at("handle").value.startsWith("goal")) at("pose").value = "the handle";
-    else if (at("pose").value === "the handle") at("pose").value = Object.keys(model.arms.right.poses)[0];
+    else if (at("pose").value === "the handle") at("pose").value = Object.keys(model.arms[ARMS[0]].poses)[0];
     fillGoals();
     showHandle();
   });
@@ -1045,6 +1058,9 @@ function fillStrips() {
 
 async function begin() {
   model = await (await fetch("/model.json")).json();
+  ARMS = Object.keys(model.arms);
+  [shownArm] = ARMS;
+  program.buildTabs(ARMS);
   buildJoints();
   buildPad();
   buildStrips();

@@ -129,7 +129,7 @@ export class Scene {
     this.scene.add(fill);
     this.grid = new THREE.GridHelper(2.4, 24, 0x888888, 0x888888);
     this.grid.rotation.x = Math.PI / 2;
-    this.grid.position.z = -0.101;
+    this.grid.position.z = model.camera?.floor ?? -0.101;
     this.grid.material.transparent = true;
     this.grid.material.opacity = 0.28;
     this.scene.add(this.grid);
@@ -212,7 +212,7 @@ export class Scene {
       const line = new THREE.BufferGeometry();
       line.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * TRACE), 3));
       line.setDrawRange(0, 0);
-      const trace = new THREE.Line(line, new THREE.LineBasicMaterial({ color: word === "right" ? 0xe8590c : 0x7048e8 }));
+      const trace = new THREE.Line(line, new THREE.LineBasicMaterial({ color: word === "left" ? 0x7048e8 : 0xe8590c }));
       trace.frustumCulled = false;
       this.scene.add(trace);
       this.arms[word] = { frame, trace, points: [] };
@@ -347,8 +347,8 @@ export class Scene {
   }
 
   resetCamera() {
-    this.camera.position.set(1.45, -1.05, 0.86);
-    this.controls.target.set(0.05, -0.07, 0.22);
+    this.camera.position.set(...(this.model.camera?.position ?? [1.45, -1.05, 0.86]));
+    this.controls.target.set(...(this.model.camera?.target ?? [0.05, -0.07, 0.22]));
     this.controls.update();
   }
 
@@ -382,6 +382,7 @@ export class Scene {
     if (before !== undefined && String(before) === String(goal)) return;
     this.arms[word].goal = goal;
     const first = this.model.joints.find((each) => each.name === this.model.arms[word].joints[0]);
+    if (!first) return; // a robot without a description
     this.ghost.links[first.child].visible = Boolean(goal);
     if (goal) this.model.arms[word].joints.forEach((name, index) => this.ghost.set(name, goal[index]));
     this.draw();

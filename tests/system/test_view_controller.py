@@ -1,0 +1,116 @@
+"""``yumi view`` of controllers for which no driver can run: which these are, and the page in a browser."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from browser import browser
+from system.test_doctor import served, world
+from yumi.driver.settings import RobotSettings
+from yumi.errors import LoginRefused, NoConnection
+from yumi.process.supervision import Command
+from yumi.virtual.controller.system import ROBOTS, factory_system
+from yumi.web.controller import open_controller
+
+SOON = 60_000  # [ms]
+PROGRAM = """MODULE Cell
+    CONST jointtarget low:=[[0,0,0,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    CONST jointtarget high:=[[60,-20,-20,0,30,0],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    PROC main()
+        TPWrite "round";
+        MoveAbsJ high, v50, fine, tool0;
+        MoveAbsJ low, v50, fine, tool0;
+    ENDPROC
+ENDMODULE
+"""
+
+
+def settings(port: int, password: str = "robotics") -> RobotSettings:
+    return RobotSettings(address="127.0.0.1", rws_port=port, password=password)
+
+
+def test_controller_is_left_to_a_driver_where_one_can_run() -> None:
+    with served(world().controller) as what:
+        assert open_controller(settings(what.port)) is None
+        assert {request.method for request in what.requests} == {"GET"}
+
+
+def test_yumi_without_the_state_machine_is_read_and_says_why() -> None:
+    with served(world(system=factory_system()).controller) as what:
+        reader = open_controller(settings(what.port))
+        assert reader is not None
+        assert reader.message().missing == (
+            "Task T_ROB_R has no state machine (TRobMain); load the RAPID modules of this package on it.",
+        )
+        reader.close()
+
+
+def test_controller_that_does_not_let_us_in_or_is_not_there_is_an_error() -> None:
+    with served(world(system=factory_system(ROBOTS["irb120"])).controller) as what:
+        with pytest.raises(LoginRefused):
+            open_controller(settings(what.port, password="wrong"))
+        port = what.port
+    with pytest.raises(NoConnection):
+        open_controller(settings(port))
+
+
+@pytest.fixture
+def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """Of an IRB 120 whose program runs."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    file = tmp_path / "cell.mod"
+    file.write_text(PROGRAM, encoding="ascii")
+    arguments = ("controller", "--robot", "irb120", "--rws-port", "0", "--program", f"T_ROB1={file}", "--start")
+    with Command("controller", arguments, tmp_path / "controller.log") as controller:
+        yield controller.wait_until_ready(60.0).rpartition("/")[2]
+
+
+@pytest.mark.real_time
+@pytest.mark.timeout(180)
+def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(address: str, tmp_path: Path) -> None:
+    errors: list[str] = []
+    arguments = ("view", "--robot", address, "--port", "0")
+    with browser() as chromium, Command("view", arguments, tmp_path / "view.log") as view:
+        lines: list[str] = []
+        url = view.wait_until_ready(60.0, on_line=lines.append)
+        assert (
+            "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it."
+            in lines[1]
+        )
+        page = chromium.new_page(viewport={"width": 1000, "height": 700})
+        page.set_default_timeout(SOON)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)
+        page.goto(url)
+        page.wait_for_function("() => document.querySelector('#verdict').innerText === 'View only: RAPID runs'")
+        assert "not a YuMi" in page.inner_text("#remedy")
+
+        # The arrow is at one of the moves, and comes to the other one.
+        for number, move in ((6, "MoveAbsJ high, v50, fine, tool0;"), (7, "MoveAbsJ low, v50, fine, tool0;")):
+            page.wait_for_function(
+                "line => document.querySelector('.code .at')?.innerText.includes(line)", arg=move, polling=50
+            )
+            assert re.fullmatch(rf"➜\s*{number}\s+{move}", page.inner_text(".code .at").strip())
+        assert page.inner_text(".task-head").split() == ["T_ROB1", "running", "Cell/main,", "line", "7"]
+        page.wait_for_function("() => document.querySelector('#rapid-log').innerText.includes('[T_ROB1] round')")
+
+        # The joints move, in the numbers and in the picture.
+        def place() -> Any:
+            return page.inner_text("#joints tr:first-child .number"), page.inner_text("#tool-pose")
+
+        before = place()
+        page.wait_for_function("was => document.querySelector('#tool-pose').innerText !== was", arg=before[1])
+        assert page.locator("#joints tr").count() == 6
+        assert re.fullmatch(r"tool0 at x -?\d+\.\d, y -?\d+\.\d, z -?\d+\.\d mm", place()[1])
+
+        # Nothing of a YuMi or of a driver is on the page.
+        for hidden in ("#take", "#stop", "#tab-ROB_1", ".gripper", "#health-panel", "#events-panel", "#robot-panel"):
+            assert not page.is_visible(hidden), hidden
+        page.set_viewport_size({"width": 390, "height": 844})
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+        assert errors == []

@@ -1,0 +1,331 @@
+"""A controller without a driver, as ``yumi view`` reads and draws it: virtual ones in memory and in virtual time."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import aiohttp
+import httpx
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from memory_http import MemoryHttp
+from yumi.clock import ManualClock
+from yumi.robot.arms import Arm, irb120, irb14050
+from yumi.robot.joints import Joints, Side, home
+from yumi.robot.kinematics import matrix
+from yumi.rws.client import RwsClient
+from yumi.virtual.controller.system import ROBOTS, factory_system, with_programs
+from yumi.virtual.faults import DISPLAY_PATH
+from yumi.virtual.world import World, WorldSettings
+from yumi.web.controller import AROUND, ControllerReader, ControllerView, LogLine, PointerReport, Unit, chain_model
+from yumi.web.server import ViewServer, ViewSettings, controller_model
+
+PROGRAM = """MODULE Cell
+    CONST jointtarget there:=[[20,10,5,10,20,30],[9E9,9E9,9E9,9E9,9E9,9E9]];
+    PROC main()
+        TPWrite "begins";
+        approach;
+        ErrWrite \\W, "Box is late", "It came after 3 s.";
+        WaitTime 100;
+    ENDPROC
+    PROC approach()
+        MoveAbsJ there, v100, fine, tool0;
+    ENDPROC
+ENDMODULE
+"""
+LATER = PROGRAM.replace("    PROC main()", "    ! a line more\n    PROC main()")
+
+
+class Transport(MemoryHttp):
+    """Counts requests, and refuses those of some paths.
+
+    Attributes:
+        asked: requests by method and path.
+        refused: paths that the controller does not have.
+    """
+
+    def __init__(self, world: World, clock: ManualClock) -> None:
+        super().__init__(world.controller, clock)
+        self.asked: Counter[tuple[str, str]] = Counter()
+        self.refused: set[str] = set()
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        self.asked[request.method, request.url.path] += 1
+        if request.url.path in self.refused:
+            request = httpx.Request("GET", "http://memory/rw/nothing", headers=request.headers)
+        return super().handle_request(request)
+
+
+class Cell(ManualClock):
+    """A virtual controller and what reads it, on one clock."""
+
+    def __init__(
+        self, robot: str, folder: Path, *, is_own: bool = True, options: tuple[str, ...] | None = None
+    ) -> None:
+        super().__init__()
+        file = folder / "cell.mod"
+        file.write_text(PROGRAM, encoding="ascii")
+        task = "T_ROB1" if robot != "yumi" else "T_ROB_L"
+        system = with_programs(factory_system(ROBOTS[robot]), {task: [file]})
+        self.world = World(WorldSettings(system=system))
+        if options is not None:
+            self.world.controller.identity = replace(self.world.controller.identity, options=options)
+        self.rws = Transport(self.world, self)
+        if not is_own:  # as a real one, or RobotStudio's
+            self.rws.refused.add(DISPLAY_PATH)
+        self.client = RwsClient(self.rws, clock=self)
+        self.client.connect()
+        self.reader = ControllerReader(self.client, self, "There is no state machine.")
+        self.lines: list[LogLine] = []
+        self.reader.on_log = self.lines.extend
+
+    def start(self) -> None:
+        self.world.controller.set_motors(on=True)
+        self.world.controller.start_rapid("once")
+
+    def go_on(self, seconds: float, each: Callable[[], None] = lambda: None) -> None:
+        """Let the robot go on, and read it as it falls due."""
+        for _ in range(round(seconds / self.world.cycle_time)):
+            self.advance(self.world.cycle_time)
+            self.world.cycle({})
+            while self.reader.step() <= 0.0:
+                continue
+            each()
+
+
+def test_six_axes_are_shown_where_they_are_while_the_pointer_stands_at_the_line_that_moves_them(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    cell.start()
+    cell.go_on(0.5)
+    message = cell.reader.message()
+    assert message.arms["ROB_1"] == pytest.approx(cell.world.arms[Side.RIGHT].planned, abs=0.05)
+    assert message.arms["ROB_1"] != irb120().home
+    (task,) = message.tasks
+    assert (task.name, task.execution) == ("T_ROB1", "started")
+    lines = tuple(PROGRAM.splitlines())
+    assert task.pointer == PointerReport("Cell", "approach", 10, 10 - AROUND, lines[10 - AROUND - 1 :])
+    assert (message.program, message.motors, message.operating_mode) == ("running", "motoron", "AUTO")
+    assert message.speed_ratio == 100
+    assert message.missing == (
+        "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
+    )
+    assert LogLine("TPWrite", "begins", task="T_ROB1") in cell.lines
+
+
+def test_event_log_is_shown_from_its_beginning_each_message_once(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    cell.start()
+    cell.go_on(6.0)
+    codes = [line.code for line in cell.lines if line.source == "event log"]
+    assert codes == [event.code for event in reversed(cell.world.controller.events.entries())]
+    late = next(line for line in cell.lines if line.text == "Box is late")
+    assert (late.level, late.detail, len(late.clock)) == ("warning", "It came after 3 s.", 8)
+
+
+def test_lines_of_tpwrite_are_shown_once_and_anew_by_a_controller_that_was_started_anew(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    host = cell.world.controller.execution.installed["T_ROB1"].host
+    for text in ("one", "two"):
+        host.write_text("T_ROB1", text)
+        cell.go_on(1.0)
+    assert [line.text for line in cell.lines if line.source == "TPWrite"] == ["one", "two"]
+    host.lines.clear()
+    host.line_count = 0
+    host.write_text("T_ROB1", "three")
+    cell.go_on(1.0)
+    assert [line.text for line in cell.lines if line.source == "TPWrite"] == ["one", "two", "three"]
+
+
+def test_arms_of_a_yumi_are_shown_in_the_order_of_the_chain_without_a_state_machine(tmp_path: Path) -> None:
+    cell = Cell("yumi", tmp_path)
+    cell.go_on(0.2)
+    message = cell.reader.message()
+    for side in Side:
+        assert message.arms[side.word] == pytest.approx(home(side), abs=1e-4)
+    assert message.missing == ("There is no state machine.",)
+    assert cell.reader.kind.is_drawn
+    assert set(controller_model(cell.reader)["arms"]) == {"right", "left"}
+
+
+def test_single_arm_is_shown_in_the_order_of_the_chain(tmp_path: Path) -> None:
+    cell = Cell("irb14050", tmp_path)
+    cell.go_on(0.2)
+    assert cell.reader.message().arms["ROB_1"] == pytest.approx(irb14050().home, abs=1e-4)
+
+
+def test_robot_without_a_description_is_shown_as_numbers(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path, options=("RobotWare Base", "IRB 1200-5/0.9"))
+    cell.go_on(0.2)
+    message = cell.reader.message()
+    assert message.arms["ROB_1"] == pytest.approx(irb120().home, abs=1e-4)
+    assert message.missing == (
+        "The robot is an IRB 1200 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
+        "There is no description of this robot here: its joints are shown as numbers.",
+    )
+    model = controller_model(cell.reader)
+    assert (model["joints"], model["limits"]["lower"]) == ([], [])
+    assert model["arms"]["ROB_1"]["axes"] == (1, 2, 3, 4, 5, 6)
+
+
+@pytest.mark.parametrize("robot", ["yumi", "irb120"])
+def test_controller_that_is_not_ours_is_only_read_and_gets_few_requests(tmp_path: Path, robot: str) -> None:
+    cell = Cell(robot, tmp_path, is_own=False)
+    assert not cell.reader.is_virtual
+    cell.start()
+    cell.go_on(1.0)
+    cell.rws.asked.clear()
+    cell.go_on(10.0)
+    assert {method for method, _ in cell.rws.asked} == {"GET"}
+    assert 30 < cell.rws.asked.total() <= 5.5 * 10.0
+    assert all(line.source == "event log" for line in cell.lines)
+
+
+def test_what_the_controller_refuses_is_named_until_it_is_shown_again(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    joints = "/rw/motionsystem/mechunits/ROB_1/jointtarget"
+    cell.rws.refused.add(joints)
+    cell.go_on(0.3)
+    message = cell.reader.message()
+    assert message.arms == {"ROB_1": None}
+    assert message.missing[1].startswith("The controller does not show the joints of ROB_1: ")
+    cell.rws.refused.clear()
+    cell.go_on(0.3)
+    assert len(cell.reader.message().missing) == 1
+    assert cell.reader.message().arms["ROB_1"] is not None
+
+
+def test_lines_of_a_module_that_was_replaced_are_read_anew(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+    cell.client.move_pp_to_main()
+    cell.go_on(2.0)
+    (task,) = cell.reader.message().tasks
+    assert task.pointer is not None
+    assert (task.pointer.line, "    ! a line more" in task.pointer.text) == (4, False)
+    cell.client.set_module_text("T_ROB1", "Cell", LATER)
+    cell.client.move_pp_to_main()
+    cell.go_on(3.0)
+    (task,) = cell.reader.message().tasks
+    assert task.pointer is not None
+    assert (task.pointer.line, "    ! a line more" in task.pointer.text) == (5, True)
+
+
+def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("yumi.web.controller._RECONNECT", 0.01)
+    cell = Cell("irb120", tmp_path)
+    changes: list[str] = []
+    view = ControllerView(cell.reader, lambda state: None, lambda log: None, lambda: changes.append(view.why_not))
+
+    async def until(condition: Callable[[], bool]) -> None:
+        for _ in range(1000):
+            if condition():
+                return
+            cell.advance(1.0)  # everything is due
+            await asyncio.sleep(0.005)
+        raise AssertionError(f"{changes}")
+
+    async def main() -> None:
+        view.watch(True)
+        running = asyncio.create_task(view.run())
+        await until(lambda: cell.reader.message().arms["ROB_1"] is not None)
+        cell.rws.is_there = False
+        await until(lambda: bool(changes))
+        assert cell.reader.message().arms == {"ROB_1": None}
+        cell.rws.is_there = True
+        await until(lambda: cell.reader.message().arms["ROB_1"] is not None)
+        running.cancel()
+        await asyncio.wait([running])
+
+    asyncio.run(main())
+    assert changes == ["Nothing answers in this memory.", ""]
+
+
+def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path) -> None:
+    cell = Cell("irb120", tmp_path)
+
+    async def main() -> None:
+        server = ViewServer(ViewSettings(port=0, controller=cell.reader))
+        await server.start()
+        base = f"http://127.0.0.1:{server.port}"
+        try:
+            async with (
+                aiohttp.ClientSession() as session,
+                session.ws_connect(f"{base}/ws", headers={"Origin": base}) as socket,
+            ):
+                seen: dict[str, Any] = {}
+                while "controller" not in seen or seen["controller"]["arms"]["ROB_1"] is None:
+                    message = await socket.receive_json(timeout=10.0)
+                    seen[message["type"]] = message
+                    if message["type"] == "controller":
+                        await socket.send_json({"type": "seen"})
+                assert seen["view"]["controller"] == {
+                    "address": "memory",
+                    "robot": "IRB 120",
+                    "units": ["ROB_1"],
+                    "is_drawn": True,
+                }
+                await socket.send_json({"type": "take_control"})
+                while message["type"] != "refused":
+                    message = await socket.receive_json(timeout=10.0)
+                assert message["sentence"] == "No driver runs for this controller; it can be looked at only."
+        finally:
+            await server.stop()
+
+    asyncio.run(asyncio.wait_for(main(), 30.0))
+
+
+@pytest.mark.parametrize("arm", [irb120(), irb14050()], ids=["irb120", "irb14050"])
+def test_robot_is_drawn_with_its_tool_where_the_description_has_it(arm: Arm) -> None:
+    model = chain_model([Unit("ROB_1", "ROB_1", arm.axes, arm)])
+    numbers = np.random.default_rng(3)
+    for _ in range(20):
+        position = numbers.uniform(arm.limits.lower, arm.limits.upper)
+        frame = np.eye(4)
+        values = dict(zip(model["arms"]["ROB_1"]["joints"], position, strict=True))
+        for joint in model["joints"]:  # a chain, in its order
+            frame = frame @ fixed(joint["xyz"], joint["rpy"])
+            if joint["type"] == "revolute":
+                frame = frame @ turn(joint["axis"], values[joint["name"]])
+        tool0 = arm.tool0(as_joints(position))
+        assert frame[:3, 3] == pytest.approx(tool0.position, abs=1e-9)
+        assert frame[:3, :3] == pytest.approx(matrix(tool0.orientation), abs=1e-9)
+
+
+def test_capsules_lead_from_axis_to_axis() -> None:
+    arm = irb120()
+    model = chain_model([Unit("ROB_1", "ROB_1", arm.axes, arm)])
+    for joint in model["joints"]:
+        end, shapes = np.array(joint["xyz"]), model["links"][joint["parent"]]
+        if np.linalg.norm(end) > 0.0:
+            assert any(shape["shape"] == "sphere" and shape["xyz"] == joint["xyz"] for shape in shapes)
+            (cylinder,) = (shape for shape in shapes if shape["xyz"] == pytest.approx(end / 2.0))
+            along = fixed([0.0, 0.0, 0.0], cylinder["rpy"])[:3, 2]
+            assert along * cylinder["length"][0] == pytest.approx(end)
+
+
+def as_joints(position: NDArray[np.float64]) -> Joints:
+    return tuple(position.tolist())  # type: ignore[return-value]  # an arm may have six
+
+
+def turn(axis: list[float], angle: float) -> NDArray[np.float64]:
+    x, y, z = axis
+    cross = np.array([(0.0, -z, y), (z, 0.0, -x), (-y, x, 0.0)])
+    frame = np.eye(4)
+    frame[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return frame
+
+
+def fixed(xyz: list[float], rpy: list[float]) -> NDArray[np.float64]:
+    """A frame as URDF has it."""
+    roll, pitch, yaw = rpy
+    frame = turn([0, 0, 1], yaw) @ turn([0, 1, 0], pitch) @ turn([1, 0, 0], roll)
+    frame[:3, 3] = xyz
+    return frame
