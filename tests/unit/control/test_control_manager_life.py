@@ -65,7 +65,7 @@ def test_manager_loads_by_type_with_parameters(manager: ControllerManager) -> No
     [
         ("other", "test/None", {}, "type 'test/None' is not known; known are: test/Double, test/Broken"),
         ("other", "test/Broken", {}, "'other' could not be loaded: ValueError: other is broken"),
-        ("other", "test/Double", {"p": 3.0}, "Parameter 'p' of controller 'other' is 3; allowed is 0 to 2 1/s"),
+        ("other", "test/Double", {"p": 3.0}, "Controller 'other': p is 3; allowed is 0 to 2 1/s"),
         ("other", "test/Double", {"q": 3.0}, "'other' has no parameter 'q'; it has: p, mode"),
         ("double", "test/Double", {}, "'double' is loaded already; unload it first or choose another name"),
         ("1st", "test/Double", {}, "name '1st' cannot be the name of a node; use letters, digits and underscores"),

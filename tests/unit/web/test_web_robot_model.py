@@ -11,7 +11,6 @@ import pytest
 
 import yumi.robot
 from yumi.control.shared_state import RobotStoppedFollowing
-from yumi.driver.gripper import how_to_calibrate
 from yumi.driver.readiness import (
     CONFIRMED,
     CONNECTED,
@@ -101,4 +100,6 @@ def test_sentences_of_the_driver_name_the_buttons_of_the_page() -> None:
         "EGM is not running; press “Start EGM”, or “Recover…” after a stop."
     )
     assert on_page("The positions are plausible again. Call recover to go on.").endswith("Press “Recover…” to go on.")
-    assert on_page(f"calibrate it first: {how_to_calibrate(Side.LEFT)}.").endswith("press “Calibrate grippers”.")
+    assert on_page(
+        "calibrate it first: service l/gripper/calibrate, or robot.left.gripper.calibrate() in a script."
+    ).endswith("press “Calibrate grippers”.")
