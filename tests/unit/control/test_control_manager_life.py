@@ -116,7 +116,7 @@ def test_manager_keeps_an_inactive_controller_when_a_value_is_refused(
     manager: ControllerManager, double: Double
 ) -> None:
     manager.configure("double")
-    with pytest.raises(CommandRefused, match="'p' of controller 'double' is 5"):
+    with pytest.raises(CommandRefused, match="'double': p is 5"):
         manager.configure("double", {"p": 5})
     assert (info(manager).state, double.done) == (State.INACTIVE, ["configure"])
 
