@@ -228,7 +228,7 @@ def test_parameters_of_every_type_reach_the_controller(watcher: Watcher, manager
     [
         ("gain", number(2.5), "Parameter gain out of range Min: 0.0, Max: 2.0, value: 2.5"),
         ("gain", integer(1), "Wrong parameter type"),
-        ("mode", text("late"), "Parameter 'mode' of controller 'watcher' is 'late'; choose from: slow, fast."),
+        ("mode", text("late"), "Controller 'watcher': mode is 'late'; choose from: slow, fast."),
         (
             "weights",
             numbers([1.0, 10.0]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from math import nan
 from threading import Barrier, Event
@@ -21,6 +22,7 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from system.virtual_time_bench import System
+from yumi.catalogue import message
 from yumi.clock import SystemClock
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached
@@ -261,7 +263,7 @@ def test_gripper_that_lost_its_calibration_says_so_and_is_calibrated_again(hand:
     hand.robot.wait(CYCLE)
     hand.client.until(lambda: any(state.message == "not calibrated; call calibrate" for state in states))
     assert hand.result(hand.command(0.0)).status == GoalStatus.STATUS_ABORTED
-    hand.client.until(hand.client.hears("The left gripper is not calibrated; calibrate it first"))
+    hand.client.until(hand.client.hears(str(message("gripper_not_calibrated", gripper="left"))))
     assert hand.trigger("calibrate").success
     assert hand.result(hand.command(TRAVEL)).result.reached_goal
 
@@ -331,7 +333,7 @@ def test_refused_goal_has_its_reason_in_the_state(hand: Hand) -> None:
 def test_failed_goal_has_its_reason_in_the_state(hand: Hand) -> None:
     hand.robot.faults.inject(Fault.GRIPPER_NOT_CALIBRATED, Side.LEFT)
     hand.robot.wait(CYCLE)
-    with pytest.raises(GoalNotReached, match=r"The left gripper is not calibrated; calibrate it first: service l/grip"):
+    with pytest.raises(GoalNotReached, match=re.escape(str(message("gripper_not_calibrated", gripper="left")))):
         hand.application.begin(0.01)()
     hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     assert hand.trigger("clear_error").message == "The gripper reports no error."

@@ -151,7 +151,7 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
 @pytest.mark.parametrize(
     ("event", "sentence"),
     [
-        (ControlProcessEnded(Side.RIGHT, 1), ENDED),
+        (ControlProcessEnded(Side.RIGHT, 1), str(ENDED)),
         (ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))),
     ],
 )

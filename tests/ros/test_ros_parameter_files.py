@@ -182,7 +182,7 @@ def test_parameter_that_changes_nothing_is_logged_with_the_reason(
         (
             "franka.yaml",
             "fr3_effort_arm_controller",
-            "Parameter 'command_interfaces' of controller 'fr3_effort_arm_controller' is ('effort',); choose from: pos",
+            "Controller 'fr3_effort_arm_controller': command_interfaces is ('effort',); choose from: pos",
         ),
         (
             "openarm.yaml",
