@@ -80,8 +80,8 @@ class Limited:
 
     def __str__(self) -> str:
         # What needs more distances than a cycle has counts as too near, wherever it is.
-        how = f"{self.distance * 1e3:.0f} mm" if self.distance < _UNDECIDED else "not compared in time"
-        return f"{self.part} - {self.other}, {how}"
+        how = "" if self.distance < _UNDECIDED else ", not shown to stay apart within one cycle"
+        return f"{self.part} - {self.other}, {self.distance * 1e3:.0f} mm{how}"
 
 
 class Snapshot(NamedTuple):

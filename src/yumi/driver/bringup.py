@@ -106,6 +106,7 @@ class Bringup:
             not be done any more.
         when_ready: called each time the robot has become ready, and before EGM starts: what needs the program running
             and no EGM.
+        misdirected: where an arm's datagrams go elsewhere by the controller's configuration, and what to do.
     """
 
     def __init__(
@@ -124,6 +125,7 @@ class Bringup:
         self.machines = StateMachines(client, motion, clock, self.speed)
         self.before_step: Report = lambda step: None
         self.when_ready: Callable[[], None] = lambda: None
+        self.misdirected: Mapping[Side, str] = {}
         self._reports = [report]
         self._warn = warn or report
         self._arms = arms
@@ -165,6 +167,7 @@ class Bringup:
         checks.run()
         self.machines.read_tools()
         self._is_checked = True
+        self.misdirected = checks.misdirected
         self._remarks = [remark for remark in checks.remarks if remark not in self._reported_remarks]
 
     def check_program(self) -> None:
@@ -269,10 +272,12 @@ class LaunchChecks:
 
     Attributes:
         remarks: what is not as it should be, but prevents nothing.
+        misdirected: those of them that say that an arm's datagrams go elsewhere.
     """
 
     def __init__(self, client: RwsClient, addresses: Mapping[Side, EgmAddress] | None = None) -> None:
         self.remarks: list[str] = []
+        self.misdirected: dict[Side, str] = {}
         self._client = client
         self._addresses = addresses or {}
 
@@ -342,10 +347,11 @@ class LaunchChecks:
                 )
             host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
             if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
-                self.remarks.append(
+                self.misdirected[side] = (
                     f"the {side.word} arm's datagrams go to {host}:{port}, here they are awaited at "
                     f"{address.host}:{address.port}; make the UDPUC device {side.unit} or the settings fit"
                 )
+                self.remarks.append(self.misdirected[side])
 
 
 class ControllerPanel:

@@ -249,6 +249,9 @@ class EgmControl:
         for side, problem in self._problems(arms).items():
             return f"EGM started but the {side.word} arm holds: {CAUSES[problem]}."
         silent = [side for side in arms if not self._control.snapshot(side).is_streaming]
+        known = [self._bringup.misdirected[side] for side in silent if side in self._bringup.misdirected]
+        if known:
+            return f"EGM started on the robot but no datagram came: {'; '.join(known)}."
         if silent:
             return (
                 f"EGM started on the robot but no datagram came for the {' and '.join(side.word for side in silent)} "

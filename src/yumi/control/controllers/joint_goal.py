@@ -272,7 +272,7 @@ class JointGoalController(Controller):
         worst = largest_difference(state.position, wanted)
         if self._time < self._motion.duration:
             if 0.0 < values["path_tolerance"] < worst:
-                self._end(GoalOutcome.ABORTED, self._deviation(state, "from its way"))
+                self._end(GoalOutcome.ABORTED, self._deviation(state, "from its planned path"))
                 self._hold(state)
         elif worst <= values["goal_tolerance"] and max(map(abs, state.velocity)) < STANDING:
             self._end(GoalOutcome.REACHED, "the goal is reached")
