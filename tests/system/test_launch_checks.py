@@ -11,6 +11,7 @@ from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import CfgInstance
+from yumi.virtual.faults import Fault
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 
@@ -70,6 +71,17 @@ def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
         "the right arm's datagrams go to 127.0.0.1:6512, here they are awaited at 0.0.0.0:7000; make the UDPUC "
         "device ROB_R or the settings fit",
     ]
+
+
+def test_egm_without_datagrams_names_the_port_that_they_go_to(system: System) -> None:
+    system.bringup.check_controller({**HERE, Side.LEFT: EgmAddress("127.0.0.1", 7000)})
+    system.faults.inject(Fault.EGM_SILENCE)
+    with pytest.raises(RobotNotReady) as error:
+        system.manager.start_egm()
+    assert str(error.value) == (
+        "EGM started on the robot but no datagram came: the left arm's datagrams go to 127.0.0.1:6511, here they are "
+        "awaited at 127.0.0.1:7000; make the UDPUC device ROB_L or the settings fit."
+    )
 
 
 def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:

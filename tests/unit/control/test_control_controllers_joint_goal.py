@@ -202,7 +202,7 @@ def test_goal_controller_gives_up_when_the_arm_falls_too_far_behind(arm: Virtual
     arm.until(lambda: bool(arm.notices))
     (ended,) = arm.notices
     assert isinstance(ended, GoalEnded)
-    assert "from its way; see what holds the arm back" in ended.sentence
+    assert "from its planned path; see what holds the arm back" in ended.sentence
     assert arm.controller.reference == pytest.approx(arm.state.planned, abs=0.02)
 
 
