@@ -61,7 +61,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
         if is_json:
             click.echo(msgspec.json.encode(result))
         else:
-            click.echo(result if isinstance(result, str) else in_words(result))
+            click.echo(str(result))
 
     return with_driver
 
@@ -112,12 +112,7 @@ def state(watch: bool, rate: float, robot: str, is_json: bool) -> None:
             else:
                 if watch and sys.stdout.isatty():
                     click.clear()
-                click.echo(in_words(each))
-
-
-def in_words(result: object) -> str:
-    """A result for a person."""
-    return str(result)
+                click.echo(str(each))
 
 
 class _Table(dict[str, Any]):
