@@ -10,7 +10,7 @@
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     │   └── StopNotConfirmed     a person stopped it, or a collision: look at the robot, then confirm the stop
-    ├── PlanNotFound         no way leads there: take a goal with more room about it
+    ├── PlanNotFound         no path leads there, or none was found in time; ``why`` tells which
     ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password
@@ -20,6 +20,8 @@
 """
 
 from __future__ import annotations
+
+from enum import Enum
 
 from yumi.catalogue import Message, message
 
@@ -88,8 +90,28 @@ class StopNotConfirmed(RobotNotReady):
     """An emergency stop, a guard stop or a collision waits for a person's confirmation; nothing was changed."""
 
 
+class WhyNoPlan(Enum):
+    """Why a plan was not found."""
+
+    NO_PATH = "no_path"
+    """Complete searches found none: all that was tried is too near to something. The same goal fails again."""
+
+    TIME_IS_UP = "time_is_up"
+    """A search was cut short. There may be a path: give more time, or plan again when the machine is less busy."""
+
+
 class PlanNotFound(YumiError):
-    """No way was found: the goal, or all ways to it, are too near to something, or time ran out."""
+    """No path was found.
+
+    Attributes:
+        why: whether there is none, or time was up.
+        processor_share: how much of the time the planner had a processor, 0 to 1; little on a busy machine.
+    """
+
+    def __init__(self, said: Message | str, why: WhyNoPlan = WhyNoPlan.NO_PATH, processor_share: float = 1.0) -> None:
+        super().__init__(said)  # alone, as another process makes it anew of that and sets the rest
+        self.why = why
+        self.processor_share = processor_share
 
 
 class GoalNotReached(YumiError):

@@ -42,6 +42,7 @@ LEFT_OUT = {
     r"yumi record (show|export)|yumi up --record": "needs a record; docs/how-to/read-a-flight-record.md shows one",
     r"yumi up --robot 127": "as in docs/tutorials/first-motion.md",
     r"yumi (state|controllers|mode|start|stop|recover|calibrate|grip|move|switch|speed-scale)\b": IN_TEST_COMMANDS,
+    r"yumi retreat": "needs a driver; tests/unit/cli/test_cli_robot.py runs it",
     r"yumi (topics|echo|call|param)\b": IN_TEST_COMMANDS,
     r"yumi view": "a page for a person; tests/system/test_view_page.py opens it",
     r"yumi moveit-config": "writes where it is told; tests/unit/cli/test_cli_moveit.py runs it",

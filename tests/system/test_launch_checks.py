@@ -6,11 +6,14 @@ from dataclasses import replace
 
 import pytest
 
+from refusals import assert_says
 from system.virtual_time_bench import System
+from yumi.catalogue import Message, message
 from yumi.driver.bringup import EgmAddress, LaunchChecks
 from yumi.errors import ControllerRefused, RobotNotReady
 from yumi.robot.joints import Joints, Side
 from yumi.rws.documents import CfgInstance
+from yumi.virtual.faults import Fault
 
 HERE = {Side.LEFT: EgmAddress("127.0.0.1", 6511), Side.RIGHT: EgmAddress("127.0.0.1", 6512)}
 
@@ -26,7 +29,7 @@ def without(system: System, start: str) -> None:
     controller.identity = replace(controller.identity, options=options)
 
 
-def remarks(system: System, addresses: dict[Side, EgmAddress]) -> list[str]:
+def remarks(system: System, addresses: dict[Side, EgmAddress]) -> list[Message]:
     checks = LaunchChecks(system.client, addresses)
     checks.run()
     return checks.remarks
@@ -44,7 +47,7 @@ def test_controller_without_an_option_that_is_not_needed_is_used(system: System,
 
 def test_controller_without_grippers_is_used_with_a_remark(system: System) -> None:
     without(system, "SmartGripper")
-    assert remarks(system, HERE) == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]
+    assert remarks(system, HERE) == [message("grippers_missing", product="SmartGripper")]
 
 
 def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -83,12 +86,19 @@ def test_program_of_another_version_is_refused(system: System, monkeypatch: pyte
 
 def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
     elsewhere = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("0.0.0.0", 7000)}
-    assert remarks(system, elsewhere) == [
-        "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.168.125.50:6511; make the UDPUC "
-        "device ROB_L or the settings fit",
-        "the right arm's datagrams go to 127.0.0.1:6512, here they are awaited at 0.0.0.0:7000; make the UDPUC "
-        "device ROB_R or the settings fit",
-    ]
+    (remark,) = remarks(system, elsewhere)
+    assert_says(remark, "datagrams_go_elsewhere", arm="left")
+
+
+def test_egm_without_datagrams_names_the_port_that_they_go_to(system: System) -> None:
+    system.bringup.check_controller({**HERE, Side.LEFT: EgmAddress("127.0.0.1", 7000)})
+    system.faults.inject(Fault.EGM_SILENCE)
+    with pytest.raises(RobotNotReady) as error:
+        system.manager.start_egm()
+    assert str(error.value) == (
+        "EGM started on the robot but no datagram came: the left arm's datagrams go to 127.0.0.1:6511, here they are "
+        "awaited at 127.0.0.1:7000; make the UDPUC device ROB_L or the settings fit."
+    )
 
 
 def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -104,4 +114,4 @@ def test_remarks_are_reported_once_with_the_next_steps(system: System) -> None:
         system.bringup.check_controller(HERE)
         system.bringup.make_ready()
     told = [step for step in system.steps if "SmartGripper" in step]
-    assert told == ["the controller lacks the product 'SmartGripper'; the grippers cannot be used"]
+    assert told == [message("grippers_missing", product="SmartGripper")]

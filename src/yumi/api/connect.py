@@ -345,6 +345,7 @@ class AsyncRobot:
     follow = awaited(Robot.follow)
     plan_to = awaited(Robot.plan_to)
     execute = awaited(Robot.execute)
+    retreat = awaited(Robot.retreat)
     stop = awaited(Robot.stop)
     allow_collision = awaited(Robot.allow_collision)
     record = awaited(Robot.record)

@@ -11,15 +11,24 @@ import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from math import isfinite, radians
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import msgspec
 
-from yumi.api.motion import GOAL_CONTROLLER, LAST_STOP, MotionExecutor, MotionRegistry, Position
+from yumi.api.motion import (
+    GOAL_CONTROLLER,
+    LAST_STOP,
+    RETREAT_SPEED_SCALE,
+    MotionExecutor,
+    MotionRegistry,
+    Position,
+    checked_goal,
+)
 from yumi.catalogue import Message, quoted
 from yumi.clock import SystemClock
 from yumi.control.limiter import FULL
@@ -47,7 +56,12 @@ from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
 from yumi.recording.mcap import FullRecorder
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, Side, joints
+from yumi.robot.collision import TOOL_FRAME, Obstacle, Part
+from yumi.robot.gripper import GripperModules
+from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Pose, Side, joints
+
+if TYPE_CHECKING:
+    from yumi.planning.planner import Plan, Planner
 
 log = logging.getLogger(__name__)
 T = TypeVar("T")
@@ -334,7 +348,10 @@ def attach(robot: str = "", *, on_step: Callable[[str], None] = lambda step: Non
     Raises:
         RobotNotReady: no driver runs, or several do; the message says what to do.
     """
-    return RunningDriver(EndpointClient(find_driver(robot)), on_step)
+    try:
+        return RunningDriver(EndpointClient(find_driver(robot)), on_step)
+    except YumiError as error:
+        raise error.with_traceback(None) from None
 
 
 class RunningDriver:
@@ -350,6 +367,7 @@ class RunningDriver:
     def __init__(self, client: EndpointClient, on_step: Callable[[str], None] = lambda step: None) -> None:
         self._client = client
         self._on_step = on_step
+        self._planner: tuple[wire.Surroundings, Planner] | None = None  # of the last plan, and what it was made for
 
     def __enter__(self) -> RunningDriver:
         return self
@@ -477,6 +495,63 @@ class RunningDriver:
         )
         return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
 
+    def plan_to(
+        self,
+        *,
+        right: Position | Pose | None = None,
+        left: Position | Pose | None = None,
+        timeout: float = 30.0,
+        speed_scale: float = 1.0,
+        seed: int = 0,
+    ) -> Plan:
+        """Plan a motion around the robot itself and the driver's boxes, in this program; nothing moves.
+
+        Arguments and errors are those of :meth:`yumi.api.robot.Robot.plan_to`.
+        """
+        from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
+
+        arms, start = self.state.arms, {}
+        for side in Side:
+            position = arms[side.word].position
+            if position is None:
+                raise RobotNotReady(f"Where the {side.word} arm is, is not known; start EGM, then plan.")
+            start[side] = position
+        surroundings = self._client.ask(wire.GetSurroundings(), wire.Surroundings)
+        if self._planner is None or self._planner[0] != surroundings:
+            grippers, tools, obstacles = shapes_of(surroundings)
+            planner = Planner(grippers, tools=tools, obstacles=obstacles, limits=limits_of(surroundings))
+            self._planner = surroundings, planner
+        goals = {
+            side: goal if isinstance(goal, Pose) else checked_goal(side, goal, start[side])
+            for side, goal in ((Side.RIGHT, right), (Side.LEFT, left))
+            if goal is not None
+        }
+        return self._planner[1].plan(start, goals, timeout=timeout, speed_scale=speed_scale, seed=seed)
+
+    def execute(
+        self, plan: Plan, *, on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None
+    ) -> str:
+        """Have the arms follow a plan, and return when they stand at its end; raises as :meth:`move_to`.
+
+        Both arms must be where they were when it was made.
+        """
+        paths = {side.word: tuple(map(tuple, points)) for side, points in plan.points.items()}
+        start = {side.word: position for side, position in plan.start.items()}
+        request = msgspec.convert({"method": "follow", "start": start, **paths}, wire.Follow)
+        return self._client.ask(request, str, self._on_step, on_motion, timeout=None)
+
+    def retreat(
+        self,
+        *,
+        speed_scale: float = RETREAT_SPEED_SCALE,
+        on_motion: Callable[[dict[str, MotionReport]], None] = lambda motions: None,
+    ) -> str:
+        """Lead both arms home on a planned path, slowly, as :meth:`yumi.api.robot.Robot.retreat`."""
+        self._on_step("plan a path of both arms home")
+        plan = self.plan_to(right="home", left="home", speed_scale=speed_scale)
+        self._on_step(f"follow it, {plan.duration:.1f} s")
+        return self.execute(plan, on_motion=on_motion)
+
     def allow_collision(self, part: str, other: str, *, seconds: float = 10.0) -> ExitStack:
         """Let two parts touch for a while, as :meth:`yumi.api.robot.Robot.allow_collision`, which raises the same.
 
@@ -526,6 +601,27 @@ class RunningDriver:
 
     def _ask(self, request: Request, result: type[T]) -> T:
         return self._client.ask(request, result, self._on_step, timeout=None)
+
+
+def shapes_of(
+    surroundings: wire.Surroundings,
+) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
+    """Grippers, tools and boxes as the collision model has them."""
+    grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
+    tools = {
+        side: tuple(
+            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
+            for each in surroundings.tools.get(side.word, ())
+        )
+        for side in Side
+    }
+    return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
+
+
+def limits_of(surroundings: wire.Surroundings) -> JointLimits:
+    """The joints' limits, no faster than the driver allows them to be."""
+    known = surroundings.velocity
+    return YUMI_LIMITS if known is None else replace(YUMI_LIMITS, velocity=known)
 
 
 def _arms(arms: Arms) -> tuple[wire.Arm, ...]:

@@ -133,7 +133,8 @@ def _in_chain_order(
     """Values of all joints of an arm in chain order: a mapping by joint name, or a sequence that is in this order.
 
     A joint is named as in ROS (``yumi_joint_7_r``), or by ABB's number of its axis (``joint_7``, ``j7``). Joints that a
-    mapping leaves out are taken from ``others``. A string is the name of a pose of :data:`yumi.robot.joints.POSES`.
+    mapping leaves out are taken from ``others``; with None it must name all. A string is the name of a pose of
+    :data:`yumi.robot.joints.POSES`.
 
     Raises:
         CommandRefused: a name is not one of this arm's joints, comes twice, or is missing.
@@ -150,7 +151,9 @@ def _in_chain_order(
         found[index] = value
     missing = [name for index, name in enumerate(joint_names(side)) if index not in found]
     if missing and others is None:
-        raise CommandRefused(f"Goal refused: without {', '.join(missing)}; name all {JOINT_COUNT} joints.")
+        raise CommandRefused(
+            f"Trajectory refused: without {', '.join(missing)}; each of its points names all {JOINT_COUNT} joints."
+        )
     return [found[index] if index in found else others[index] for index in range(JOINT_COUNT)]  # type: ignore[index]
 
 
@@ -173,6 +176,9 @@ def _index(side: Side, name: object) -> int:
 _PLACE = 3  # numbers of a pose without an orientation
 _JOG_GAP = 0.3  # [s] jogs that follow each other within this time belong to one press of a key
 _FRESH = 1.5  # [s] a controller says at least once a second how it follows a trajectory
+
+RETREAT_SPEED_SCALE = 0.1
+"""Of the joints' speeds, with which arms are led out of each other's way."""
 
 LAST_STOP = 5.0
 """An arm must have come to rest within this time [s]; it takes a tenth of it."""
@@ -203,8 +209,13 @@ class Motion:
         return f"<yumi.Motion {self.identity} of the {self.side.word} arm: {way}>"
 
     def follow_way(self, way: Callable[[], Way]) -> None:
-        """Know from now on how far it is."""
+        """Know from now on how far it is, until it ends."""
         self._way = way
+        # It leads to Ruckig, which lists on standard error what is left of it at the program's end.
+        self.future.add_done_callback(self._forget_way)
+
+    def _forget_way(self, _: object) -> None:
+        self._way = lambda: Way(self._last, None)
 
     @property
     def way(self) -> Way:
@@ -386,8 +397,9 @@ ARRIVAL = Tolerances(goal=joints([0.002] * JOINT_COUNT), goal_velocity=joints([S
 """When a trajectory's last point is reached: the same as for single points."""
 
 Position = Sequence[SupportsFloat] | Mapping[str, SupportsFloat] | str
-"""Seven joint positions [rad]: a list, a tuple or an array in chain order (axes 1, 2, 7, 3, 4, 5, 6), a mapping by
-joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``), or the name of a pose (``"home"``)."""
+"""Joint positions [rad]: a list, a tuple or an array of all seven in chain order (axes 1, 2, 7, 3, 4, 5, 6); a mapping
+by joint name (``yumi_joint_7_r``, ``joint_7`` or ``j7``), in which joints that are left out stay where they are; or the
+name of a pose (``"home"``)."""
 
 
 TimedPosition = Sequence[Any]
@@ -482,13 +494,12 @@ class MotionExecutor:
         speed_scale: float | None,
         acceleration: float | None,
         *,
-        others_stay: bool = False,
         check: Callable[[], None] = lambda: None,
     ) -> tuple[Motion, ...]:
         """Send arms to goals, both in the same cycle period, or none of them.
 
         ``speed_scale`` and ``acceleration`` are fractions of the joints' limits, above 0 up to 1; None takes the
-        connection's. With ``others_stay`` joints that a goal by name leaves out stay where they were sent last.
+        connection's. Joints that a goal by name leaves out stay where they were sent last.
         ``check`` is called right before the motion is sent, and raises where it is not wanted any more.
 
         Raises:
@@ -498,9 +509,7 @@ class MotionExecutor:
         speed_scale = _checked_scale("speed_scale", speed_scale)
         acceleration = _checked_scale("acceleration", acceleration)
         starts = {side: self.snapshot(side).sent for side in goals}
-        checked = {
-            side: checked_goal(side, goal, starts[side] if others_stay else None) for side, goal in goals.items()
-        }
+        checked = {side: checked_goal(side, goal, starts[side]) for side, goal in goals.items()}
         for side in checked:
             self._check_follows(side)
         self._activate(checked, GOAL_CONTROLLER)
@@ -679,7 +688,7 @@ class MotionExecutor:
             RobotNotReady: the arm does not follow.
             GoalNotReached: an arm that moved did not come to rest.
         """
-        checked = checked_goal(side, goal)
+        checked = checked_goal(side, goal, self.snapshot(side).sent)
         session, _ = self._begin_stream(side, STREAM_CONTROLLER)
         write_goal(self._goals[side], session, checked)
 
@@ -949,10 +958,10 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
         ) from error
 
 
-def checked_goal(side: Side, goal: Position, others: Joints | None = None) -> Joints:
+def checked_goal(side: Side, goal: Position, others: Joints) -> Joints:
     """``goal`` [rad] in chain order; raises CommandRefused when it is not seven joints within their ranges.
 
-    It may be the name of a pose, too. Joints that a goal by name leaves out are taken from ``others``.
+    It may be the name of a pose, too, or some joints by name: those that it leaves out are taken from ``others``.
     """
     try:
         values = [float(value) for value in _in_chain_order(side, goal, others)]

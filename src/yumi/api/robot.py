@@ -15,13 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.api.connection import Connection
-from yumi.api.motion import Motion, MotionExecutor, Position, TimedPosition, checked_goal, in_degrees, wait_for
+from yumi.api.motion import (
+    RETREAT_SPEED_SCALE,
+    Motion,
+    MotionExecutor,
+    Position,
+    TimedPosition,
+    checked_goal,
+    in_degrees,
+    wait_for,
+)
 from yumi.api.tool import (
     TOOL0,
     Frames,
     Gripper,
     PoseLike,
     ToolMotion,
+    ToolPose,
     boxes_from,
     checked_angle,
     numbers_from,
@@ -40,7 +50,7 @@ from yumi.driver.endpoint import ArmMode, ArmReport, arm_report
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import Settings
 from yumi.driver.wiring import Controllers
-from yumi.errors import CommandRefused, RobotNotReady
+from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.inverse_kinematics import arm_angle, jacobian
 from yumi.robot.joints import JOINT_COUNT, POSES, YUMI_LIMITS, Joints, Pose, Side, abb_from_chain, joint_names, joints
 from yumi.robot.kinematics import compose, inverse, tool0_to_body
@@ -129,11 +139,20 @@ class Arm:
 
     @property
     def pose(self) -> Pose:
-        """Pose of the tool in the frame of the robot's body, from the measured joints [m], quaternion w first.
+        """Pose of the tool in the robot's base frame, from the measured joints [m], quaternion w first.
 
-        It is exact forward kinematics; raises as :attr:`position`.
+        It is exact forward kinematics, and is shown with the name of the tool; the web page shows the fingertips.
+        ``robot.right.pose.moved(z=0.02)`` is 20 mm higher. Raises as :attr:`position`.
         """
-        return tool0_to_body(self.side, self.position, self._tool(None))
+        at, tool = self.position, self._tool(None)
+        if isinstance(self.tool, str):
+            name = self.tool
+        elif tool == TOOL0:
+            name = "tool0"
+        else:
+            name = "the tool in use" if self.tool is None else "a tool of your own"
+        pose = tool0_to_body(self.side, at, tool)
+        return ToolPose(pose.position, pose.orientation, name, self.side)
 
     @property
     def arm_angle(self) -> float:
@@ -218,8 +237,9 @@ class Arm:
         """Move to ``position``, all joints together; a motion under way bends into the new one without a stop.
 
         Args:
-            position: joint positions [rad], (7,) in chain order, or by joint name; see :func:`yumi.degrees` and, for
-                the FlexPendant's order, :func:`yumi.abb_degrees`. Or the name of a pose, see :attr:`poses`.
+            position: joint positions [rad], (7,) in chain order; see :func:`yumi.degrees` and, for the FlexPendant's
+                order, :func:`yumi.abb_degrees`. Or some joints by name, ``{"j1": 0.1}``; the others stay where they
+                were sent last. Or the name of a pose, see :attr:`poses`.
             wait: return when the arm stands at the goal; else at once.
             timeout: an arm that takes longer than this is stopped [s]; None lets it take its time.
             speed_scale: share of the joints' highest speeds, above 0 up to 1; None takes that of ``connect``.
@@ -489,7 +509,7 @@ class Arm:
         position; :meth:`move_to` or :meth:`stop` end the stream. A motion under way ends before the stream begins.
 
         Args:
-            position: joint positions [rad], (7,) in chain order, or by joint name.
+            position: joint positions [rad], as for :meth:`move_to`.
 
         Raises:
             CommandRefused: the position is impossible; the arm keeps the one before.
@@ -584,7 +604,10 @@ class Robot:
             RobotNotReady: the robot cannot be brought to where it may move, or another program drives it.
         """
         if not self._is_connected:
-            self._connection.open(confirm)
+            try:
+                self._connection.open(confirm)
+            except YumiError as error:  # without what other libraries have raised: the sentence is all there is to know
+                raise error.with_traceback(None) from None
             self._is_connected = True
         return self
 
@@ -667,14 +690,14 @@ class Robot:
             left: the same for the left arm.
             boxes: what stands around the robot, beside ``collision.boxes`` of ``yumi.yaml``: by name, the pose of a
                 box's centre in the body frame, and its edges [m].
-            timeout: how long to look for a way [s].
+            timeout: how long to look for a path [s]; a straight one is found in any case.
             speed_scale: share of the joints' speeds, above 0 up to 1.
-            seed: of the random numbers; the same one finds the same way.
+            seed: of the random numbers; the same one finds the same path.
 
         Raises:
             MissingPrerequisite: RoboPlan is not installed.
             CommandRefused: a goal, or where an arm is now, is impossible or too near to something.
-            PlanNotFound: no way was found in time.
+            PlanNotFound: no path was found; ``why`` tells whether time was up or there is none.
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 
@@ -693,6 +716,33 @@ class Robot:
             timeout=timeout,
             speed_scale=speed_scale,
             seed=seed,
+        )
+
+    def retreat(
+        self, *, wait: bool = True, timeout: float | None = None, speed_scale: float = RETREAT_SPEED_SCALE
+    ) -> tuple[Motion, ...]:
+        """Lead both arms home on a planned path, slowly: out of where the limiter has stopped them at each other.
+
+        Nothing calls this by itself. What was not declared is not known: look that the arms hold nothing that is in the
+        way, and that no person is near.
+
+        Args:
+            wait: return when the arms stand at home; else at once.
+            timeout: arms that take longer than this are stopped [s]; None lets them take their time.
+            speed_scale: share of the joints' speeds, above 0 up to 1.
+
+        Returns:
+            The motions; over, unless ``wait`` is False.
+
+        Raises:
+            MissingPrerequisite: RoboPlan is not installed.
+            CommandRefused: where an arm is now is too near to something; nothing was changed.
+            PlanNotFound: no path was found; nothing was changed.
+            RobotNotReady: as for :meth:`Arm.move_to`.
+            GoalNotReached: a motion ended elsewhere; the arms hold.
+        """
+        return self.execute(
+            self.plan_to(right="home", left="home", speed_scale=speed_scale), wait=wait, timeout=timeout
         )
 
     def execute(self, plan: Plan, *, wait: bool = True, timeout: float | None = None) -> tuple[Motion, ...]:
@@ -857,7 +907,10 @@ class Robot:
             StopNotConfirmed: a stop waits for a person's confirmation, or another one; nothing was changed.
             YumiError: a step failed; the message says which and what to do.
         """
-        self._connected.recover(confirm)
+        try:
+            self._connected.recover(confirm)
+        except YumiError as error:
+            raise error.with_traceback(None) from None
 
     @property
     def stop_to_confirm(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from math import isfinite, nan
+from math import degrees, isfinite, nan
 from typing import TYPE_CHECKING, Any, SupportsFloat
 
 from yumi.catalogue import quoted
@@ -26,7 +26,7 @@ from yumi.robot.inverse_kinematics import (
     unreachable,
 )
 from yumi.robot.joints import JointLimits, Joints, Pose, Quaternion, Side
-from yumi.robot.kinematics import IDENTITY, compose, quaternion_from_euler_zyx
+from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, quaternion_from_euler_zyx
 
 if TYPE_CHECKING:  # yumi.pose takes no more than poses need
     from yumi.driver import gripper as driver
@@ -240,6 +240,35 @@ PoseLike = Pose | Sequence[SupportsFloat]
 """A pose: a :class:`yumi.robot.joints.Pose`, or seven numbers x, y, z [m] and the quaternion w, x, y, z."""
 
 TOOL0 = Pose((0.0, 0.0, 0.0), IDENTITY)
+
+
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class ToolPose(Pose):
+    """A pose that says of what it is: where a tool is in the robot's base frame; equal to any pose of the same numbers.
+
+    Attributes:
+        tool: its name, or what else is known of it.
+        side: the arm that carries it.
+    """
+
+    tool: str
+    side: Side
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Pose):
+            return NotImplemented
+        return (self.position, self.orientation) == (other.position, other.orientation)
+
+    def __hash__(self) -> int:
+        return hash((self.position, self.orientation))
+
+    def __repr__(self) -> str:
+        x, y, z = (f"{value * 1e3:.1f} mm" for value in self.position)
+        roll, pitch, yaw = (f"{degrees(value):.1f}°" for value in euler_zyx(self.orientation))
+        return (
+            f"<yumi.Pose {self.tool} of the {self.side.word} arm in the base frame: x {x}, y {y}, z {z}, "
+            f"roll {roll}, pitch {pitch}, yaw {yaw}>"
+        )
 
 
 def pose(

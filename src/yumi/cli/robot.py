@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import wraps
 from importlib import import_module
-from math import degrees, radians
+from math import radians
 from pathlib import Path
 from typing import Any, cast
 
@@ -27,6 +27,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 
 import yumi
 from yumi.api.connection import RunningDriver, attach
+from yumi.api.motion import RETREAT_SPEED_SCALE
 from yumi.catalogue import in_words, message
 from yumi.cli.options import (
     ARM,
@@ -45,10 +46,10 @@ from yumi.cli.options import (
     speed_scale_option,
     timeout_option,
 )
-from yumi.driver.endpoint import Arm, ArmMode, ArmReport, DriverState, MotionReport
+from yumi.driver.endpoint import Arm, MotionReport
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.robot.gripper import MAX_FORCE, TRAVEL, Outcome
-from yumi.robot.joints import JOINT_COUNT, POSES, abb_from_chain, chain_from_abb, joints
+from yumi.robot.joints import JOINT_COUNT, POSES, chain_from_abb, joints
 
 _MODES = click.Choice(["motors_off", "ready", "egm_left", "egm_right", "egm_both"])
 
@@ -67,7 +68,7 @@ def of_driver(command: Callable[..., Any]) -> Callable[..., Any]:
             result = command(driver, *args, **options)
         json_output.write(msgspec.json.encode(result).decode())
         if not json_output.is_printed:
-            click.echo(result if isinstance(result, str) else result_in_words(result))
+            click.echo(str(result))
 
     return with_driver
 
@@ -99,61 +100,7 @@ def state(watch: bool, rate: float, robot: str | None, json_output: JsonOutput) 
             if not json_output.is_printed:
                 if watch and sys.stdout.isatty():
                     click.clear()
-                click.echo(result_in_words(each))
-
-
-def result_in_words(result: object) -> str:
-    """A result for a person."""
-    if isinstance(result, DriverState):
-        return "\n".join(_state_lines(result))
-    return str(result)
-
-
-def _state_lines(state: DriverState) -> list[str]:
-    lines = [f"robot {state.robot}, driver process {state.process}"]
-    if state.is_connected:
-        lines.append(
-            f"operating mode {state.operating_mode}, {state.motors}, RAPID {state.program}, "
-            f"speed_scale {state.speed_scale:g}, speed ratio {state.speed_ratio} %"
-        )
-    if state.allowed_collisions:
-        lines.append(f"may touch, slowly: {', '.join(state.allowed_collisions)}")
-    lines.append(f"cannot move: {state.reason}" if state.reasons else "can move")
-    if state.causes and state.causes != state.reasons:
-        lines.append(f"stopped by: {state.cause}")
-    for word, arm in state.arms.items():
-        lines += _arm_lines(word, arm, state)
-    for word, gripper in state.grippers.items():
-        if gripper is None:
-            lines.append(f"{word} gripper: unknown")
-            continue
-        parts = [gripper.state, f"{gripper.width * 1e3:.1f} mm"]
-        parts += ["holding"] if gripper.is_holding else []
-        parts += [] if gripper.is_calibrated else ["not calibrated"]
-        parts += [f"error {gripper.error}"] if gripper.error else []
-        lines.append(f"{word} gripper: {', '.join(parts)}")
-    return lines + [f"{event.level}: {event.said.message}" for event in state.events[-5:]]
-
-
-def _arm_lines(word: str, arm: ArmReport, state: DriverState) -> list[str]:
-    commanding = [each.name for each in state.controllers[word] if each.commands]
-    parts = [f"EGM {state.egm[word]}"]
-    parts += [arm.mode.value] if arm.mode is not ArmMode.NO_EGM else []
-    parts += [f"commanded by {', '.join(commanding)}"] if commanding else []
-    if arm.egm is not None and arm.egm.utilization is not None:
-        parts.append(f"utilization {arm.egm.utilization:.0%}")
-    if arm.cycles is not None and arm.cycles.answered:
-        parts.append(f"{arm.cycles.answered} cycles, {arm.cycles.missed} missed")
-    lines = [f"{word} arm: {', '.join(parts)}"]
-    if arm.problem is not None:
-        lines.append(f"  {arm.problem.message}")
-    if arm.limited is not None:
-        lines.append(f"  motion limited by {arm.limited}")
-    if arm.position is not None:
-        axes, axis_7 = abb_from_chain(arm.position)
-        angles = "  ".join(f"j{axis} {degrees(angle):7.2f}" for axis, angle in enumerate((*axes, axis_7), 1))
-        lines.append(f"  {angles}  [°]")
-    return lines
+                click.echo(str(each))
 
 
 class _Table(dict[str, Any]):
@@ -356,7 +303,25 @@ def move(
     position = pose_of(goal) if pose else goal_of(goal, in_degrees=in_degrees, abb=abb)
     if arm == "both" and not isinstance(position, str):
         raise SettingsError("Both arms take a pose only; their joints are mirrored. Move one after the other.")
-    is_shown = sys.stderr.isatty()
+    with _progress() as on_motion:
+        return driver.move_to(
+            right=position if arm != "left" else None,
+            left=position if arm != "right" else None,
+            speed_scale=speed_scale,
+            timeout=timeout,
+            is_pose=pose,
+            is_linear=linear,
+            speed=speed,
+            on_motion=on_motion,
+        )
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
+    """Shows on a terminal how far motions are."""
+    if not sys.stderr.isatty():
+        yield lambda motions: None
+        return
 
     def show(motions: dict[str, MotionReport]) -> None:
         parts = [
@@ -366,19 +331,27 @@ def move(
         click.echo(f"\r{'   '.join(parts):<60}", nl=False, err=True)
 
     try:
-        return driver.move_to(
-            right=position if arm != "left" else None,
-            left=position if arm != "right" else None,
-            speed_scale=speed_scale,
-            timeout=timeout,
-            is_pose=pose,
-            is_linear=linear,
-            speed=speed,
-            on_motion=show if is_shown else lambda motions: None,
-        )
+        yield show
     finally:
-        if is_shown:
-            click.echo(err=True)
+        click.echo(err=True)
+
+
+@click.command()
+@click.option("--speed-scale", type=SCALE, default=RETREAT_SPEED_SCALE, help="Share of the joints' speeds.")
+@of_driver
+def retreat(driver: RunningDriver, speed_scale: float) -> object:
+    """Lead both arms home on a planned path, slowly; Ctrl-C stops them. EGM must run: yumi start.
+
+    It leads out of where the arms were stopped in front of each other. What was not declared is not known: see that no
+    person is near the robot, and that the arms hold nothing that is in the way.
+
+    \b
+    Examples:
+      yumi retreat
+      yumi retreat --speed-scale 0.05
+    """
+    with _progress() as on_motion:
+        return driver.retreat(speed_scale=speed_scale, on_motion=on_motion)
 
 
 def pose_of(words: Sequence[str]) -> Sequence[float]:
@@ -474,7 +447,7 @@ def speed_scale(driver: RunningDriver, value: float | None) -> object:
     return f"speed_scale is {driver.speed_scale:g}"
 
 
-DRIVER_COMMANDS = (state, controllers, mode, start, stop, recover, calibrate, grip, move, switch, speed_scale)
+DRIVER_COMMANDS = (state, controllers, mode, start, stop, recover, calibrate, grip, move, retreat, switch, speed_scale)
 
 
 # ---- yumi shell, yumi completion

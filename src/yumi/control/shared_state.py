@@ -70,7 +70,7 @@ class Limited:
         if self.distance < _UNDECIDED:
             return message("parts_near", part=self.part, other=self.other, distance=self.distance)
         # What needs more distances than a cycle has counts as too near, wherever it is.
-        return message("parts_not_compared", part=self.part, other=self.other)
+        return message("parts_not_compared", part=self.part, other=self.other, distance=self.distance)
 
     def __str__(self) -> str:
         return clause(self.said)

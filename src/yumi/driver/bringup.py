@@ -110,6 +110,7 @@ class Bringup:
             not be done any more.
         when_ready: called each time the robot has become ready, and before EGM starts: what needs the program running
             and no EGM.
+        misdirected: where an arm's datagrams go elsewhere by the controller's configuration, and what to do.
     """
 
     def __init__(
@@ -128,13 +129,14 @@ class Bringup:
         self.machines = StateMachines(client, motion, clock, self.speed)
         self.before_step: Report = lambda step: None
         self.when_ready: Callable[[], None] = lambda: None
+        self.misdirected: Mapping[Side, Message] = {}
         self._reports = [report]
         self._warn = warn or report
         self._arms = arms
         self._is_checked = False
         self._addresses: Mapping[Side, EgmAddress] | None = None
-        self._remarks: list[str] = []
-        self._reported_remarks: list[str] = []
+        self._remarks: list[Message] = []
+        self._reported_remarks: list[Message] = []
 
     def step(self, name: str) -> None:
         """Report a step that is about to be done; raises what :attr:`before_step` raises."""
@@ -169,6 +171,7 @@ class Bringup:
         checks.run()
         self.machines.read_tools()
         self._is_checked = True
+        self.misdirected = checks.misdirected
         self._remarks = [remark for remark in checks.remarks if remark not in self._reported_remarks]
 
     def check_program(self) -> None:
@@ -178,9 +181,9 @@ class Bringup:
     def report_remarks(self) -> None:
         """Warn of what the check has found to be odd, once each."""
         for remark in self._remarks:
-            self._warn(remark)
+            self._warn(str(remark))
             for report in self._reports[1:]:
-                report(remark)
+                report(str(remark))
         self._reported_remarks += self._remarks
         self._remarks = []
 
@@ -285,10 +288,12 @@ class LaunchChecks:
 
     Attributes:
         remarks: what is not as it should be, but prevents nothing.
+        misdirected: those of them that say that an arm's datagrams go elsewhere.
     """
 
     def __init__(self, client: RwsClient, addresses: Mapping[Side, EgmAddress] | None = None) -> None:
-        self.remarks: list[str] = []
+        self.remarks: list[Message] = []
+        self.misdirected: dict[Side, Message] = {}
         self._client = client
         self._addresses = addresses or {}
 
@@ -307,7 +312,7 @@ class LaunchChecks:
             if option not in system.options:
                 raise RobotNotReady(message("option_missing", option=option, loss=loss))
         if GRIPPER_PRODUCT not in system.options:
-            self.remarks.append(f"the controller lacks the product {GRIPPER_PRODUCT!r}; the grippers cannot be used")
+            self.remarks.append(message("grippers_missing", product=GRIPPER_PRODUCT))
         for side in Side:
             self.check_unit(side)
         self.check_tasks()
@@ -369,10 +374,14 @@ class LaunchChecks:
                 raise RobotNotReady(message("udpuc_device_missing", device=side.unit))
             host, port = device.get("RemoteAdress", ""), device.get("RemotePortNumber", "")
             if address.host not in (host, ANY_ADDRESS) or port != str(address.port):
-                self.remarks.append(
-                    f"the {side.word} arm's datagrams go to {host}:{port}, here they are awaited at "
-                    f"{address.host}:{address.port}; make the UDPUC device {side.unit} or the settings fit"
+                self.misdirected[side] = message(
+                    "datagrams_go_elsewhere",
+                    arm=side.word,
+                    there=f"{host}:{port}",
+                    here=f"{address.host}:{address.port}",
+                    device=side.unit,
                 )
+                self.remarks.append(self.misdirected[side])
 
 
 class ControllerPanel:

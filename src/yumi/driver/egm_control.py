@@ -250,6 +250,9 @@ class EgmControl:
         for side, problem in self._problems(arms).items():
             return message("egm_started_but_holds", problem=_problem(side, problem))
         silent = [side for side in arms if not self._control.snapshot(side).is_streaming]
+        known = [self._bringup.misdirected[side] for side in silent if side in self._bringup.misdirected]
+        if known:
+            return message("no_datagram_came_misdirected", why=tuple(known))
         if silent:
             return message(
                 "no_datagram_came",

@@ -17,7 +17,8 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from enum import Enum
-from math import isfinite
+from html import escape
+from math import degrees, isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
 
@@ -27,11 +28,12 @@ from yumi import errors
 from yumi.catalogue import FrontEnd, Message, from_wire, in_words, is_known, message, said_by, sentence, to_wire
 from yumi.control.motion import STANDING
 from yumi.control.shared_state import PROBLEMS, Limited, Problem, Snapshot
+from yumi.driver.readiness import robot_lines
 from yumi.egm.codec import SensorCodec
 from yumi.errors import ProtocolError, RobotNotReady, YumiError
 from yumi.process.supervision import lock_folder
 from yumi.robot.gripper import Outcome
-from yumi.robot.joints import Joints, Pose, Side, Vector
+from yumi.robot.joints import Joints, Pose, Side, Vector, abb_from_chain
 from yumi.robot.kinematics import tool0_to_body
 
 MAX_REQUEST = 1 << 20
@@ -474,6 +476,57 @@ class DriverState(msgspec.Struct, frozen=True, kw_only=True):
     def cause(self) -> str:
         """The causes with what to do, in this program's words."""
         return in_words(each.message for each in self.causes)
+
+    def __repr__(self) -> str:
+        """In lines, as ``yumi state`` prints it."""
+        lines = [f"robot {self.robot}, driver process {self.process}"]
+        lines += robot_lines(
+            is_connected=self.is_connected,
+            operating_mode=self.operating_mode,
+            motors=self.motors,
+            program=self.program,
+            speed_scale=self.speed_scale,
+            speed_ratio=self.speed_ratio,
+            allowed_collisions=self.allowed_collisions,
+            reasons=[each.message for each in self.reasons],
+            causes=[each.message for each in self.causes],
+        )
+        for word, arm in self.arms.items():
+            lines += self._arm_lines(word, arm)
+        for word, gripper in self.grippers.items():
+            if gripper is None:
+                lines.append(f"{word} gripper: unknown")
+                continue
+            parts = [gripper.state, f"{gripper.width * 1e3:.1f} mm"]
+            parts += ["holding"] if gripper.is_holding else []
+            parts += [] if gripper.is_calibrated else ["not calibrated"]
+            parts += [f"error {gripper.error}"] if gripper.error else []
+            lines.append(f"{word} gripper: {', '.join(parts)}")
+        return "\n".join([*lines, *(f"{event.level}: {event.said.message}" for event in self.events[-5:])])
+
+    def _arm_lines(self, word: str, arm: ArmReport) -> list[str]:
+        commanding = [each.name for each in self.controllers[word] if each.commands]
+        parts = [f"EGM {self.egm[word]}"]
+        parts += [arm.mode.value] if arm.mode is not ArmMode.NO_EGM else []
+        parts += [f"commanded by {', '.join(commanding)}"] if commanding else []
+        if arm.egm is not None and arm.egm.utilization is not None:
+            parts.append(f"utilization {arm.egm.utilization:.0%}")
+        if arm.cycles is not None and arm.cycles.answered:
+            parts.append(f"{arm.cycles.answered} cycles, {arm.cycles.missed} missed")
+        lines = [f"{word} arm: {', '.join(parts)}"]
+        if arm.problem is not None:
+            lines.append(f"  {arm.problem.message}")
+        if arm.limited is not None:
+            lines.append(f"  motion limited by {arm.limited}")
+        if arm.position is not None:
+            axes, axis_7 = abb_from_chain(arm.position)
+            angles = "  ".join(f"j{axis} {degrees(angle):7.2f}" for axis, angle in enumerate((*axes, axis_7), 1))
+            lines.append(f"  {angles}  [°]")
+        return lines
+
+    def _repr_html_(self) -> str:
+        """For a notebook."""
+        return f"<pre>{escape(repr(self))}</pre>"
 
 
 class BoxReport(msgspec.Struct, frozen=True):

@@ -126,7 +126,6 @@ class Mover(Protocol):
         speed_scale: float | None,
         acceleration: float | None,
         *,
-        others_stay: bool = False,
         check: Callable[[], None] = lambda: None,
     ) -> Sequence[RunningMotion]: ...
 
@@ -425,7 +424,7 @@ class Handlers:
 
         def begin() -> Sequence[RunningMotion]:
             if not request.is_pose:
-                return access.mover.move(goals, speed_scale, acceleration, others_stay=True, check=caller.check)
+                return access.mover.move(goals, speed_scale, acceleration, check=caller.check)
             tools = {side: access.manager.tcp(side) for side in goals}
             return access.mover.move_tools(
                 goals, tools, speed_scale, acceleration, request.speed, is_linear=request.is_linear, check=caller.check

@@ -8,9 +8,10 @@ controller panel, Python API, ROS and log. What stopped the robot is in :mod:`yu
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from html import escape
 
 from yumi.catalogue import FrontEnd, Message, clause, in_words, message, remedy_of
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
@@ -92,6 +93,30 @@ class RobotState:
     allowed_collisions: tuple[str, ...] = ()
     limited_by: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        """In lines, as ``yumi state`` prints what it knows."""
+        mode, motors, program = (
+            None if value is None else value.value
+            for value in (self.operating_mode, self.controller_state, self.execution)
+        )
+        lines = robot_lines(
+            is_connected=self.is_connected,
+            operating_mode=mode,
+            motors=motors,
+            program=program,
+            speed_scale=self.speed_scale,
+            speed_ratio=self.speed_ratio,
+            allowed_collisions=self.allowed_collisions,
+            reasons=self.reasons,
+            causes=self.causes,
+        )
+        lines += [f"{side.word} arm: EGM {self.egm[side]}, {machine_name(self, side)}" for side in Side]
+        return "\n".join([*lines, *(f"motion limited by {pair}" for pair in self.limited_by)])
+
+    def _repr_html_(self) -> str:
+        """For a notebook."""
+        return f"<pre>{escape(repr(self))}</pre>"
+
     def __str__(self) -> str:
         """In one line."""
         arms = "; ".join(f"{side.word} arm {machine_name(self, side)}, EGM {self.egm[side]}" for side in Side)
@@ -125,6 +150,33 @@ class RobotState:
             or self.controller_state is not ControllerState.MOTORS_ON
             or self.execution is not ExecutionState.RUNNING
         )
+
+
+def robot_lines(
+    *,
+    is_connected: bool,
+    operating_mode: str | None,
+    motors: str | None,
+    program: str | None,
+    speed_scale: float,
+    speed_ratio: int | None,
+    allowed_collisions: Sequence[str],
+    reasons: Sequence[Message],
+    causes: Sequence[Message],
+) -> list[str]:
+    """What a robot does, why it does not move and what stopped it, in this program's words."""
+    lines = []
+    if is_connected:
+        lines.append(
+            f"operating mode {operating_mode}, {motors}, RAPID {program}, speed_scale {speed_scale:g}, "
+            f"speed ratio {speed_ratio} %"
+        )
+    if allowed_collisions:
+        lines.append(f"may touch, slowly: {', '.join(allowed_collisions)}")
+    lines.append(f"cannot move: {in_words(reasons)}" if reasons else "can move")
+    if causes and tuple(causes) != tuple(reasons):
+        lines.append(f"stopped by: {in_words(causes)}")
+    return lines
 
 
 def machine_name(state: RobotState, side: Side) -> str:

@@ -6,9 +6,10 @@
     plan = planner.plan({Side.RIGHT: here, Side.LEFT: resting}, {Side.RIGHT: there})
     robot.execute(plan)
 
-A path is found by RRT-Connect and shortened by RoboPlan. Its corners are rounded as far as there is room, and it is
-passed as fast as the joints' speeds, accelerations and jerks allow (:func:`yumi.control.tool_path.fastest_along`), and
-slower where the limiter (:mod:`yumi.control.collisions`) would not let it pass.
+The straight path in joint space is taken where it is free. Else a path is found by RRT-Connect and shortened by
+RoboPlan, and its corners are rounded as far as there is room. A path is passed as fast as the joints' speeds,
+accelerations and jerks allow (:func:`yumi.control.tool_path.fastest_along`), and slower where the limiter
+(:mod:`yumi.control.collisions`) would not let it pass.
 Why RoboPlan: docs/explanation/decisions/0040-planning-with-roboplan.md.
 A :class:`PlanningProcess` plans in a process of its own, which loads this module alone.
 
@@ -24,6 +25,7 @@ import multiprocessing
 import os
 import signal
 import time
+import weakref
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -44,7 +46,7 @@ from yumi.control.collisions import BODY_MARGIN, DISTANCES, CollisionLimiter
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.tool_path import UNLIMITED, MotionLimits, RoundedPath, fastest_along
 from yumi.control.trajectory import SplineSampler, TrajectoryPoint, smooth_spline_through, spline_through
-from yumi.errors import CommandRefused, PlanNotFound, missing_extra
+from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan, missing_extra
 from yumi.robot.collision import PADDING, CollisionModel, Obstacle, Part, gripper_parts, link_parts, middle_and_size
 from yumi.robot.description import (
     BODY_SHAPES,
@@ -101,6 +103,8 @@ _CREEPING = 0.05  # of the joints' speeds: slower would be of no use
 _QUICKER = 1.02  # than it is, the limiter must accept a motion: a real robot lags
 _SHARE = 0.75  # of the distances that it may calculate must be enough for that: a robot that lags takes a few more
 _ATTEMPTS = 4  # with other random numbers: a tree that grew into a corner is given up
+_NODES = 20_000  # of a search, which ends without a path when it has so many
+_BUSY = 0.8  # of a processor: a planner that gets less shares it with other programs
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +116,7 @@ class Plan:
         points: of each arm that moves, for its trajectory controller; both begin together.
         duration: of the motion [s].
         planning_time: how long planning took [s].
-        clearance: between any two shapes along the way, at least [m]; besides what the shapes have already, of which a
+        clearance: between any two shapes along the path, at least [m]; besides what the shapes have already, of which a
             negative one takes.
     """
 
@@ -157,7 +161,11 @@ class Planner:
         self._grippers = grippers or dict.fromkeys(Side, GripperModules.SERVO)
         self._collisions = CollisionModel(self._grippers, tools=tools, obstacles=obstacles)
         self._scenes: dict[tuple[float, float], Any] = {}
-        self._scene = self._with_clearance(*_LEVELS[0])
+        # At the program's end, too: RoboPlan lists on standard error what is left of it then, such as in a frame of a
+        # thread that goes on, and the list would come after the error that ended the program.
+        weakref.finalize(self, self._scenes.clear)
+        self._level = _LEVELS[0]
+        self._with_clearance(*self._level)
 
     def plan(
         self,
@@ -173,72 +181,85 @@ class Planner:
         Args:
             start: where both arms are [rad]; one without a goal stays there.
             goal: joint positions [rad], or the pose of tool0 in the body frame, by arm.
-            timeout: how long to look for a way [s].
+            timeout: how long to look for a path [s]; a straight one is found in any case.
             speed_scale: share of the joints' speeds, above 0 up to 1.
-            seed: of the random numbers; the same one finds the same way.
+            seed: of the random numbers; the same one finds the same path.
 
         Raises:
             CommandRefused: the start or the goal is impossible, out of range or too near to something.
-            PlanNotFound: no way was found in time.
+            PlanNotFound: no path was found; ``why`` tells whether time was up or there is none.
         """
         from roboplan import core  # noqa: PLC0415
         from roboplan.rrt import RRT, RRTOptions  # noqa: PLC0415
 
-        begin = time.monotonic()
+        begin, begin_of_work = time.monotonic(), time.thread_time()
         sides = tuple(side for side in Side if side in goal)
         if not sides:
             raise CommandRefused("Nothing to plan: give a goal for the right arm, the left arm or both.")
         (group,) = (name for name, members in GROUPS.items() if set(members) == set(sides))
         clearance, free = self._free_targets(start, self._targets(start, goal))
+        targets = [*islice(free, _ATTEMPTS)]
         self._scene.setJointPositions(self._full(start))  # where an arm without a goal stays
+        names = self._scene.getJointGroupInfo(group).joint_names
+        here, *there = (
+            np.array([known[name] for name in names])
+            for known in ({**_by_name(start), **_by_name(target)} for target in ({}, *targets))
+        )
         found: dict[int, _Motion] = {}  # by how much of it the limiter would refuse
-        for attempt, target in enumerate([*islice(free, _ATTEMPTS)] * _ATTEMPTS):
-            if time.monotonic() - begin > timeout:
+
+        def take(motion: _Motion, refused: int) -> bool:
+            """Keep a motion; whether no other one has to be looked for."""
+            is_known = bool(motion) and found.setdefault(refused, motion) is not motion and found[refused] == motion
+            # Other motions are the same, or no better.
+            return bool(motion) and (not refused or is_known or clearance < CLEARANCES[0])
+
+        # The straight paths need no search, so they are tried however little time there is.
+        deadline = begin + timeout
+        is_over = any(take(*self._timed(start, group, np.array([here, end]), speed_scale, deadline)) for end in there)
+        is_cut_short = False
+        for attempt, end in enumerate(there * _ATTEMPTS):
+            if is_over:
+                break
+            left = deadline - time.monotonic()
+            if left < 0.0:
+                is_cut_short = True
                 break
             rrt = RRT(
                 self._scene,
                 RRTOptions(
                     group_name=group,
-                    max_nodes=20_000,
+                    max_nodes=_NODES,
                     max_connection_distance=1.0,
                     collision_check_step_size=_STEP,
-                    max_planning_time=max(min(timeout / _ATTEMPTS, timeout - (time.monotonic() - begin)), 0.1),
+                    max_planning_time=max(min(timeout / _ATTEMPTS, left), 0.1),
                     rrt_connect=True,
                 ),
             )
             rrt.setRngSeed(seed + attempt)
-            names = self._scene.getJointGroupInfo(group).joint_names
-            ends = []
-            for positions in (start, {**start, **target}):
-                known = {
-                    n: value for side in sides for n, value in zip(joint_names(side), positions[side], strict=True)
-                }
-                ends.append(core.JointConfiguration(names, np.array([known[name] for name in names])))
             try:
-                path = rrt.plan(*ends)
+                path = rrt.plan(*(core.JointConfiguration(names, each) for each in (here, end)))
             except RuntimeError:  # not within its nodes or time
+                is_cut_short = is_cut_short or sum(map(len, rrt.getNodes())) < _NODES
                 continue
-            if path is None:
-                continue
-            motion, refused = self._timed(start, group, path, speed_scale, seed, begin + timeout)
-            if motion:
-                is_known = found.setdefault(refused, motion) is not motion and found[refused] == motion
-                if not refused or is_known or clearance < CLEARANCES[0]:  # other ways are the same, or no better
-                    break
+            corners = self._shortened(group, path, seed, deadline)
+            is_over = take(*self._timed(start, group, corners, speed_scale, deadline))
+        spent = time.monotonic() - begin
         if not found:
-            raise PlanNotFound(
-                f"No way was found in {time.monotonic() - begin:.1f} s: every one that was tried comes too near to the "
-                "robot itself or to a box. Take a goal with more room about it, or plan in two steps."
-            )
+            raise _not_found(spent, time.thread_time() - begin_of_work, is_cut_short=is_cut_short)
         points = found[min(found)]
-        return Plan(dict(start), points, _duration(points), time.monotonic() - begin, clearance)
+        return Plan(dict(start), points, _duration(points), spent, clearance)
+
+    @property
+    def _scene(self) -> Any:
+        """RoboPlan's scene of the clearance that is planned with."""
+        return self._with_clearance(*self._level)
 
     def is_free(self, positions: Mapping[Side, Joints]) -> bool:
         """Whether all shapes are the clearance apart, also those of one arm among each other."""
         return not self._scene.hasCollisions(self._full(positions))
 
     def _full(self, positions: Mapping[Side, Joints]) -> Array:
-        known = {n: value for side in Side for n, value in zip(joint_names(side), positions[side], strict=True)}
+        known = _by_name(positions)
         return np.array([known[name] for name in self._scene.getJointNames()])
 
     def _with_clearance(self, clearance: float, to_boxes: float) -> Any:
@@ -266,7 +287,7 @@ class Planner:
         for clearance, to_boxes in _LEVELS:
             if clearance < 0.0 and self.is_free(start):
                 continue  # a way out is not needed: no plan leads into what the limiter stops the arms at
-            self._scene = self._with_clearance(clearance, to_boxes)
+            self._level = clearance, to_boxes
             free = [each for each in targets if self.is_free({**start, **each})] if self.is_free(start) else []
             if free:
                 return clearance, free
@@ -315,29 +336,32 @@ class Planner:
         together.sort(key=lambda each: max(_way(start[side], position) for side, position in each.items()))
         return together
 
-    def _timed(
-        self,
-        start: Mapping[Side, Joints],
-        group: str,
-        path: Any,
-        speed_scale: float,
-        seed: int,
-        deadline: float,
-    ) -> tuple[_Motion, int]:
-        """The motion of a group along a path: shortened until ``deadline``, and as fast as joints and limiter let it.
-
-        In how many cycles the limiter would refuse it; no motion, where the path has no room for corners that can be
-        passed.
-        """
+    def _shortened(self, group: str, path: Any, seed: int, deadline: float) -> Array:
+        """The corners of a path of RoboPlan after shortcuts, which are looked for until ``deadline``, (n, k)."""
         from roboplan import core  # noqa: PLC0415
 
         for attempt in range(10):
             if time.monotonic() > deadline:
-                break  # a longer way than need be
+                break  # a longer path than need be
             options = core.PathShortcuttingOptions(
                 group_name=group, max_step_size=_STEP, max_iters=_SHORTCUTS, seed=seed + attempt
             )
             path = core.PathShortcutter(self._scene, options).shortcut(path)
+        return np.array(path.positions)
+
+    def _timed(
+        self,
+        start: Mapping[Side, Joints],
+        group: str,
+        corners: Array,
+        speed_scale: float,
+        deadline: float,
+    ) -> tuple[_Motion, int]:
+        """The motion of a group along a path of ``corners``, (n, k), as fast as joints and limiter let it.
+
+        In how many cycles the limiter would refuse it; no motion, where the path is not free, or has no room for
+        corners that can be passed.
+        """
         names = self._scene.getJointGroupInfo(group).joint_names
         in_order = [name for side in Side for name in joint_names(side)]
         index = [in_order.index(name) % JOINT_COUNT for name in names]
@@ -345,7 +369,6 @@ class Planner:
         velocity, acceleration, jerk, lower, upper = (np.array(row)[index] for row in rows)
         velocity = velocity * speed_scale
 
-        corners = np.array(path.positions)
         corners = corners[np.concatenate([[True], np.max(np.abs(np.diff(corners, axis=0)), axis=1) > 1e-9])]
         if len(corners) == 1:  # it is there
             here, still = tuple(corners[0].tolist()), (0.0,) * len(names)
@@ -432,13 +455,18 @@ def _spline_points(positions: Array, limits: MotionLimits) -> list[TrajectoryPoi
         points.append(TrajectoryPoint(segment.begin, place, speeds, tuple(2.0 * each for each in halves)))
     points.append(knots[-1]._replace(velocity=still, acceleration=still))
     # Between its points a spline may be a little more abrupt: slower by what the worst place needs.
+    segments = spline_through(points).segments
+    coefficients = np.zeros((len(segments), positions.shape[1], 6))  # from the constant up
+    for own, segment in zip(coefficients, segments, strict=True):
+        for row, values in zip(own, segment.rows, strict=True):
+            row[: len(values)] = values
+    times = np.array([np.linspace(0.0, each.end - each.begin, 5) for each in segments])[:, None, :]
     stretch = 1.0
-    for segment in spline_through(points).segments:
-        times = np.linspace(0.0, segment.end - segment.begin, 5)
-        for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
-            for row, limit in zip(segment.rows, most.tolist(), strict=True):
-                rate = np.abs(np.polynomial.Polynomial(row).deriv(order)(times)).max()
-                stretch = max(stretch, (float(rate) / limit) ** (1.0 / order))
+    for order, most in enumerate((limits.velocity, limits.acceleration, limits.jerk), 1):
+        coefficients = coefficients[:, :, 1:] * np.arange(1.0, coefficients.shape[2])  # the derivative's
+        rates = sum(coefficients[:, :, [power]] * times**power for power in range(coefficients.shape[2]))
+        fastest = np.abs(rates).max(axis=(0, 2))
+        stretch = max(stretch, float(np.max(fastest / most)) ** (1.0 / order))
     return [
         TrajectoryPoint(
             each.time * stretch,
@@ -461,6 +489,23 @@ def _of_each_arm(names: Sequence[str], points: Sequence[TrajectoryPoint]) -> _Mo
 
 def _duration(motion: _Motion) -> float:
     return max(points[-1].time for points in motion.values())
+
+
+def _by_name(positions: Mapping[Side, Joints]) -> dict[str, float]:
+    return {n: value for side, each in positions.items() for n, value in zip(joint_names(side), each, strict=True)}
+
+
+def _not_found(spent: float, work: float, *, is_cut_short: bool) -> PlanNotFound:
+    """Why there is no plan after ``spent`` seconds, of which the planner had a processor for ``work`` seconds."""
+    share = min(1.0, work / spent) if spent > 0.0 else 1.0
+    if not is_cut_short:
+        return PlanNotFound(
+            message("no_path", duration=spent),
+            WhyNoPlan.NO_PATH,
+            share,
+        )
+    code = "no_path_in_time_busy" if share < _BUSY else "no_path_in_time"
+    return PlanNotFound(message(code, duration=spent, share=share), WhyNoPlan.TIME_IS_UP, share)
 
 
 def _way(start: Joints, end: Joints) -> float:

@@ -13,9 +13,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from math import degrees, radians
+from math import degrees, isfinite, radians
 from operator import le
-from typing import NamedTuple
+from typing import Literal, NamedTuple, SupportsFloat
 
 from yumi.catalogue import message
 from yumi.errors import CommandRefused
@@ -146,6 +146,29 @@ class Pose:
 
     position: Vector
     orientation: Quaternion
+
+    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0, *, frame: Literal["base", "tool"] = "base") -> Pose:
+        """The same pose at another place: ``pose.moved(z=0.02)`` is 20 mm higher; the orientation stays.
+
+        Args:
+            x: by how much [m].
+            y: see x.
+            z: see x.
+            frame: along whose axes: ``"base"``, those of the frame that the pose is seen from (the robot's base, or the
+                work object), or ``"tool"``, those of the frame whose pose it is.
+
+        Raises:
+            CommandRefused: a distance is not a finite number, or the frame another one.
+        """
+        if frame not in ("base", "tool"):
+            raise CommandRefused(message("pose_moved_along_unknown_frame", frame=frame))
+        if not all(isinstance(each, SupportsFloat) and isfinite(float(each)) for each in (x, y, z)):
+            raise CommandRefused(message("pose_moved_by_no_numbers", by=(str(x), str(y), str(z))))
+        from yumi.robot.kinematics import rotate  # noqa: PLC0415 - which needs this class
+
+        by = (float(x), float(y), float(z))
+        (px, py, pz), (dx, dy, dz) = self.position, rotate(self.orientation, by) if frame == "tool" else by
+        return replace(self, position=(px + dx, py + dy, pz + dz))
 
 
 class ArmState(NamedTuple):

@@ -13,13 +13,13 @@ import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import msgspec
 
+from yumi.api.connection import limits_of, shapes_of
 from yumi.api.motion import CARTESIAN_CONTROLLER, JOG_CONTROLLER, checked_goal
 from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
 from yumi.control.shared_state import Limited
@@ -54,10 +54,9 @@ from yumi.driver.endpoint import (
 )
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
-from yumi.robot.collision import BODY, TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
+from yumi.robot.collision import BODY, CollisionModel, Distance
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.gripper import GripperModules
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, JointLimits, Joints, Pose, Side
+from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side
 from yumi.robot.kinematics import (
     DifferentialSolver,
     compose,
@@ -686,21 +685,6 @@ NEAR = 0.05
 """Parts further from each other than this are not shown [m]."""
 
 
-def shapes_of(
-    surroundings: Surroundings,
-) -> tuple[dict[Side, GripperModules], dict[Side, tuple[Part, ...]], tuple[Obstacle, ...]]:
-    """Grippers, tools and boxes as the collision model has them."""
-    grippers = {side: GripperModules(surroundings.grippers.get(side.word, "servo")) for side in Side}
-    tools = {
-        side: tuple(
-            Part(each.name, TOOL_FRAME, each.start, each.end, each.radius)
-            for each in surroundings.tools.get(side.word, ())
-        )
-        for side in Side
-    }
-    return grippers, tools, tuple(Obstacle(each.name, each.pose, each.size) for each in surroundings.boxes)
-
-
 class Distances:
     """Finds the two parts that are nearest to each other: each two parts of different arms, and each part and box.
 
@@ -732,12 +716,6 @@ PLANNED_SPEED_SCALE = 0.5
 """Share of the joints' speeds that a page plans for, before speed_scale."""
 
 _PLANNING_TIMEOUT = 20.0  # [s] for one plan
-
-
-def limits_of(surroundings: Surroundings) -> JointLimits:
-    """The joints' limits, no faster than the driver allows them to be."""
-    known = surroundings.velocity
-    return YUMI_LIMITS if known is None else replace(YUMI_LIMITS, velocity=known)
 
 
 # ---- the connection to the driver

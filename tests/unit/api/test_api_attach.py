@@ -24,16 +24,20 @@ import yumi
 from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
 from yumi.api.connection import RunningDriver, attach
-from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER, Motion, Way
+from yumi.api.motion import GOAL_CONTROLLER, RETREAT_SPEED_SCALE, STREAM_CONTROLLER, Motion, Way
 from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
+from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
+from yumi.control.controllers.joint_trajectory import Outcome as TrajectoryOutcome
 from yumi.control.loop import ControllerCommand
-from yumi.control.shared_state import JointStates, SessionLost, Snapshot
+from yumi.control.shared_state import ControllerReport, JointStates, SessionLost, Snapshot
+from yumi.control.trajectory import ResultCode, TrajectoryPoint
 from yumi.driver import endpoint_server
 from yumi.driver.endpoint import MAX_REQUEST, ArmMode, EndpointClient, endpoint_folder, endpoint_path, find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS, MAX_SILENT
 from yumi.driver.readiness import Mode
 from yumi.errors import CommandRefused, GoalNotReached, RobotNotReady, StopNotConfirmed
+from yumi.planning.planner import Plan
 from yumi.robot.gripper import Outcome
 from yumi.robot.joints import ZERO, Joints, Side, home, named_pose
 
@@ -95,6 +99,64 @@ def test_state_has_all_that_the_driver_knows(driver: FakeDriver, attached: Runni
     assert [(event.level, event.said.sentence) for event in state.events] == [
         ("warning", "Motors off: an emergency stop.")
     ]
+
+
+def test_state_is_shown_in_lines(driver: FakeDriver, attached: RunningDriver) -> None:
+    stop, cause = message("stop_open", stop="50204-1"), message("text", text="a <collision>")
+    driver.manager.robot = replace(driver.manager.robot, reasons=(stop,), causes=(cause,), stop="50204-1")
+    shown = repr(attached.state).splitlines()
+    assert shown[:4] == [
+        f"robot {ROBOT}, driver process {os.getpid()}",
+        "operating mode AUTO, motoron, RAPID running, speed_scale 1, speed ratio 100 %",
+        f"cannot move: {stop}",
+        "stopped by: a <collision>",
+    ]
+    assert "left gripper: keep object, 20.0 mm, holding" in shown
+    assert "stopped by: a &lt;collision&gt;" in attached.state._repr_html_()
+    own = driver.manager.state()
+    assert repr(own).splitlines() == [
+        *shown[1:4],
+        "right arm: EGM off, no state machine",
+        "left arm: EGM off, no state machine",
+    ]
+    assert "stopped by: a &lt;collision&gt;" in own._repr_html_()
+
+
+def test_arms_retreat_on_a_planned_path(
+    driver: FakeDriver, attached: RunningDriver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: dict[str, object] = {}
+    start = {side: home(side) for side in Side}
+    points = {
+        side: (TrajectoryPoint(0.0, start[side], ZERO, ZERO), TrajectoryPoint(1.0, start[side], ZERO, ZERO))
+        for side in Side
+    }
+
+    class FakePlanner:
+        def __init__(self, grippers: object, **shapes: object) -> None:
+            asked.update(shapes)
+
+        def plan(self, start: object, goal: object, **options: object) -> Plan:
+            asked.update(options, start=start, goal=goal)
+            return Plan({side: home(side) for side in Side}, points, 1.0, 0.1, 0.02)
+
+    monkeypatch.setattr("yumi.planning.planner.Planner", FakePlanner)
+
+    def arrive(command: ControllerCommand) -> None:
+        if isinstance(command.message, FollowTrajectory):
+            report = TrajectoryEnded(
+                command.message.goal, TrajectoryOutcome.SUCCEEDED, ResultCode.SUCCESSFUL, message("goal_reached")
+            )
+            driver.robot.motions.note(ControllerReport(command.side, command.controller, report))
+        else:
+            driver.robot.rest(command)
+
+    driver.robot.control.on_command = arrive
+    assert attached.retreat() == "The right and the left arm stand at the goal"
+    assert (asked["start"], asked["goal"]) == (start, start)
+    assert asked["speed_scale"] == RETREAT_SPEED_SCALE
+    assert [each.name for each in asked["obstacles"]] == ["table"]  # type: ignore[attr-defined]
+    assert [type(each.message) for each in driver.robot.control.commands[-2:]] == [FollowTrajectory] * 2
 
 
 def test_state_says_what_stopped_the_robot(driver: FakeDriver, attached: RunningDriver) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 from inspect import signature
 from math import nan, pi
 from pathlib import Path
+from traceback import format_exception
 from typing import Any
 
 import pytest
@@ -52,6 +53,28 @@ def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, w
 def test_connect_refuses_what_is_no_robot(options: dict[str, Any], sentence: str) -> None:
     with pytest.raises(SettingsError, match=sentence):
         yumi.connect(**{"address": NOBODY, **options})
+
+
+def refuse(*_: object) -> None:
+    try:
+        raise ConnectionRefusedError
+    except ConnectionRefusedError as error:
+        raise NoConnection("Nothing listens there.") from error
+
+
+@pytest.mark.parametrize("begin", ["open", "recover"])
+def test_robot_that_is_not_reached_is_told_without_the_errors_of_other_libraries(
+    monkeypatch: pytest.MonkeyPatch, begin: str
+) -> None:
+    monkeypatch.setattr(f"yumi.api.connection.Connection.{begin}", refuse)
+    robot = yumi.connect(NOBODY)
+    monkeypatch.setattr(robot, "_is_connected", begin == "recover")
+    with pytest.raises(NoConnection, match="Nothing listens there") as error:
+        getattr(robot, begin)()
+    lines = format_exception(error.value)
+    assert not [line for line in lines if "ConnectionRefusedError" in line]
+    assert lines[-1] == "yumi.errors.NoConnection: Nothing listens there.\n"
+    assert len(lines) <= 4  # a title, the caller, the method
 
 
 def test_connect_demands_the_controllers_it_moves_with(tmp_path: Path) -> None:

@@ -61,6 +61,24 @@ def test_joints_by_name_are_put_in_chain_order(robot: FakeRobot, names: Sequence
     assert robot.control.commands[0].message.position == RIGHT  # type: ignore[attr-defined]
 
 
+def test_joints_that_a_goal_leaves_out_stay_where_they_were_sent(robot: FakeRobot) -> None:
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(sent=RIGHT)
+    expected = (0.1, *RIGHT[1:])
+    robot.executor.move({Side.RIGHT: {"j1": 0.1}}, None, None)
+    assert robot.control.commands[0].message.position == expected  # type: ignore[attr-defined]
+    robot.end(robot.control.commands[0])
+    robot.control.on_command = robot.rest
+    robot.executor.stream(Side.RIGHT, {"j1": 0.1})
+    newest = read_goal(robot.goals[Side.RIGHT], 1)
+    assert newest is not None
+    assert newest[1].position == expected
+
+
+def test_trajectory_names_all_joints_in_each_point(robot: FakeRobot) -> None:
+    with pytest.raises(CommandRefused, match=r"Trajectory refused: without yumi_joint_1_r, .* names all 7 joints"):
+        robot.executor.follow({Side.RIGHT: [(1.0, {"j2": 0.0})]})
+
+
 def test_trajectory_takes_joints_by_name(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     robot.executor.follow({Side.RIGHT: [(1.0, BY_NAME, {f"j{axis}": 0.0 for axis in CHAIN_AXES})]})
@@ -116,7 +134,6 @@ def test_motion_goes_on_when_no_one_waits_any_longer(robot: FakeRobot) -> None:
         ),
         ({**BY_NAME, "elbow": 0.0}, "'elbow' is not a joint of the right arm; it has yumi_joint_1_r, .* or j1 to j7"),
         ({**BY_NAME, "j7": 0.0}, "yumi_joint_7_r is named twice; give each joint once"),
-        ({"j1": 0.0, "j2": 0.0}, "Goal refused: without yumi_joint_7_r, yumi_joint_3_r, .*; name all 7 joints"),
         (dict(zip(joint_names(Side.LEFT), LEFT, strict=True)), "'yumi_joint_1_l' is a joint of the left arm, and this"),
         ({**BY_NAME, "yumi_joint_2_r": nan}, "yumi_joint_2_r is nan; a position is a finite number of radians"),
         ({**BY_NAME, "yumi_joint_2_r": "up"}, "expected seven angles in radians, got {'yumi_joint_1_r'"),
@@ -315,15 +332,15 @@ def test_trajectory_ends_as_its_controller_says(robot: FakeRobot, outcome: Outco
         assert_says(error.said, "goal_not_reached", arm="right")
 
 
-def test_motion_that_the_limiter_holds_says_which_parts(robot: FakeRobot) -> None:
+def test_motion_that_the_limiter_holds_says_which_parts_and_offers_a_planned_path(robot: FakeRobot) -> None:
     robot.control.on_command = robot.rest
     (motion,) = robot.executor.follow({Side.RIGHT: [(1.0, RIGHT)]})
     robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(
-        limited_part="right gripper", limited_other="body"
+        limited_part="right gripper", limited_other="body", limited_distance=0.062
     )
     notice = TrajectoryEnded(motion.identity, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
     robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
-    limited = message("parts_near", part="right gripper", other="body", distance=0.0)
+    limited = message("parts_not_compared", part="right gripper", other="body", distance=0.062)
     with refused(GoalNotReached, "goal_not_reached_limited", arm="right", limited=limited):
         motion.wait()
 

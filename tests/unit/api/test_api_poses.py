@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import degrees, hypot, inf, nan, pi
 
 import pytest
@@ -30,7 +31,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.description import FINGERTIPS
 from yumi.robot.inverse_kinematics import Unreachable, arm_angle, configuration
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, joints
-from yumi.robot.kinematics import IDENTITY, compose, inverse, tool0_to_body
+from yumi.robot.kinematics import IDENTITY, compose, euler_zyx, inverse, tool0_to_body
 
 POSTURE = rad((20, -90, -110, 10, 30, 60, 10))
 HERE = tool0_to_body(Side.RIGHT, POSTURE)
@@ -44,6 +45,44 @@ def test_a_pose_has_a_quaternion_or_angles() -> None:
     assert poses_from(HERE) == [HERE]
     assert poses_from([0.1, 0.2, 0.3, 1, 0, 0, 0]) == [[0.1, 0.2, 0.3, 1, 0, 0, 0]]
     assert poses_from([HERE, HERE]) == [HERE, HERE]
+
+
+def test_pose_is_moved_along_the_axes_of_the_base_or_of_the_tool() -> None:
+    down = pose(0.4, -0.2, 0.2, rpy=(pi, 0.0, 0.0))
+    assert down.moved(z=0.02) == replace(down, position=(0.4, -0.2, 0.2 + 0.02))
+    assert down.moved(0.1, 0.1).position == pytest.approx((0.5, -0.1, 0.2))
+    assert down.moved(z=0.02, frame="tool").position == pytest.approx((0.4, -0.2, 0.18))
+    assert down.moved(z=0.02).orientation == down.orientation
+
+
+def test_pose_is_not_moved_by_what_is_no_distance() -> None:
+    with pytest.raises(CommandRefused, match=r"moved by .*nan.*; give finite numbers"):
+        HERE.moved(z=nan)
+    with pytest.raises(CommandRefused, match=r"moved by .*'far'.*; give finite numbers"):
+        HERE.moved("far")  # type: ignore[arg-type]
+    with pytest.raises(CommandRefused, match="frame is 'world'; choose 'base' or 'tool'"):
+        HERE.moved(frame="world")  # type: ignore[arg-type]
+
+
+def test_pose_of_an_arm_says_of_what_it_is_and_from_where_it_is_seen() -> None:
+    robot = FakeRobot()
+    arm = Arm(Side.RIGHT, lambda: robot.executor, None)  # type: ignore[arg-type]
+    robot.control.snapshots[Side.RIGHT] = robot.control.snapshots[Side.RIGHT]._replace(position=POSTURE)
+    now = arm.pose
+    x, y, z = (f"{value * 1e3:.1f} mm" for value in HERE.position)
+    roll, pitch, yaw = (f"{degrees(value):.1f}°" for value in euler_zyx(HERE.orientation))
+    assert repr(now) == (
+        f"<yumi.Pose tool0 of the right arm in the base frame: x {x}, y {y}, z {z}, roll {roll}, pitch {pitch}, "
+        f"yaw {yaw}>"
+    )
+    assert now == HERE
+    assert now == HERE
+    assert {now: 1}[HERE] == 1
+    assert now != replace(now, position=(0.0, 0.0, 0.0))
+    assert now != HERE.position
+    assert repr(now.moved(z=0.02)).startswith("<yumi.Pose tool0 of the right arm in the base frame: ")
+    arm.tool = FINGERTIPS
+    assert repr(arm.pose).startswith("<yumi.Pose a tool of your own of the right arm")
 
 
 @pytest.mark.parametrize(

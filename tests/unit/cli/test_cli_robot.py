@@ -267,6 +267,19 @@ def completions(words: str, incomplete: str) -> list[str]:
     return [line.partition(",")[2] for line in done.stdout.splitlines()]
 
 
+def test_arms_retreat_slowly_unless_told_otherwise(driver: FakeDriver, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+
+    def retreat(_: object, *, speed_scale: float, on_motion: object) -> str:
+        asked.append(speed_scale)
+        return "The right and the left arm stand at the goal"
+
+    monkeypatch.setattr(commands.RunningDriver, "retreat", retreat)
+    assert run("retreat") == "The right and the left arm stand at the goal\n"
+    run("retreat", "--speed-scale", "0.05")
+    assert asked == [0.1, 0.05]
+
+
 def test_shell_completes_commands_poses_and_controllers(driver: FakeDriver) -> None:
     assert completions("yumi", "co") == ["compare", "completion", "controller", "controllers"]
     assert completions("yumi move right", "r") == ["ready"]

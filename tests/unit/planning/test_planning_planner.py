@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import pickle
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from itertools import combinations, cycle, islice, pairwise
+from itertools import combinations, count, cycle, islice, pairwise
 from math import dist
 from statistics import median
 
@@ -19,7 +22,7 @@ from trajectories import sent_beside_speeds
 from yumi.control.collisions import BODY_MARGIN
 from yumi.control.motion import SERVO_CYCLES
 from yumi.control.trajectory import JointTrajectory, SplineSampler, plan_trajectory
-from yumi.errors import CommandRefused, PlanNotFound
+from yumi.errors import CommandRefused, PlanNotFound, WhyNoPlan
 from yumi.planning.planner import CLEARANCES, Goal, Plan, Planner, disabled_pairs, planning_description
 from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
@@ -259,7 +262,7 @@ def test_planning_ends_at_its_limit_of_time_with_the_way_that_was_found(
 ) -> None:
     ticks = iter(range(0, 10**6, 100))
     monkeypatch.setattr("yumi.planning.planner.time.monotonic", lambda: float(next(ticks)))
-    hurried = planner.plan(*problem, timeout=250.0)  # over once the search has looked at the clock
+    hurried = planner.plan(*problem, timeout=150.0)  # over once the search has looked at the clock
     assert way(hurried) > way(planned)  # which was shortened
     assert nearest(hurried) > hurried.clearance - 0.002
 
@@ -304,9 +307,130 @@ def test_impossible_goal_is_refused_in_a_sentence(planner: Planner, goal: dict[S
         planner.plan(HOME, goal)
 
 
-def test_way_that_is_not_found_in_time_is_told(planner: Planner, problem) -> None:
-    with pytest.raises(PlanNotFound, match="No way was found in"):
-        planner.plan(*problem, timeout=0.0)
+class Search:
+    """In place of RoboPlan's: ends without a path, with ``nodes`` in its two trees."""
+
+    nodes = 0
+
+    def __init__(self, *_: object) -> None: ...
+
+    def setRngSeed(self, seed: int) -> None: ...  # noqa: N802 - as RoboPlan calls it
+
+    def plan(self, *_: object) -> None:
+        raise RuntimeError
+
+    def getNodes(self) -> tuple[range, range]:  # noqa: N802
+        return range(self.nodes // 2), range(self.nodes // 2)
+
+
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> type[Search]:
+    monkeypatch.setattr(Search, "nodes", 20_000)
+    monkeypatch.setattr("roboplan.rrt.RRT", Search)
+    return Search
+
+
+def times(monkeypatch: pytest.MonkeyPatch, processor_share: float) -> None:
+    """A clock that goes on by a second each time it is read, and a processor that is had for a share of the time."""
+    now = count()
+    monkeypatch.setattr("yumi.planning.planner.time.monotonic", lambda: float(next(now)))
+    worked = count()
+    monkeypatch.setattr("yumi.planning.planner.time.thread_time", lambda: 4.0 * processor_share * next(worked))
+
+
+@pytest.mark.usefixtures("search")
+def test_path_that_complete_searches_do_not_find_does_not_exist(planner: Planner, problem) -> None:
+    with pytest.raises(PlanNotFound, match=r"There is no path, as far as complete searches show") as refusal:
+        planner.plan(*problem)
+    assert refusal.value.why is WhyNoPlan.NO_PATH
+
+
+def test_path_may_exist_where_one_of_the_searches_was_cut_short(
+    planner: Planner, problem, search: type[Search], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Search, "nodes", 19_998)
+    with pytest.raises(PlanNotFound) as refusal:
+        planner.plan(*problem)
+    assert refusal.value.why is WhyNoPlan.TIME_IS_UP
+
+
+@pytest.mark.parametrize(
+    ("share", "sentence"),
+    [
+        (0.125, "had a processor for 12% of that time, as other programs keep this machine busy"),
+        (0.9, r"had a processor for 90% of that time\. More time helps"),
+    ],
+)
+def test_path_that_is_not_found_in_time_says_how_busy_the_machine_is(
+    planner: Planner, problem, search: type[Search], monkeypatch: pytest.MonkeyPatch, share: float, sentence: str
+) -> None:
+    times(monkeypatch, share)
+    with pytest.raises(PlanNotFound, match=f"No path was found in the time given, 4.0 s; .*{sentence}") as refusal:
+        planner.plan(*problem, timeout=2.0)
+    assert refusal.value.why is WhyNoPlan.TIME_IS_UP
+    assert refusal.value.processor_share == pytest.approx(share)
+
+
+def test_cause_comes_out_of_the_process_that_plans() -> None:
+    error = pickle.loads(pickle.dumps(PlanNotFound("Not found.", WhyNoPlan.TIME_IS_UP, 0.25)))
+    assert (str(error), error.why, error.processor_share) == ("Not found.", WhyNoPlan.TIME_IS_UP, 0.25)
+
+
+@pytest.mark.parametrize("timeout", [30.0, 0.0])
+def test_straight_path_is_taken_before_any_search(planner: Planner, search: type[Search], timeout: float) -> None:
+    ready = {side: named_pose(side, "ready") for side in Side}
+    plan = planner.plan(HOME, ready, timeout=timeout)
+    for side, points in plan.points.items():
+        whole = np.array(ready[side]) - HOME[side]
+        for point in points:
+            covered = (np.array(point.position) - HOME[side]) @ whole / (whole @ whole)
+            assert np.array(point.position) == pytest.approx(HOME[side] + covered * whole, abs=1e-6)
+
+
+def test_arms_that_were_stopped_in_front_of_each_other_are_led_home() -> None:
+    """Driven at each other until the limiter holds them; then from where they stand, as ``retreat`` does."""
+    ready = {side: named_pose(side, "ready") for side in Side}
+    arms = ApartArms(ready, obstacles=())
+    crossed = {Side.RIGHT: joints([1.4, *ready[Side.RIGHT][1:]]), Side.LEFT: joints([-1.4, *ready[Side.LEFT][1:]])}
+
+    def drive(now: ApartArms, side: Side) -> ArmCommand:
+        at = np.array(now.sent[side].position)
+        return ArmCommand(joints((at + np.clip(np.array(crossed[side]) - at, -0.004, 0.004)).tolist()))
+
+    for _ in range(500):
+        arms.cycle(dict.fromkeys(Side, drive))
+    start = arms.measured()
+    nearest = arms.shapes.nearest(start)[0]
+    assert (nearest.part, nearest.other) == ("right fingers", "left fingers")
+    assert 0.0 < nearest.distance < 0.015
+    plan = Planner().plan(start, HOME, speed_scale=0.1)
+    ways = splines(plan)
+    for time in np.arange(CYCLE, plan.duration + 0.5, CYCLE).tolist():
+        arms.cycle({side: lambda _, side, at=time: ArmCommand(*ways[side].motion(at)) for side in Side})
+    for side in Side:
+        assert arms.measured()[side] == pytest.approx(HOME[side], abs=0.01)
+
+
+LEFT_BEHIND = """
+import threading
+from yumi.planning.planner import Planner
+from yumi.control.motion import Setpoint, travel
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, home
+from yumi.api.motion import MotionRegistry, Way
+
+planner = Planner()
+motion = MotionRegistry().begin(Side.RIGHT)
+motion.follow_way(lambda plan=travel(Setpoint(home(Side.RIGHT)), ZERO, YUMI_LIMITS): Way(plan.duration, None))
+motion.future.set_result(None)
+threading.Thread(target=lambda: threading.Event().wait(), daemon=True).start()
+raise ValueError("the last line")
+"""
+
+
+def test_error_that_ends_a_script_is_the_last_that_it_prints() -> None:
+    """Not nanobind's list of what a thread that goes on keeps of RoboPlan and Ruckig."""
+    ended = subprocess.run([sys.executable, "-c", LEFT_BEHIND], capture_output=True, text=True, check=False)
+    assert ended.stderr.splitlines()[-1] == "ValueError: the last line"
 
 
 @pytest.mark.parametrize("count", [short(300), long(100_000, 1800.0)])

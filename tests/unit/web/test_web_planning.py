@@ -7,11 +7,11 @@ import asyncio
 import msgspec
 import pytest
 
+from yumi.api.connection import limits_of, shapes_of
 from yumi.driver.endpoint import BoxReport, Surroundings, ToolReport
 from yumi.planning.planner import Plan, PlanningProcess
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side, home
 from yumi.robot.kinematics import IDENTITY
-from yumi.web.live import limits_of, shapes_of
 
 
 def test_motions_are_planned_for_the_speeds_that_the_driver_allows() -> None:

@@ -16,6 +16,7 @@ from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
 from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
 from yumi.catalogue.texts.page import PAGE
+from yumi.catalogue.texts.planning import PLANNING
 from yumi.catalogue.texts.recordings import RECORDINGS
 from yumi.catalogue.texts.robot import ROBOT
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
@@ -38,6 +39,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Installation and doctor": SET_UP,
     "Recordings": RECORDINGS,
     "Motions": MOTION,
+    "Planned paths": PLANNING,
     "Controllers": CONTROLLERS,
     "EGM": EGM,
     "Model of the robot": ROBOT,

@@ -70,9 +70,7 @@ ARMS: Mapping[str, Text] = {
     "references_followed_again": Text("{arm} arm: the robot follows the references again. {Recover} to go on"),
     "positions_plausible_again": Text("{arm} arm: the reported positions are plausible again. {Recover} to go on"),
     "parts_near": Text("{part} - {other}, {distance:.0mm}"),
-    "parts_not_compared": Text(
-        "{part} - {other}, whose distance was not calculated in this cycle (it counts as too near)"
-    ),
+    "parts_not_compared": Text("{part} - {other}, {distance:.0mm}, not shown to stay apart within one cycle"),
     "no_shared_memory": Text(
         "the operating system gives no shared memory ({why})",
         "see that /dev/shm exists and has some MB left (df /dev/shm), and that the limits of this program are not too "
@@ -110,7 +108,10 @@ ARMS: Mapping[str, Text] = {
     ),
     "arm_waits_for_recovery": Text("the {arm} arm was stopped and waits: {fault}", "{recover}"),
     "goal_not_reached": Text("the {arm} arm did not reach its goal: {reason}"),
-    "goal_not_reached_limited": Text("the {arm} arm did not reach its goal: {reason}; the arm is limited by {limited}"),
+    "goal_not_reached_limited": Text(
+        "the {arm} arm did not reach its goal: {reason}; the limiter keeps it apart: {limited}",
+        "take a planned path around, with plan_to(...) and execute(...), or {retreat}, which leads both arms home",
+    ),
     "motion_limited": Text("{arm} arm: motion limited by {limited}"),
     "all_kept_apart": Text("all parts are kept apart again, and the arms have their speed"),
     "may_touch": Text("may touch for a while, slowly: {pairs:list}"),

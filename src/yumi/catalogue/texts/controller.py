@@ -30,6 +30,11 @@ CONTROLLER: Mapping[str, Text] = {
         "the controller has no UDPUC device {device} (Communication, Transmission Protocol)",
         "load SIO.cfg of this package and restart it",
     ),
+    "datagrams_go_elsewhere": Text(
+        "the {arm} arm's datagrams go to {there}, here they are awaited at {here}",
+        "make the UDPUC device {device} or the settings fit",
+    ),
+    "grippers_missing": Text("the controller lacks the product {product:quoted}; the grippers cannot be used"),
     "motors_stay_off": Text(
         "the motors do not go on, the controller is in {state:quoted}",
         "release the emergency stop and acknowledge it on the FlexPendant",

@@ -14,6 +14,8 @@ _NAMES: Mapping[str, tuple[str, str]] = {
 }
 
 ROBOT: Mapping[str, Text] = {
+    "pose_moved_along_unknown_frame": Text("pose refused: the frame is {frame:quoted}", "choose 'base' or 'tool'"),
+    "pose_moved_by_no_numbers": Text("pose refused: moved by {by:list}", "give finite numbers [m]"),
     "pose_name_unknown": Text("goal refused: there is no pose {name:quoted}; there are {poses:list}"),
     # ---- kinematics
     "pose_not_reached": Text(

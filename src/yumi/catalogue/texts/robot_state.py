@@ -79,6 +79,7 @@ ROBOT_STATE: Mapping[str, Text] = {
         "EGM started on the robot but no datagram came for the {arms:and} arm",
         "check the remote address and port of the controller's UDPUC device {devices:list} and this machine's firewall",
     ),
+    "no_datagram_came_misdirected": Text("EGM started on the robot but no datagram came: {why:full}"),
     "robot_does_not_follow": Text(
         "EGM started but the robot does not follow on the {arms:and} arm", "look at the event log on the FlexPendant"
     ),
