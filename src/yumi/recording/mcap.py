@@ -472,7 +472,7 @@ class RecordingWriter:
 
     def _add_whole(self, time: float) -> None:
         """Append the whole robot as far as it is known at ``time`` [s], unless that was done just before."""
-        if time - self._whole_at < WHOLE_PERIOD - 1e-4:
+        if 0.0 <= time - self._whole_at < WHOLE_PERIOD - 1e-4:  # what is looked at may be ahead of the cycles
             return
         self._whole_at = time
         position: dict[str, float] = {}
@@ -496,7 +496,7 @@ class RecordingWriter:
         ]
         self._write(FRAMES, nanoseconds, frames_message(moved))
         errors = {
-            side.word: [round(each, 6) if isfinite(each) else None for each in error]
+            side.word: [round(each, 6) for each in error]  # what is not a number becomes null
             for side, (since, error) in self._errors.items()
             if time - since < STALE
         }
@@ -512,8 +512,7 @@ class RecordingWriter:
         return frames_message(fixed)
 
     def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
-        data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
-        self._write(topic, self._nanoseconds(time), data, sequence)
+        self._write(topic, self._nanoseconds(time), msgspec.json.encode(message), sequence)
 
     def _write(self, topic: str, nanoseconds: int, data: bytes, sequence: int = 0) -> None:
         if not self._is_begun:  # at the time of the first message, or the recording would begin in 1970

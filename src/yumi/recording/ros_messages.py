@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 from yumi.robot.joints import Pose
@@ -53,7 +54,8 @@ def _with_text(content: bytes, text: str) -> bytes:
     return content + b"\0" * (-len(content) % 4) + struct.pack("<I", len(data)) + data
 
 
-def joint_names_part(names: Sequence[str]) -> bytes:
+@lru_cache(maxsize=16)  # the same few in thousands of messages
+def joint_names_part(names: tuple[str, ...]) -> bytes:
     """What follows the time stamp in each JointState of these joints: an empty frame, the count, the names."""
     content = _with_text(b"", "") + b"\0" * 3
     content += struct.pack("<I", len(names))
@@ -66,7 +68,7 @@ def joint_state_message(names: bytes, nanoseconds: int, position: Sequence[float
     """A sensor_msgs/msg/JointState.
 
     Args:
-        names: of :func:`joint_names_part`; they are the same in thousands of messages.
+        names: of :func:`joint_names_part`.
         nanoseconds: when the joints were there [ns since 1970].
         position: of the joints [rad], [m].
         velocity: of the joints [rad/s], [m/s].
@@ -81,13 +83,20 @@ def joint_state_message(names: bytes, nanoseconds: int, position: Sequence[float
 
 def frames_message(transforms: Sequence[Transform]) -> bytes:
     """A tf2_msgs/msg/TFMessage."""
-    content = struct.pack("<I", len(transforms))
+    content = bytearray(struct.pack("<I", len(transforms)))
     for time, parent, name, pose in transforms:
         content += struct.pack("<iI", *divmod(time, 10**9))
-        content = _with_text(_with_text(content, parent), name)
+        content += _frame_names(parent, name)
+        content += b"\0" * (-len(content) % 8)
         w, x, y, z = pose.orientation  # a quaternion of ROS ends with w
-        content += b"\0" * (-len(content) % 8) + struct.pack("<7d", *pose.position, x, y, z, w)
-    return _CDR + content
+        content += struct.pack("<7d", *pose.position, x, y, z, w)
+    return _CDR + bytes(content)
+
+
+@lru_cache(maxsize=64)
+def _frame_names(parent: str, name: str) -> bytes:
+    """Both names, to stand at a multiple of four."""
+    return _with_text(_with_text(b"", parent), name)
 
 
 def text_message(text: str) -> bytes:
