@@ -92,9 +92,7 @@ def moments() -> Iterator[tuple[float, dict[Side, Joints], dict[Side, float]]]:
         for index in range(count):
             share = min(1.0, index * PERIOD / after.takes) if after.takes else 1.0
             right, left = between(before.right, after.right, share), between(before.left, after.left, share)
-            fingers = between(
-                (before.right_fingers, before.left_fingers), (after.right_fingers, after.left_fingers), share
-            )
+            fingers = between(before.fingers, after.fingers, share)
             yield time, {Side.RIGHT: joints(right), Side.LEFT: joints(left)}, dict(zip(Side, fingers, strict=True))
             time += PERIOD
 
