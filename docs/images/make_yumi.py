@@ -34,16 +34,14 @@ from yumi.robot.joints import POSES, ZERO, Joints, Side, joints
 
 SIZE = (800, 600)  # of the page [pixels]
 SHOWN = (520, 390)
+CLOSER = -330  # of the mouse wheel [pixels]
 PERIOD = 0.08  # between two pictures [s]
 OPEN, PART, CLOSED = 0.025, 0.010, 0.0  # of each finger from the middle [m]
 
 ROBOT_ALONE = """
 * { visibility: hidden !important; }
-canvas#scene {
-  visibility: visible !important;
-  position: fixed !important; inset: 0; width: 100vw !important; height: 100vh !important;
-  background: radial-gradient(circle at 50% 40%, #ffffff, #dfe4ea);
-}
+.stage { position: fixed !important; inset: 0; }
+canvas#scene { visibility: visible !important; background: radial-gradient(circle at 50% 40%, #ffffff, #dfe4ea); }
 """
 
 SHOW = """(slider, time) => {
@@ -129,6 +127,8 @@ def main() -> None:
             for name in ("traces", "tool frames"):
                 page.get_by_label(name).set_checked(False)
             page.add_style_tag(content=ROBOT_ALONE)
+            page.mouse.move(SIZE[0] / 2, SIZE[1] / 2)
+            page.mouse.wheel(0, CLOSER)
             page.wait_for_timeout(3000)  # for the meshes
             for time in times:
                 slider.evaluate(SHOW, time)
