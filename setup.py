@@ -11,7 +11,7 @@ distribution = setup(
     version=VERSION[1],
     package_dir={"": "src", "yumi.config": "config"},
     packages=[*find_packages("src"), "yumi.config"],
-    package_data={"yumi": ["**/*"], "yumi_evaluation": ["**/*"], "yumi.config": ["*.yaml", "*.xml"]},
+    package_data={"yumi": ["**/*"], "yumi_evaluation": ["**/*"], "yumi.config": ["*.yaml", "*.xml", "*.json"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/yumi_ros2"]),
         ("share/yumi_ros2", ["package.xml"]),

@@ -1,8 +1,8 @@
 """What ``make docs`` adds to the pages of docs/: MkDocs calls these functions (``hooks`` in mkdocs.yml).
 
 Pages are written for the repository, where a link may lead to a source file. In the site such a link becomes the file's
-name. Two pages exist in the site alone: the index of messages, collected from the sources, and CONTRIBUTING.md. Long
-tables are made from the code when the site is.
+name. Two pages exist in the site alone: the index of messages, collected from the sources, and CONTRIBUTING.md. The
+first page begins as README.md does. Long tables are made from the code when the site is.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ GENERATED = (MESSAGES, CONTRIBUTING)
 """Pages that are made when the site is."""
 
 _TABLES = re.compile(r"<!-- Written by setup/(\w+)\.py when the site is built\. -->\n?")
+_README = "<!-- Written by setup/docs_site.py: the beginning of README.md. -->"
 _LINK = re.compile(r"\[([^\]]*)\]\(([^)#\s]+)(#[^)\s]*)?(?: \"([^\"]*)\")?\)")
 _SHORTEST = 12  # letters; below that it is a word and no message
 
@@ -198,8 +199,18 @@ def with_tables(text: str) -> str:
 
 
 def contributing_page() -> str:
-    """CONTRIBUTING.md as if it stood in docs/: rewritten() makes names of the links that lead out of that folder."""
-    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    """CONTRIBUTING.md as a page."""
+    return _as_in_docs((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"))
+
+
+def with_readme(text: str) -> str:
+    """The first page's text with the beginning of README.md, until its first heading, in place of a comment."""
+    beginning = (ROOT / "README.md").read_text(encoding="utf-8").partition("\n")[2].partition("\n## ")[0]
+    return text.replace(_README, _as_in_docs(beginning.strip()))
+
+
+def _as_in_docs(text: str) -> str:
+    """A page of the clone's root as if it stood in docs/: rewritten() makes names of links that lead out of there."""
     return re.sub(r"\]\((docs/)?(?=[\w.])(?!\w+:)", lambda link: "](" if link[1] else "](../", text)
 
 
@@ -232,7 +243,7 @@ def on_files(files: Any, config: Any) -> Any:
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
     """Rewrite a page before it is rendered."""
-    markdown = rewritten(with_tables(markdown), ROOT / "docs" / page.file.src_uri)
+    markdown = rewritten(with_readme(with_tables(markdown)), ROOT / "docs" / page.file.src_uri)
     return re.sub(r"```mermaid\n(.*?)```", lambda found: chart(found[1]), markdown, flags=re.DOTALL)
 
 

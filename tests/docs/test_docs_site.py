@@ -160,6 +160,17 @@ def test_no_link_of_the_site_leads_out_of_the_pages(file: Path) -> None:
     assert [each for each in targets if not (file.parent / each).resolve().is_relative_to(DOCS)] == []
 
 
+def test_first_page_begins_as_the_readme_does() -> None:
+    page = docs_site.with_readme((ROOT / "docs" / "index.md").read_text(encoding="utf-8"))
+    assert "](images/yumi.webp)" in page
+    assert "](images/view.webp)](how-to/view-and-operate.md)" in page
+    assert page.index('Drive an ABB IRB 14000 "YuMi"') < page.index("make demo") < page.index("| you want to | read |")
+    assert "<!-- Written" not in page
+    assert page.count("\n# ") + page.startswith("# ") == 1
+    for target in re.findall(r"\]\(([^)#]+)", docs_site.rewritten(page, ROOT / "docs" / "index.md")):
+        assert "://" in target or (ROOT / "docs" / target).exists() or target in docs_site.GENERATED, target
+
+
 def test_no_link_of_the_contributing_page_leads_out_of_the_pages() -> None:
     page = docs_site.contributing_page()
     assert "](explanation/architecture.md#where-a-change-goes)" in page

@@ -86,8 +86,14 @@ def test_program_of_another_version_is_refused(system: System, monkeypatch: pyte
 
 def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
     elsewhere = {Side.LEFT: EgmAddress("192.168.125.50", 6511), Side.RIGHT: EgmAddress("0.0.0.0", 7000)}
-    (remark,) = remarks(system, elsewhere)
-    assert_says(remark, "datagrams_go_elsewhere", arm="left")
+    for remark, arm, there, here in zip(
+        remarks(system, elsewhere),
+        ("left", "right"),
+        ("127.0.0.1:6511", "127.0.0.1:6512"),
+        ("192.168.125.50:6511", "0.0.0.0:7000"),
+        strict=True,
+    ):
+        assert_says(remark, "datagrams_go_elsewhere", arm=arm, there=there, here=here)
 
 
 def test_egm_without_datagrams_names_the_port_that_they_go_to(system: System) -> None:

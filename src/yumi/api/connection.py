@@ -46,7 +46,7 @@ from yumi.driver.endpoint import (
     find_driver,
 )
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of
-from yumi.driver.gripper import Gripper, GripperSetup, close_as_test
+from yumi.driver.gripper import Gripper, GripperSetup, GripperSignals, close_as_test
 from yumi.driver.readiness import Report, arms_in_words
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import CalibrateWhen, Settings
@@ -55,7 +55,7 @@ from yumi.driver.stops import StopLog
 from yumi.driver.wiring import Controllers, make_parts, only_at_robot
 from yumi.errors import CommandRefused, RobotNotReady, SettingsError, YumiError
 from yumi.process.supervision import Failures
-from yumi.recording.mcap import FullRecorder
+from yumi.recording.mcap import STATE, FullRecorder, Source, Sources
 from yumi.robot.collision import TOOL_FRAME, Obstacle, Part
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Pose, Side, joints
@@ -66,6 +66,14 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 T = TypeVar("T")
 Arms = wire.Arm | Sequence[wire.Arm]
+
+
+def recorded_sources(manager: RobotManager, signals: GripperSignals) -> Sources:
+    """What a recording of a session has beside the cycles: state, grippers, tools, and the arms without EGM."""
+    manager.monitor.read_joints()
+    values: dict[str, Source] = {STATE: manager.monitor.state}
+    values |= {f"{side.value}/gripper": partial(signals.state, side) for side in Side}
+    return Sources(values, manager.monitor.joints, manager.tcp)
 
 
 class Connection:
@@ -293,15 +301,16 @@ class Connection:
             self.manager.start_egm()
 
     def record(self, file: Path) -> ExitStack:
-        """Write every cycle of both arms to a file until what is returned is closed.
+        """Write every cycle of both arms, the grippers and the state to a file until what is returned is closed.
 
         Raises:
             SettingsError: the file cannot be written.
             MissingPrerequisite: mcap is not installed.
         """
-        begin = time.time() - SystemClock().now()
+        clock = SystemClock()
+        begin, sources = time.time() - clock.now(), recorded_sources(self.manager, self._gripper_signals)
         try:
-            recorder = FullRecorder(file, begin, self._control.recorders, partial(log.info, "%s"))
+            recorder = FullRecorder(file, begin, self._control.recorders, partial(log.info, "%s"), clock, sources)
         except OSError as error:
             raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
         recorder.start()

@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import msgspec
 
+from yumi.api.connection import recorded_sources
 from yumi.api.motion import MotionExecutor, MotionRegistry
 from yumi.catalogue import FrontEnd, Message, message, speak_as
 from yumi.cli.options import (
@@ -82,7 +83,7 @@ from yumi.process.supervision import (
     SupervisedThread,
     start_thread,
 )
-from yumi.recording.mcap import STATE, Recorder, Source, read_recording
+from yumi.recording.mcap import Recorder, read_recording
 from yumi.robot.joints import Side
 from yumi.rws.client import RwsClient
 
@@ -289,9 +290,7 @@ def run_driver(
         records = Recorder(folder, keep, control.recorders, front.info, clock, manager.monitor.describe)
         stack.callback(records.close)
         if record:
-            sources: dict[str, Source] = {STATE: manager.monitor.state}
-            sources |= {f"{side.value}/gripper": partial(parts.signals.state, side) for side in Side}
-            records.record_all(record, time.time() - clock.now(), sources)
+            records.record_all(record, time.time() - clock.now(), recorded_sources(manager, parts.signals))
 
         motions = MotionRegistry(is_script=False)
         endpoint = _endpoint_of(parts, settings, motions, front)

@@ -5,6 +5,9 @@ topic                            messages
 ================================ ======================================================================================
 ``r/cycle``, ``l/cycle``         every cycle of an arm: JSON, its schema with units is in the file
 ``r/joint_states``, ``l/…``      its positions and velocities as sensor_msgs/msg/JointState (CDR), for ROS's tools
+``joint_states``                 both arms and the fingers as sensor_msgs/msg/JointState (CDR), 50 Hz
+``/tf``, ``/tf_static``          the frames that joints move, 50 Hz, and the fixed ones, as tf2_msgs/msg/TFMessage (CDR)
+``tracking_error``               how far both arms are from what was sent to them, 50 Hz (JSON)
 ``robot_description``            the URDF as std_msgs/msg/String (CDR), once: Foxglove shows the robot with it
 ``events``                       what happened, as foxglove.Log (JSON) with fields of ours, for Foxglove's Log panel
 ``r/gripper``, ``l/gripper``     a gripper, when something of it changed (JSON)
@@ -31,6 +34,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from datetime import datetime
 from enum import Enum, IntEnum
+from heapq import merge
 from io import BytesIO
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -46,11 +50,23 @@ from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import FlightRecorder, Frame
-from yumi.control.shared_state import Event, is_fault
+from yumi.control.shared_state import Event, JointStates, is_fault
 from yumi.errors import ProtocolError, SettingsError, YumiError, missing_extra
 from yumi.process.supervision import Failures
-from yumi.robot.description import robot_description
-from yumi.robot.joints import JOINT_COUNT, Joints, Side, joint_names, joints
+from yumi.recording.ros_messages import (
+    DEFINITIONS,
+    JOINT_STATE,
+    STRING,
+    TF,
+    Transform,
+    frames_message,
+    joint_names_part,
+    joint_state_message,
+    text_message,
+)
+from yumi.robot.description import read_frames, robot_description
+from yumi.robot.gripper import GripperState
+from yumi.robot.joints import JOINT_COUNT, Joints, Pose, Side, finger_names, joint_names, joints, prefixed
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,16 +155,18 @@ EVENT_SCHEMA: Mapping[str, object] = {
 }
 """JSON schema of an event: Foxglove's log message with what is known beside it."""
 
-_SEPARATOR = "\n" + 80 * "=" + "\nMSG: "
-JOINT_STATE = (
-    "std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort"
-    f"{_SEPARATOR}std_msgs/Header\nbuiltin_interfaces/Time stamp\nstring frame_id"
-    f"{_SEPARATOR}builtin_interfaces/Time\nint32 sec\nuint32 nanosec"
-)
-"""Definition of sensor_msgs/msg/JointState with what it consists of, as MCAP's ``ros2msg`` wants it."""
-
-_CDR = b"\x00\x01\x00\x00"  # little-endian XCDR1; offsets of what follows count from its end
-
+ERROR_SCHEMA: Mapping[str, object] = {
+    "title": "yumi.TrackingError",
+    "type": "object",
+    "properties": {
+        "time": _number("monotonic clock [s]"),
+        **{
+            side.word: {**_vector("sent minus measured position [rad], null: no cycle"), "type": ["array", "null"]}
+            for side in Side
+        },
+    },
+}
+"""JSON schema of how far the arms are from what was sent to them."""
 
 _VECTORS = ("position", "velocity", "planned", "desired", "sent", "sent_velocity", "reference")
 
@@ -243,38 +261,6 @@ def _decode_object(data: bytes) -> Mapping[str, Any]:
     return {**_object_decoder.decode(data), "time": _time_decoder.decode(data).time}
 
 
-def _cdr_text(content: bytes, text: str) -> bytes:
-    """``content`` with a string behind it."""
-    data = text.encode() + b"\0"
-    return content + b"\0" * (-len(content) % 4) + struct.pack("<I", len(data)) + data
-
-
-def _cdr_start(side: Side) -> bytes:
-    """What follows the time stamp in each JointState of an arm: an empty frame, its joints' names, the count."""
-    content = _cdr_text(b"", "") + b"\0" * 3
-    content += struct.pack("<I", JOINT_COUNT)
-    for name in joint_names(side):
-        content = _cdr_text(content, name)
-    return content + b"\0" * (-len(content) % 4)
-
-
-def joint_state_message(start: bytes, nanoseconds: int, position: Joints, velocity: Joints) -> bytes:
-    """A sensor_msgs/msg/JointState as CDR.
-
-    Args:
-        start: of :func:`_cdr_start`.
-        nanoseconds: when it was [ns since 1970].
-        position: of the joints [rad].
-        velocity: of the joints [rad/s].
-    """
-    content = struct.pack("<iI", *divmod(nanoseconds, 10**9)) + start
-    for values in (position, velocity, ()):
-        content += struct.pack("<I", len(values))
-        if values:
-            content += b"\0" * (-len(content) % 8) + struct.pack(f"<{len(values)}d", *values)
-    return _CDR + content
-
-
 def plain(value: object) -> Any:
     """``value`` as JSON has it: a value class becomes an object, an enum its name or text."""
     if is_dataclass(value):
@@ -300,6 +286,18 @@ def _schema_of(value: object) -> dict[str, object]:
 
 EVENTS = "events"
 """The topic of events."""
+
+JOINT_STATES, FRAMES, FIXED_FRAMES, ERRORS = "joint_states", "/tf", "/tf_static", "tracking_error"
+"""The topics of the whole robot; frames have the names of the description, without a prefix of ``/tf``."""
+
+DESCRIPTION = "robot_description"
+"""The topic of the URDF."""
+
+WHOLE_PERIOD = 0.02
+"""The whole robot is recorded so often [s]: as often as the driver publishes ``/tf``."""
+
+STALE = 1.0
+"""An arm that was not measured for so long is left out of the whole robot [s], as in the driver's ``joint_states``."""
 
 STATE = "state"
 """The topic of the robot's state."""
@@ -376,22 +374,35 @@ class RecordingWriter:
         self._epoch = epoch
         self._writer = Writer(self._stream, chunk_size=CHUNK)
         self._writer.start(profile="", library=f"yumi-ros2 {__version__}")
-        cycle, event = (
+        cycle, event, errors = (
             self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
-            for schema in (CYCLE_SCHEMA, EVENT_SCHEMA)
+            for schema in (CYCLE_SCHEMA, EVENT_SCHEMA, ERROR_SCHEMA)
         )
-        joint_state = self._writer.register_schema("sensor_msgs/msg/JointState", "ros2msg", JOINT_STATE.encode())
-        text = self._writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        self._channels = {EVENTS: self._writer.register_channel(EVENTS, "json", event)}
-        self._starts = {side: _cdr_start(side) for side in Side}
+        joint_state, frames, text = (
+            self._writer.register_schema(name, "ros2msg", DEFINITIONS[name].encode())
+            for name in (JOINT_STATE, TF, STRING)
+        )
+        self._names = {side: joint_names_part(joint_names(side)) for side in Side}
+        self._channels = {
+            EVENTS: self._writer.register_channel(EVENTS, "json", event),
+            JOINT_STATES: self._writer.register_channel(JOINT_STATES, "cdr", joint_state),
+            FRAMES: self._writer.register_channel(FRAMES, "cdr", frames),
+            FIXED_FRAMES: self._writer.register_channel(FIXED_FRAMES, "cdr", frames),
+            ERRORS: self._writer.register_channel(ERRORS, "json", errors),
+            DESCRIPTION: self._writer.register_channel(DESCRIPTION, "cdr", text),
+        }
         for side in Side:
             names = {"joints": " ".join(joint_names(side))}
             self._channels[_topic(side)] = self._writer.register_channel(_topic(side), "json", cycle, names)
             topic = f"{side.value}/joint_states"
             self._channels[topic] = self._writer.register_channel(topic, "cdr", joint_state)
-        channel = self._writer.register_channel("robot_description", "cdr", text)
-        content = _CDR + _cdr_text(b"", description or robot_description())
-        self._description: tuple[int, bytes] | None = (channel, content)
+        self._description = description or robot_description()
+        self._frames = read_frames(self._description)
+        self._is_begun = False
+        self._arms: dict[Side, JointStates] = {}
+        self._fingers: dict[Side, tuple[float, float]] = {}  # position [m] and speed [m/s]
+        self._errors: dict[Side, tuple[float, Joints]] = {}  # of a cycle, with its time
+        self._whole_at = -inf
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -405,9 +416,20 @@ class RecordingWriter:
         """Append a cycle of one arm."""
         self._add(_topic(side), frame.time, frame.number, frame_message(frame))
         nanoseconds = self._nanoseconds(frame.time)
-        data = joint_state_message(self._starts[side], nanoseconds, frame.position, frame.velocity)
-        channel = self._channels[f"{side.value}/joint_states"]
-        self._writer.add_message(channel, nanoseconds, data, nanoseconds, frame.number)
+        data = joint_state_message(self._names[side], nanoseconds, frame.position, frame.velocity)
+        self._write(f"{side.value}/joint_states", nanoseconds, data, frame.number)
+        self._errors[side] = frame.time, joints([a - b for a, b in zip(frame.sent, frame.position, strict=True)])
+        self.add_joints(side, JointStates(frame.time, frame.position, frame.velocity))
+
+    def add_joints(self, side: Side, state: JointStates) -> None:
+        """Have the topics of the whole robot show an arm where it was measured; a cycle does that, too."""
+        self._arms[side] = state
+        self._add_whole(state.time)
+
+    def add_tools(self, time: float, tools: Mapping[Side, Pose]) -> None:
+        """Append the fixed frames, now with the tools that are in use from ``time`` on, monotonic clock [s]."""
+        nanoseconds = self._nanoseconds(time)
+        self._write(FIXED_FRAMES, nanoseconds, self._fixed_frames(nanoseconds, tools))
 
     def add_event(self, event: RecordedEvent) -> None:
         """Append an event."""
@@ -432,6 +454,9 @@ class RecordingWriter:
             number = self._writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
             self._channels[topic] = self._writer.register_channel(topic, "json", number)
         self._add(topic, time, 0, message)
+        if isinstance(value, GripperState):
+            self._fingers[Side(topic[0])] = value.position, value.speed
+            self._add_whole(time)
 
     def close(self) -> None:
         """Write the index; without it the file is readable, but slowly."""
@@ -445,13 +470,55 @@ class RecordingWriter:
         with suppress(OSError):  # what is still buffered finds no room either
             self._stream.close()
 
-    def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
-        data = json.dumps(message, allow_nan=False, separators=(",", ":")).encode()
+    def _add_whole(self, time: float) -> None:
+        """Append the whole robot as far as it is known at ``time`` [s], unless that was done just before."""
+        if 0.0 <= time - self._whole_at < WHOLE_PERIOD - 1e-4:  # what is looked at may be ahead of the cycles
+            return
+        self._whole_at = time
+        position: dict[str, float] = {}
+        velocity: list[float] = []
+        for side in Side:
+            state = self._arms.get(side)
+            if state is not None and time - state.time < STALE:
+                position.update(zip(joint_names(side), state.position, strict=True))
+                velocity += state.velocity
+        for side, (place, speed) in self._fingers.items():
+            position.update(dict.fromkeys(finger_names(side), place))
+            velocity += (speed, speed)
         nanoseconds = self._nanoseconds(time)
-        if self._description:  # at the time of the first message, or the recording would begin in 1970
-            channel, content = self._description
-            self._writer.add_message(channel, nanoseconds, content, nanoseconds)
-            self._description = None
+        names = joint_names_part(tuple(position))
+        data = joint_state_message(names, nanoseconds, tuple(position.values()), velocity)
+        self._write(JOINT_STATES, nanoseconds, data)
+        moved = [
+            Transform(nanoseconds, each.parent, each.name, each.to_parent(position[each.joint]))
+            for each in self._frames
+            if each.joint in position
+        ]
+        self._write(FRAMES, nanoseconds, frames_message(moved))
+        errors = {
+            side.word: [round(each, 6) for each in error]  # what is not a number becomes null
+            for side, (since, error) in self._errors.items()
+            if time - since < STALE
+        }
+        if errors:
+            self._add(ERRORS, time, 0, {"time": time, **dict.fromkeys(side.word for side in Side), **errors})
+
+    def _fixed_frames(self, nanoseconds: int, tools: Mapping[Side, Pose]) -> bytes:
+        """The frames that no joint moves; ``tools`` are in tool0."""
+        fixed = [Transform(nanoseconds, each.parent, each.name, each.origin) for each in self._frames if not each.joint]
+        for side, tool in tools.items():
+            names = prefixed(f"yumi_tool0_{side.value}"), prefixed(f"yumi_tcp_{side.value}")
+            fixed.append(Transform(nanoseconds, *names, tool))
+        return frames_message(fixed)
+
+    def _add(self, topic: str, time: float, sequence: int, message: Mapping[str, object]) -> None:
+        self._write(topic, self._nanoseconds(time), msgspec.json.encode(message), sequence)
+
+    def _write(self, topic: str, nanoseconds: int, data: bytes, sequence: int = 0) -> None:
+        if not self._is_begun:  # at the time of the first message, or the recording would begin in 1970
+            self._is_begun = True
+            self._write(DESCRIPTION, nanoseconds, text_message(self._description))
+            self._write(FIXED_FRAMES, nanoseconds, self._fixed_frames(nanoseconds, {}))
         self._writer.add_message(self._channels[topic], nanoseconds, data, nanoseconds, sequence)
 
     def _nanoseconds(self, time: float) -> int:
@@ -578,7 +645,7 @@ class JointMessage(NamedTuple):
     position: tuple[float, ...]
 
 
-_JOINT_STATE, _ARRAY = "sensor_msgs/msg/JointState", "std_msgs/msg/Float64MultiArray"
+_ARRAY = "std_msgs/msg/Float64MultiArray"
 
 
 def joint_messages(file: Path) -> Iterator[JointMessage]:
@@ -592,11 +659,11 @@ def joint_messages(file: Path) -> Iterator[JointMessage]:
         if record is None:
             continue
         topic, encoding, schema, nanoseconds, data = record
-        if encoding != "cdr" or schema not in (_JOINT_STATE, _ARRAY):
+        if encoding != "cdr" or schema not in (JOINT_STATE, _ARRAY):
             continue
         try:
             reader = _CdrReader(data)
-            if schema == _JOINT_STATE:
+            if schema == JOINT_STATE:
                 reader.numbers("iI")  # its stamp may be of another clock than those of commands
                 reader.text()
                 names = tuple(reader.text() for _ in range(reader.count(4)))
@@ -739,6 +806,22 @@ SOURCE_PERIOD = 0.1
 Source = Callable[[], object | None]
 """What is known now: a value class; None, or a YumiError, while nothing is."""
 
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """What a full recording looks at beside the cycles, ten times a second.
+
+    Attributes:
+        values: by topic: a value class, or None while nothing is known; recorded when it changes.
+        joints: an arm as it was read from the controller last, for while EGM does not report it.
+        tcp: the tool in use of an arm, in tool0.
+    """
+
+    values: Mapping[str, Source] = field(default_factory=dict)
+    joints: Callable[[Side], JointStates | None] = lambda side: None
+    tcp: Callable[[Side], Pose] | None = None
+
+
 Describe = Callable[[Event, Callable[[Message], None]], None]
 """Calls back with what is said of an event: at once, or on another thread when its cause is known."""
 
@@ -784,13 +867,13 @@ class Recorder:
         self._follows = ThreadPoolExecutor(1, thread_name_prefix="flight-records-after")
         self._full: FullRecorder | None = None
 
-    def record_all(self, file: Path, epoch: float, sources: Mapping[str, Source] | None = None) -> None:
-        """Write every cycle from now on to ``file``, and what ``sources`` show when it changes.
+    def record_all(self, file: Path, epoch: float, sources: Sources | None = None) -> None:
+        """Write every cycle from now on to ``file``, and what ``sources`` show.
 
         Args:
             file: a new one, or one to be replaced.
             epoch: time of day when the monotonic clock was 0 [s since 1970].
-            sources: by topic, what to look at ten times a second: a value class, or None while nothing is known.
+            sources: what to look at beside the cycles.
 
         Raises:
             SettingsError: the file cannot be written.
@@ -925,12 +1008,14 @@ class FullRecorder:
         recorders: Mapping[Side, FlightRecorder],
         report: Callable[[str], None],
         clock: Clock | None = None,
-        sources: Mapping[str, Source] | None = None,
+        sources: Sources | None = None,
     ) -> None:
         self._file = file
         self._clock = clock
-        self._sources = sources or {}
+        self._sources = sources or Sources()
         self._seen: dict[str, object] = {}
+        self._arms_seen: dict[Side, float] = {}  # when each arm was measured last, on the monotonic clock [s]
+        self._tools: Mapping[Side, Pose] = {}
         self._looked_at = -inf
         self._writer = RecordingWriter(file, epoch)
         self._recorders = recorders
@@ -970,18 +1055,17 @@ class FullRecorder:
         self._report(f"{self._written} cycles are in {self._file}{lost}.")
 
     def _follow(self) -> None:
-        for side, recorder in self._recorders.items():
-            for frame in recorder.since(self._last[side]):
-                self._writer.add_frame(side, frame)
-                self._lost += frame.number - self._last[side] - 1
-                self._written += 1
-                self._last[side] = frame.number
+        # Both arms in the order of their cycles: the whole robot is recorded as it was at one time.
+        for side, frame in merge(*map(self._new_cycles, self._recorders), key=lambda each: each[1].time):
+            self._writer.add_frame(side, frame)
+            self._arms_seen[side] = frame.time
+            self._written += 1
         while self._events and (self._events[0][1].done() or self._is_over.is_set()):  # in the order they happened
             self._writer.add_event(_described(*self._events.popleft()))
         if self._clock is None or self._clock.now() - self._looked_at < SOURCE_PERIOD:
             return
         self._looked_at = now = self._clock.now()
-        for topic, source in self._sources.items():
+        for topic, source in self._sources.values.items():
             try:
                 value = source()
             except YumiError:
@@ -989,3 +1073,18 @@ class FullRecorder:
             if value is not None and value != self._seen.get(topic):
                 self._writer.add_value(topic, now, value)
                 self._seen[topic] = value
+        for side in Side:
+            state = self._sources.joints(side)
+            if state is not None and state.time > self._arms_seen.get(side, -inf):
+                self._writer.add_joints(side, state)
+                self._arms_seen[side] = state.time
+        tools = {side: self._sources.tcp(side) for side in Side} if self._sources.tcp else {}
+        if tools != self._tools:
+            self._writer.add_tools(now, tools)
+            self._tools = tools
+
+    def _new_cycles(self, side: Side) -> Iterator[tuple[Side, Frame]]:
+        for frame in self._recorders[side].since(self._last[side]):
+            self._lost += frame.number - self._last[side] - 1
+            self._last[side] = frame.number
+            yield side, frame

@@ -19,6 +19,7 @@ from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -423,15 +424,20 @@ class ViewServer:
             self._introduce(page)
 
     def _introduce(self, page: _Page) -> None:
-        """What a page must know beside the state: whether there is a robot, and who operates it."""
+        """What a page must know beside the state: whether there is a robot or a recording, and who operates the robot.
+
+        Of a recording its name and date, so that the page says of a state when it was so.
+        """
         holder = self._operator[0] if self._operator is not None else None
+        recording = self._settings.recording
         page.send(
             {
                 "type": "view",
-                "is_recording": self._settings.recording is not None,
+                "is_recording": recording is not None,
+                "recording": None if recording is None else {"name": recording["name"], "date": recording["date"]},
                 "controller": None if self._controller is None else self._controller.reader.kind,
                 "log": () if self._controller is None else tuple(self._controller.lines),
-                "why_no_robot": "" if self._settings.recording is not None else self._words(self._shown.why_not),
+                "why_no_robot": "" if recording is not None else self._words(self._shown.why_not),
                 "is_virtual": self._shown.is_virtual,
                 "why_not_operated": self._words(self._why_not_operated(page)),
                 "control": "none" if holder is None else "here" if holder is page else "elsewhere",
@@ -612,6 +618,8 @@ _FIRST_PERIOD = 0.02  # [s]
 def page_recording(file: Path) -> dict[str, Any]:
     """What the page shows of a recording; times in seconds from its beginning.
 
+    It begins where the driver had connected to the robot: of the time before, there is nothing to show.
+
     Raises:
         ProtocolError: the file is not a recording, or has nothing to show.
         MissingPrerequisite: the library is not installed.
@@ -620,7 +628,7 @@ def page_recording(file: Path) -> dict[str, Any]:
     grippers: dict[str, list[dict[str, Any]]] = {f"{side.value}/gripper": [] for side in Side}
     events: list[RecordedEvent] = []
     states: list[dict[str, Any]] = []
-    times: list[float] = []
+    times: list[float] = []  # of all but states
     epoch, is_complete = 0.0, False
     for topic, log_time, value in recorded_messages(file):
         if topic is None:
@@ -628,6 +636,9 @@ def page_recording(file: Path) -> dict[str, Any]:
             continue
         time = value["time"] if isinstance(value, Mapping) else value.time
         epoch = epoch or log_time * 1e-9 - time
+        if topic == STATE:
+            states.append(value)
+            continue
         times = [min(times[0], time), max(times[1], time)] if times else [time, time]
         if topic in cycles:
             cycles[topic][1].add(value)
@@ -635,15 +646,19 @@ def page_recording(file: Path) -> dict[str, Any]:
             grippers[topic].append(value)
         elif topic == EVENTS:
             events.append(value)
-        elif topic == STATE:
-            states.append(value)
-    start, end = times
+    end = max([*times, *(each["time"] for each in states)])
+    connected = (index for index, each in enumerate(states) if each.get("is_connected", True))
+    states = states[next(connected, 0) :]
+    start = min([*times, *(each["time"] for each in states)])
+    if states:  # what was known first is shown from the beginning
+        states[0] = {**states[0], "time": start}
 
     def rounded(values: Joints | None) -> list[float] | None:
         return None if values is None else [round(value, 5) for value in values]  # what is not a number becomes null
 
     return {
         "name": file.name,
+        "date": datetime.fromtimestamp(epoch + start).strftime("%Y-%m-%d %H:%M"),  # of this machine's clock on the wall
         "is_complete": is_complete,
         "start": epoch + start,
         "duration": end - start,

@@ -15,7 +15,7 @@ from yumi.control.controller import StageTimes
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, YumiError
 from yumi.recording.mcap import RecordingWriter
-from yumi.robot.joints import CYCLE, Side, joints
+from yumi.robot.joints import CYCLE, Side, joint_names, joints
 from yumi_evaluation.logs import read_logs
 
 COUNT = 120
@@ -156,7 +156,7 @@ def cdr_array(values: np.ndarray) -> bytes:
 def test_topics_of_ros_give_states_and_commands(tmp_path: Path) -> None:
     from mcap.writer import Writer
 
-    from yumi.recording.mcap import _cdr_start, joint_state_message
+    from yumi.recording.ros_messages import joint_names_part, joint_state_message
 
     file = tmp_path / "bag.mcap"
     with file.open("wb") as stream:
@@ -166,9 +166,10 @@ def test_topics_of_ros_give_states_and_commands(tmp_path: Path) -> None:
         array = writer.register_schema("std_msgs/msg/Float64MultiArray", "ros2msg", b"")
         states = writer.register_channel("/r/joint_states", "cdr", state)
         commands = writer.register_channel("/r/forward_position_controller/commands", "cdr", array)
+        names = joint_names_part(joint_names(Side.RIGHT))
         for number in range(COUNT):
             at = 1_000_000_000 + round(number * CYCLE * 1e9)
-            message = joint_state_message(_cdr_start(Side.RIGHT), at, joints(MEASURED[number]), joints([0.0] * 7))
+            message = joint_state_message(names, at, joints(MEASURED[number]), joints([0.0] * 7))
             writer.add_message(states, at, message, at)
             writer.add_message(commands, at + 1_000_000, cdr_array(COMMANDS[number]), at)
         writer.finish()

@@ -127,7 +127,7 @@ def test_recording_may_be_cut_off_anywhere(file: Path) -> None:
     frames = flown(20).frames()
     write_flight_record(file, EPOCH, recorded_event(LOST, frames[-1].time), {Side.RIGHT: frames})
     content = file.read_bytes()
-    for end in range(len(content) // 2, len(content) - 100, 7):
+    for end in range(len(content) // 2, len(content) - 100, 9):
         file.write_bytes(content[:end])
         assert len(read_recording(file).frames.get(Side.RIGHT, ())) <= 20
 

@@ -1,4 +1,4 @@
-"""Recordings as tables, and what other programs find in the file."""
+"""Recordings as tables."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import csv
 import math
 import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from click.testing import CliRunner
-from mcap.reader import make_reader
 
 import yumi
 from flight import LOST, flown
@@ -19,10 +17,10 @@ from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.readiness import RobotState
 from yumi.errors import CommandRefused, MissingPrerequisite
-from yumi.recording.mcap import FullRecorder, RecordingWriter, joint_state_message, recorded_event
+from yumi.recording.mcap import FullRecorder, RecordingWriter, Sources, recorded_event
 from yumi.recording.tables import export, rows
 from yumi.robot.gripper import GripperState, ServoState
-from yumi.robot.joints import Side, joint_names
+from yumi.robot.joints import Side
 from yumi.rws.types import OperatingMode
 
 EPOCH = 1_800_000_000.0
@@ -105,77 +103,10 @@ def test_parquet_gives_back_the_data_frame(file: Path, tmp_path: Path) -> None:
         pandas.testing.assert_frame_equal(pandas.read_parquet(output), yumi.read_recording(file, table))
 
 
-def read_joint_state(data: bytes) -> tuple[int, list[str], list[list[float]]]:
-    """A sensor_msgs/msg/JointState, decoded by the rules of CDR: time [ns], names, position, velocity, effort."""
-    assert data[:4] == b"\x00\x01\x00\x00"
-    body, place = data[4:], 0
-
-    def number(size: int) -> int:
-        nonlocal place
-        place += -place % size
-        place += size
-        return int.from_bytes(body[place - size : place], "little")
-
-    def text() -> str:
-        nonlocal place
-        length = number(4)
-        place += length
-        assert body[place - 1] == 0
-        return body[place - length : place - 1].decode()
-
-    time = number(4) * 10**9 + number(4)
-    assert text() == ""
-    names = [text() for _ in range(number(4))]
-    arrays: list[list[float]] = []
-    for _ in range(3):
-        values = [number(8) for _ in range(number(4))]
-        arrays.append([memoryview(each.to_bytes(8, "little")).cast("d")[0] for each in values])
-    assert place == len(body)
-    return time, names, arrays
-
-
-def test_joint_states_are_the_ros_message_that_foxglove_plots(file: Path) -> None:
-    with file.open("rb") as stream:
-        found = list(make_reader(stream).iter_messages(topics=["l/joint_states"]))
-    schema, channel, message = found[1]
-    assert schema is not None
-    assert (schema.name, schema.encoding, channel.message_encoding) == ("sensor_msgs/msg/JointState", "ros2msg", "cdr")
-    frame = flown(5).frames()[1]
-    time, names, (position, velocity, effort) = read_joint_state(message.data)
-    assert time == message.log_time
-    assert names == list(joint_names(Side.LEFT))
-    assert (tuple(position), tuple(velocity), effort) == (frame.position, frame.velocity, [])
-
-
-def test_joint_state_can_be_read_by_rclpy() -> None:
-    serialization: Any = pytest.importorskip("rclpy.serialization", reason="needs ROS 2")
-    from sensor_msgs.msg import JointState
-
-    from yumi.recording.mcap import _cdr_start
-
-    frame = flown(2).frames()[1]
-    data = joint_state_message(_cdr_start(Side.RIGHT), 1_500_000_000, frame.position, frame.velocity)
-    message = serialization.deserialize_message(data, JointState)
-    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1, 500_000_000)
-    assert message.name == list(joint_names(Side.RIGHT))
-    assert tuple(message.position) == frame.position
-
-
-def test_events_are_foxglove_logs_and_the_urdf_is_at_the_start(file: Path) -> None:
-    with file.open("rb") as stream:
-        messages = {channel.topic: (schema, each) for schema, channel, each in make_reader(stream).iter_messages()}
-    assert messages["events"][0].name == "foxglove.Log"  # type: ignore[union-attr]
-    schema, description = messages["robot_description"]
-    assert schema is not None
-    assert schema.name == "std_msgs/msg/String"
-    assert b'<robot name="yumi">' in description.data
-    assert description.log_time == round((EPOCH + flown(5).frames()[0].time) * 1e9)
-
-
 def test_full_recording_holds_what_changed_of_grippers_and_state(tmp_path: Path) -> None:
     clock, shown = ManualClock(), [GRIPPER, None]
     recorder = FullRecorder(
-        tmp_path / "session.mcap", EPOCH, {}, lambda sentence: None, clock, {"r/gripper": lambda: shown[0]}
+        tmp_path / "session.mcap", EPOCH, {}, lambda sentence: None, clock, Sources({"r/gripper": lambda: shown[0]})
     )
     recorder._follow()
     recorder._follow()  # the same, and too soon

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from time import localtime, strftime
 
 import pytest
 
-from flight import LOST, SENTENCE, flown, write_flight_record
+from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
+from yumi.driver.readiness import RobotState
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import RecordingWriter, recorded_event
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import Side
+from yumi.rws.types import OperatingMode
 from yumi.web import server
 from yumi.web.server import page_recording
 
@@ -49,6 +53,53 @@ def test_grippers_have_times_from_the_beginning(tmp_path: Path) -> None:
     first, second = page_recording(file)["grippers"]["left"]
     assert (first["time"], second["time"]) == (0.0, 2.5)
     assert (second["position"], second["state"]) == (0.011, "KEEP_OBJECT")
+
+
+def write_session(file: Path, *states: RobotState, every: float = 2.0) -> None:
+    """The states of a session from 100 s on, ``every`` so many seconds; cycles of an arm with the last one."""
+    with RecordingWriter(file, 1.8e9) as writer:
+        for number, state in enumerate(states):
+            writer.add_value("state", 100.0 + every * number, state)
+        for frame in flown(10).frames():
+            moved = replace(frame, time=frame.time + 100.0 + every * (len(states) - 1))
+            writer.add_frame(Side.RIGHT, moved)
+
+
+def test_recording_begins_where_the_robot_was_connected(tmp_path: Path) -> None:
+    silent = RobotState(is_connected=False)
+    connected = RobotState(is_connected=True, operating_mode=OperatingMode.AUTO)
+    write_session(tmp_path / "session.mcap", silent, silent, connected, silent, connected)
+    shown = page_recording(tmp_path / "session.mcap")
+    assert [(each["time"], each["is_connected"]) for each in shown["states"]] == [
+        (0.0, True),
+        (2.0, False),
+        (4.0, True),
+    ]
+    assert shown["start"] == pytest.approx(1.8e9 + 104.0)
+    assert shown["duration"] == pytest.approx(4.0 + 10 * CYCLE)
+    assert shown["arms"]["right"]["time"][0] == pytest.approx(4.0 + CYCLE)
+
+
+def test_what_was_known_first_is_shown_from_the_first_cycle_on(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "session.mcap", 1.8e9) as writer:
+        for frame in flown(50).frames():
+            writer.add_frame(Side.RIGHT, frame)
+        writer.add_value("state", 0.1, RobotState(is_connected=True))
+    shown = page_recording(tmp_path / "session.mcap")
+    assert shown["states"][0]["time"] == shown["arms"]["right"]["time"][0] == 0.0
+
+
+def test_recording_of_a_robot_that_never_answered_shows_that(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "session.mcap", 1.8e9) as writer:
+        writer.add_value("state", 100.0, RobotState(is_connected=False))
+    shown = page_recording(tmp_path / "session.mcap")
+    assert [(each["time"], each["is_connected"]) for each in shown["states"]] == [(0.0, False)]
+
+
+def test_recording_has_its_name_and_its_date_on_this_machine_s_clock(tmp_path: Path) -> None:
+    write_session(tmp_path / "session.mcap", RobotState(is_connected=True))
+    shown = page_recording(tmp_path / "session.mcap")
+    assert (shown["name"], shown["date"]) == ("session.mcap", strftime("%Y-%m-%d %H:%M", localtime(1.8e9 + 100.0)))
 
 
 def test_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:

@@ -53,6 +53,7 @@ from yumi.web.live import (
 from yumi.web.server import MAX_PAGES, ViewServer, ViewSettings
 
 SOON = 10.0
+RECORDING = {"name": "x.mcap", "date": "2026-11-24 14:03", "arms": {}}
 SPEEDS = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0, -0.2]
 
 
@@ -304,7 +305,7 @@ def test_bytes_that_are_not_utf_8_are_no_login_and_no_error(driver: FakeDriver, 
         writer.close()
         assert status in ((200,) if path == b"/" and line.startswith(b"Cookie") else (400, 403))
 
-    run(story, may_operate=True, recording={"name": "x.mcap"})
+    run(story, may_operate=True, recording=RECORDING)
 
 
 @pytest.mark.parametrize("scheme", ["ftp", "HTTP", "ws"])
@@ -838,13 +839,15 @@ def test_recording_is_served_and_nothing_is_operated() -> None:
     async def story(site: Site) -> None:
         assert await site.status("/recording.json") == await site.status("/recording.json?token=wrong") == 403
         async with site.session.get(f"{site.base}/recording.json?token=secret") as reply:
-            assert await reply.json() == {"name": "x.mcap"}
+            assert await reply.json() == RECORDING
         async with site.page() as page:
-            assert (await page.until("view"))["is_recording"]
+            view = await page.until("view")
+            assert view["is_recording"]
+            assert view["recording"] == {"name": "x.mcap", "date": "2026-11-24 14:03"}
             await page.send(type="take_control")
             assert (await page.until("refused"))["sentence"] == "This is a recording."
 
-    run(story, recording={"name": "x.mcap"}, may_operate=True)
+    run(story, recording=RECORDING, may_operate=True)
 
 
 def test_port_that_is_taken_is_refused(driver: FakeDriver) -> None:
