@@ -277,7 +277,7 @@ def test_orders_it_does_not_know_are_refused(arm: TrajectoryArm) -> None:
     kind = "joint_trajectory_controller/JointTrajectoryController"
     with refused(CommandRefused, "command_of_other_controller", type=kind, command="str"):
         arm.order("home")
-    with refused(CommandRefused, "speed_scale_out_of_range", factor=1.5):
+    with refused(CommandRefused, "speed_scaling_factor_out_of_range", factor=1.5):
         arm.order(ScaleSpeed(1.5))
 
 

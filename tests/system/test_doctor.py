@@ -101,7 +101,7 @@ def test_wrong_password_is_the_only_problem_and_nothing_more_is_asked() -> None:
 def test_robotware_without_egm_for_seven_axes_is_a_problem() -> None:
     controller = world().controller
     controller.identity = replace(controller.identity, robotware="6.08.01.00")
-    assert problems(controller) == [("RobotWare", message("robotware_too_old", version="6.8.1.0"))]
+    assert problems(controller) == [("RobotWare", message("robotware_without_egm", version="6.8.1.0"))]
 
 
 def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() -> None:
@@ -109,7 +109,7 @@ def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() 
     for start in ("689-1", "623-1", "616-1"):
         without_option(controller, start)
     option, loss = "689-1 Externally Guided Motion (EGM)", "EGM can move no arm"
-    assert problems(controller) == [("option", message("option_missing", option=option, loss=loss))]
+    assert problems(controller) == [("option", message("option_not_installed", option=option, loss=loss))]
 
 
 @pytest.mark.parametrize(

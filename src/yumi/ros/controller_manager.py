@@ -367,7 +367,7 @@ class ArmControllers:
         for info in controllers:
             if info.name == name:
                 return info
-        loaded = ", ".join(info.name for info in controllers) or "none"
+        loaded = tuple(info.name for info in controllers)
         raise CommandRefused(message("controller_unknown", controller=name, loaded=loaded))
 
 

@@ -307,7 +307,7 @@ class ForwardTopic(CommandTopic):
             self._known = (activation, self.controller in self._active())
         if not self._known[1]:
             how = how_to_activate(self._node.get_namespace(), self._side, self.controller)
-            reason = message("controller_not_active", controller=self.controller, arm=self._side.word, how=how)
+            reason = message("controller_inactive_on_arm", controller=self.controller, arm=self._side.word, how=how)
             raise CommandRefused(message("command_refused", noun="Command", reason=reason))
 
 

@@ -148,7 +148,7 @@ MOTION: Mapping[str, Text] = {
     "twist_implausible": Text(
         "velocity refused: {value} is not finite, or beyond {most:g} m/s or rad/s; the tool reaches 1.5"
     ),
-    "speed_scale_out_of_range": Text("speed scaling refused: the factor is {factor}; allowed is 0 to 1"),
+    "speed_scaling_factor_out_of_range": Text("speed scaling refused: the factor is {factor}; allowed is 0 to 1"),
     "tool_held_by_wall": Text(
         "the tool is held by the wall {wall:quoted} of tool_limits",
         "lead it away from there, or move the wall in yumi.yaml",
@@ -176,7 +176,7 @@ MOTION: Mapping[str, Text] = {
         "{joint} was still {distance:+.2°} from the goal {late:.2f} s after the end of the trajectory; its goal "
         "tolerance is {tolerance:.2°}"
     ),
-    "arm_still_moved": Text("the arm still moved {late:.2f} s after the end of the trajectory"),
+    "arm_moved_after_trajectory": Text("the arm still moved {late:.2f} s after the end of the trajectory"),
     "other_arm_not_following": Text("the other arm has not followed the trajectory for {silence:.0ms}; both arms stop"),
     "other_arm_aborted": Text("the other arm's part of the motion was aborted; both arms stop"),
     "motion_ended": Text("motion {number}: {reason}", "{reason:remedy}"),
@@ -204,9 +204,7 @@ CONTROLLERS: Mapping[str, Text] = {
     "controller_parameter_unknown": Text(
         "controller {controller:quoted} has no parameter {parameter:quoted}; it has: {parameters:list}"
     ),
-    "controller_parameter_refused": Text(
-        "parameter {parameter:quoted} of controller {controller:quoted} {reason}", "{reason:remedy}"
-    ),
+    "controller_parameter_refused": Text("controller {controller:quoted}: {reason}", "{reason:remedy}"),
     "controller_parameter_settled": Text(
         "parameter {parameter:quoted} of controller {controller:quoted} is settled while it is {state}",
         "clean the controller up to change it",

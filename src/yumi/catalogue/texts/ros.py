@@ -28,7 +28,7 @@ ROS: Mapping[str, Text] = {
         "compare the clocks of the machines, or leave the stamp empty",
     ),
     "no_controller_for_topic": Text("no {taker} is active on the {arm} arm", "activate one first: {how}"),
-    "controller_not_active": Text("{controller} is not active on the {arm} arm", "activate it first: {how}"),
+    "controller_inactive_on_arm": Text("{controller} is not active on the {arm} arm", "activate it first: {how}"),
     "no_reference_yet": Text("the {arm} arm has no reference yet", "send the goal again"),
     "values_wrong_count": Text("it has {count} values; an arm has {joints} joints"),
     "names_and_values_differ": Text("name has {names} entries, {what} has {values}", "give one {what} for each name"),
@@ -94,8 +94,7 @@ ROS: Mapping[str, Text] = {
     "strictness_unknown": Text("strictness {value} is unknown", "choose 1 (best effort) or 2 (strict)"),
     "switch_timed_out": Text("switch controller timed out after {limit:g} seconds"),
     "controllers_are_active": Text("controllers are active: {controllers:list}", "deactivate them first, or force it"),
-    "controller_unknown": Text("there is no controller {controller:quoted}; loaded are: {loaded}"),
-    "hardware_not_active": Text(
+    "arm_hardware_not_active": Text(
         "the {arm} arm is {state}", "activate its hardware component {component} first ({service})"
     ),
     "state_not_primary": Text("state {number} {label:quoted} is not a primary state", "choose from: {choices}"),

@@ -8,7 +8,6 @@ from yumi.catalogue.text import Text
 
 SETTINGS: Mapping[str, Text] = {
     "setting_refused": Text("{place}: {reason}", "{reason:remedy}"),
-    "controller_parameter_refused": Text("controller {controller:quoted}: {reason}", "{reason:remedy}"),
     # ---- a value
     "value_of_wrong_type": Text("{parameter} is {value}; it must be {type}"),
     "value_of_no_type": Text(
@@ -142,13 +141,13 @@ _DISCOVERY = "set it to LOCALHOST, or to SUBNET for several machines, or unset i
 
 SET_UP: Mapping[str, Text] = {
     # ---- what the controller is, for the doctor and an installation
-    "robotware_too_old": Text(
+    "robotware_without_egm": Text(
         "RobotWare {version} has no EGM for seven axes", "have it updated to 6.09 or newer, but not 7"
     ),
     "robotware_too_new": Text(
         "RobotWare {version} has another protocol (Robot Web Services 2); this package is for RobotWare 6"
     ),
-    "option_missing": Text("the option {option:quoted} is missing: {loss}", "have ABB add it to the system"),
+    "option_not_installed": Text("the option {option:quoted} is missing: {loss}", "have ABB add it to the system"),
     "no_task": Text("there is no task {task}", "see that this is a YuMi (IRB 14000)"),
     "mastership_held": Text("{holder} holds the mastership of {domain}", "release it there (RobotStudio, FlexPendant)"),
     "grants_missing": Text(

@@ -469,7 +469,7 @@ class TrajectoryGoal:
                 return message(
                     "joint_off_goal", joint=self._names[index], distance=actual - wanted, late=late, tolerance=bound
                 )
-        return message("arm_still_moved", late=late)
+        return message("arm_moved_after_trajectory", late=late)
 
 
 _ELSEWHERE = 0.05  # [rad] an arm that is so far from its goal has not reached it, where any distance is tolerated
@@ -571,7 +571,7 @@ class JointTrajectoryController(Controller):
             self._prepared(command, state)
         elif isinstance(command, ScaleSpeed):
             if not 0.0 <= command.factor <= 1.0:
-                raise CommandRefused(message("speed_scale_out_of_range", factor=command.factor))
+                raise CommandRefused(message("speed_scaling_factor_out_of_range", factor=command.factor))
         elif not isinstance(command, CancelTrajectory):
             raise CommandRefused(
                 message(

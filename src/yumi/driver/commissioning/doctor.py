@@ -250,7 +250,7 @@ def _guarded(look: Callable[[], list[Finding]]) -> list[Finding]:
 def _system(system: SystemInfo) -> Iterator[Finding]:
     version = ".".join(map(str, system.robotware))
     if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_old", version=version))
+        yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_without_egm", version=version))
     elif system.robotware[0] > NEWEST_ROBOTWARE:
         yield Finding("RobotWare", Verdict.PROBLEM, message("robotware_too_new", version=version))
     else:
@@ -259,7 +259,7 @@ def _system(system: SystemInfo) -> Iterator[Finding]:
         if option in system.options:
             yield Finding("option", Verdict.OK, message("as_found", value=option))
         else:
-            yield Finding("option", Verdict.PROBLEM, message("option_missing", option=option, loss=loss))
+            yield Finding("option", Verdict.PROBLEM, message("option_not_installed", option=option, loss=loss))
     for name in ADD_INS:
         if name in system.options:
             yield Finding("add-in", Verdict.OK, message("add_in_found", add_in=name))

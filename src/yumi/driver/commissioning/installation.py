@@ -560,7 +560,7 @@ class Installation:
     def _unsuitable(self, system: SystemInfo) -> Iterator[Message]:
         version = ".".join(map(str, system.robotware))
         if tuple(system.robotware[:2]) < OLDEST_ROBOTWARE:
-            yield message("robotware_too_old", version=version)
+            yield message("robotware_without_egm", version=version)
         elif system.robotware[0] > NEWEST_ROBOTWARE:
             yield message("robotware_too_new", version=version)
         for option, loss in REQUIRED_OPTIONS.items():
