@@ -218,10 +218,14 @@ def test_goal_is_aborted_with_the_command_to_switch_while_another_controller_is_
     goals, here = Goals(egm, f"r/{SINGLE}"), position(egm)
     publisher = egm.node.create_publisher(JointState, "r/joint_commands", 1)
     egm.until(lambda: publisher.get_subscription_count() > 0)
-    sender = egm.node.create_timer(0.05, lambda: publisher.publish(JointState(name=NAMES, position=here)))
-    newest_state(egm, "r")
-    egm.until(lambda: sender.time_since_last_call() is not None)
-    trajectory = swing(egm, 0.2, 1.0)
+    trajectory, sent = swing(egm, 0.2, 1.0), []
+
+    def stream() -> None:
+        publisher.publish(JointState(name=NAMES, position=here))
+        sent.append(here)
+
+    sender = egm.node.create_timer(0.05, stream)
+    egm.until(lambda: len(sent) > 10)
     answer = goals.result(goals.send(trajectory))
     egm.node.destroy_timer(sender)
     assert (answer.status, answer.result.error_code) == (GoalStatus.STATUS_ABORTED, Result.INVALID_GOAL)

@@ -168,12 +168,12 @@ def main() -> None:
 
     \b
     Examples:
-      yumi view --virtual                  a virtual robot in the browser
-      yumi demo                            both arms of a virtual YuMi move and grab
-      yumi controller                      a virtual controller for any client
-      yumi up --robot 192.168.125.1        the driver for a real robot
-      yumi install --robot 192.168.125.1   set up a real controller; it asks first
-      yumi state                           what the robot of the running driver does
+      yumi view --virtual                 a virtual robot in the browser
+      yumi demo                           its arms move and grab
+      yumi controller                     a virtual controller for any client
+      yumi up --robot 192.168.125.1       the driver for a real robot
+      yumi install --robot 192.168.125.1  set up a controller; it asks first
+      yumi state                          what the driver's robot does
     """
     logging.basicConfig(level=logging.INFO, format="%(levelname)s %(name)s: %(message)s")
     for noisy in ("httpx", "matplotlib"):

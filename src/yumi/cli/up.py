@@ -661,8 +661,8 @@ def record() -> None:
     \b
     Examples:
       yumi record list
-      yumi record show build/flight_records/flight_2026-01-31_12-00-00-000_right.mcap
-      yumi up --record session.mcap               records every cycle of both arms, grippers, state and events
+      yumi record show FILE
+      yumi up --record session.mcap     records every cycle of both arms
       yumi record export session.mcap session.csv
     """
 
