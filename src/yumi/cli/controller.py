@@ -17,6 +17,7 @@ import click
 from yumi.cli.options import (
     FILE,
     NEW_FILE,
+    ONCE,
     JsonOutput,
     Measure,
     arm_option,
@@ -112,7 +113,7 @@ _ARM_TASKS = {side.word: side.task for side in Side}
     "--dynamics", type=FILE, help="Settings with which its arms follow EGM, as `yumi compare` has written them."
 )
 @click.option("--start", is_flag=True, help="Switch the motors on and start RAPID.")
-@click.option("--once", is_flag=True, help="With --start: programs end with main, instead of beginning it again.")
+@click.option("--once", is_flag=True, help=ONCE)
 @click.option(
     "--real-time-factor", type=_SPEED, default=1.0, show_default=True, help="Run so many times as fast as a real one."
 )

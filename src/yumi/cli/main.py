@@ -36,7 +36,7 @@ _NAMESPACE = "__ns:="
 SECTIONS: Mapping[str, tuple[str, ...]] = {
     "Start": ("demo", "controller", "up"),
     "Operate": (
-        *("state", "mode", "start", "stop", "recover", "move", "grip", "calibrate"),
+        *("state", "mode", "start", "stop", "recover", "retreat", "move", "grip", "calibrate"),
         *("speed-scale", "controllers", "switch", "shell"),
     ),
     "ROS 2": ("topics", "echo", "call", "param", "moveit-config"),

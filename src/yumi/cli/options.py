@@ -89,6 +89,9 @@ model_option = click.option(
 )
 
 OF_SETTINGS = "as in the settings"
+ONCE = "Only once: a program ends with main, a topic gives one message."
+"""The help of ``--once``."""
+
 OF_DRIVER = "that of the running driver"
 STARTED = "a virtual one that is started"
 """What ``--robot`` is in its absence."""

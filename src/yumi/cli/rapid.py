@@ -20,6 +20,7 @@ import click
 from yumi.cli.controller import of_controller
 from yumi.cli.options import (
     FILE,
+    ONCE,
     JsonOutput,
     cfg_option,
     json_option,
@@ -82,7 +83,7 @@ def check(files: tuple[Path, ...], cfg: tuple[Path, ...], model: str, json_outpu
 @rapid.command("debug")
 @click.argument("task")
 @yes_option
-@click.option("--once", is_flag=True, help="End with main, instead of beginning it again.")
+@click.option("--once", is_flag=True, help=ONCE)
 @of_controller
 def debug(client: RwsClient, task: str, yes: bool, once: bool) -> None:
     """Step through the RAPID of a task on a controller.

@@ -33,6 +33,7 @@ from yumi.cli.options import (
     ARM,
     ARMS,
     OF_DRIVER,
+    ONCE,
     SCALE,
     JsonOutput,
     Measure,
@@ -337,13 +338,14 @@ def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
 
 
 @click.command()
-@click.option("--speed-scale", type=SCALE, default=RETREAT_SPEED_SCALE, help="Share of the joints' speeds.")
+@speed_scale_option(RETREAT_SPEED_SCALE)
 @of_driver
 def retreat(driver: RunningDriver, speed_scale: float) -> object:
-    """Lead both arms home on a planned path, slowly; Ctrl-C stops them. EGM must run: yumi start.
+    """Lead both arms home on a planned path, slowly.
 
-    It leads out of where the arms were stopped in front of each other. What was not declared is not known: see that no
-    person is near the robot, and that the arms hold nothing that is in the way.
+    EGM must run: yumi start. Ctrl-C stops the arms. It leads out of where the arms were stopped in front of each other.
+    What was not declared is not known: see that no person is near the robot, and that the arms hold nothing that is in
+    the way.
 
     \b
     Examples:
@@ -566,7 +568,7 @@ def topics(json_output: JsonOutput) -> None:
 @click.command()
 @click.argument("topic")
 @count_option(1)
-@click.option("--once", is_flag=True, expose_value=False, help="One message, as without --count.")
+@click.option("--once", is_flag=True, expose_value=False, help=ONCE)
 @timeout_option(10.0)
 @json_option
 def echo(topic: str, count: int, timeout: float, json_output: JsonOutput) -> None:

@@ -324,7 +324,11 @@ class RosDriver:
                 service = f"{self._arms[side].node.get_fully_qualified_name()}/set_hardware_component_state"
                 raise CommandRefused(
                     message(
-                        "arm_hardware_not_active", arm=side.word, state=state.value, component=side.unit, service=service
+                        "arm_hardware_not_active",
+                        arm=side.word,
+                        state=state.value,
+                        component=side.unit,
+                        service=service,
                     )
                 )
 
