@@ -556,7 +556,7 @@ def _has_driver(robot: str) -> bool:
 def _robot_at(robot: str, config: Path | None) -> RobotSettings:
     """Where the controller at host or host:port is, and who logs in."""
     host, _, rws_port = robot.partition(":")
-    given = {"rws_port": PORT.convert(rws_port, None, None)} if rws_port else {}
+    given = {"rws_port": PORT(rws_port)} if rws_port else {}
     return settings_of(config, {"robot": host, "password": password_of_environment(), **given}).robot
 
 
