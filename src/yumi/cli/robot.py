@@ -338,9 +338,9 @@ def _progress() -> Iterator[Callable[[dict[str, MotionReport]], None]]:
 
 
 @click.command()
-@speed_scale_option(RETREAT_SPEED_SCALE)
+@speed_scale_option(f"{RETREAT_SPEED_SCALE:g}, a tenth")
 @of_driver
-def retreat(driver: RunningDriver, speed_scale: float) -> object:
+def retreat(driver: RunningDriver, speed_scale: float | None) -> object:
     """Lead both arms home on a planned path, slowly.
 
     EGM must run: yumi start. Ctrl-C stops the arms. It leads out of where the arms were stopped in front of each other.
@@ -353,7 +353,7 @@ def retreat(driver: RunningDriver, speed_scale: float) -> object:
       yumi retreat --speed-scale 0.05
     """
     with _progress() as on_motion:
-        return driver.retreat(speed_scale=speed_scale, on_motion=on_motion)
+        return driver.retreat(speed_scale=speed_scale or RETREAT_SPEED_SCALE, on_motion=on_motion)
 
 
 def pose_of(words: Sequence[str]) -> Sequence[float]:

@@ -185,8 +185,8 @@ class ViewServer:
         self._planning.close()
         if self._following is not None:
             self._following.cancel()
-            with suppress(asyncio.CancelledError):
-                await self._following
+            if self._controller is not None:  # a request under way ends before the session does
+                await asyncio.wait([self._following])
         for page in tuple(self._pages):
             await page.socket.close()
         await self._runner.cleanup()

@@ -437,7 +437,7 @@ function showArm() {
   const numbers = seen?.map((value, axis) => `${"xyz"[axis]} ${fixed(value * 1000, 1)}`).join(", ");
   const source = arm.position ? "" : ", as the controller reports while EGM is off";
   const where = frame ? ` in ${at("jog-frame").selectedOptions[0].text}` : "";
-  text(at("tool-pose"), seen ? `${model.tip ?? "Fingertips"} at ${numbers} mm${where}${source}` : arm.position ? "" : "No positions: EGM does not run on this arm.");
+  text(at("tool-pose"), seen ? `${model.tip ?? "Fingertips"} at ${numbers} mm${where}${source}` : arm.position || view.controller ? "" : "No positions: EGM does not run on this arm.");
 
   const gripper = state.grippers[shownArm];
   const parts = gripper
