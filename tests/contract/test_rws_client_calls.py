@@ -8,6 +8,8 @@ from math import degrees
 import pytest
 
 from contract.rws_bench import PlainController, serving
+from refusals import refused
+from yumi.catalogue import message
 from yumi.errors import CommandRefused, ControllerRefused
 from yumi.rws.client import RwsClient
 from yumi.rws.documents import Event, ModuleInfo, Signal, TaskInfo
@@ -106,7 +108,7 @@ def test_pulse_is_refused_when_something_holds_the_signal(
     client: RwsClient, controller: PlainController, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(controller.signals, "set", lambda name, value: None)
-    with pytest.raises(CommandRefused, match=r"EGM_START_JOINT of .* does not keep the value 1; find what else"):
+    with refused(CommandRefused, "signal_does_not_keep", signal="EGM_START_JOINT", address=client.address, value=1):
         client.pulse_signal("EGM_START_JOINT")
 
 
@@ -122,7 +124,7 @@ def test_speed_ratio_is_set_and_read(client: RwsClient) -> None:
 
 @pytest.mark.parametrize("percent", [-1, 101])
 def test_speed_ratio_beyond_its_range_is_refused(client: RwsClient, percent: int) -> None:
-    with pytest.raises(CommandRefused, match=f"speed ratio of {percent} % is not possible; give 0 to 100"):
+    with refused(CommandRefused, "speed_ratio_out_of_range", percent=percent, lowest=0, highest=100):
         client.set_speed_ratio(percent)
     assert client.speed_ratio() == 100
 
@@ -145,30 +147,47 @@ def test_events_are_gathered_over_pages(client: RwsClient, controller: PlainCont
     assert titles == [f"event {number}" for number in range(119, -1, -1)][:count]
 
 
-REFUSED: list[tuple[Callable[[RwsClient], object], str]] = [
-    (RwsClient.start_rapid, "starting RAPID was refused: the state of the RAPID execution forbids it"),
-    (lambda client: client.signal("nothing"), "reading signal nothing was refused: the controller has nothing"),
-    (lambda client: client.set_signal("OUTPUT_STATIONARY_ROB_R", 0), 'a signal needs Access "All"'),
-    (lambda client: client.symbol("T_ROB_R", "TRobMain", "nothing"), "Symbol not found"),
-    (lambda client: client.set_symbol("T_ROB_R", "TRobMain", "x", "1"), "no such RAPID symbol; load"),
-    (lambda client: client.set_symbol("T_ROB_R", "TRobMain", "current_state", '"x"'), "not a RAPID value"),
-    (lambda client: client.joint_target("ROB_1"), "no such mechanical unit"),
+REFUSED: list[tuple[Callable[[RwsClient], object], str, str]] = [
+    (RwsClient.start_rapid, "starting RAPID", "rws_exec_state"),
+    (lambda client: client.signal("nothing"), "reading signal nothing", "rws_unresolved_url"),
+    (
+        lambda client: client.set_signal("OUTPUT_STATIONARY_ROB_R", 0),
+        "writing signal OUTPUT_STATIONARY_ROB_R",
+        "rws_reject",
+    ),
+    (lambda client: client.symbol("T_ROB_R", "TRobMain", "nothing"), "reading TRobMain/nothing of T_ROB_R", "text"),
+    (
+        lambda client: client.set_symbol("T_ROB_R", "TRobMain", "x", "1"),
+        "writing TRobMain/x of T_ROB_R",
+        "rws_no_such_symbol",
+    ),
+    (
+        lambda client: client.set_symbol("T_ROB_R", "TRobMain", "current_state", '"x"'),
+        "writing TRobMain/current_state of T_ROB_R",
+        "rws_syntax",
+    ),
+    (lambda client: client.joint_target("ROB_1"), "reading the joints of ROB_1", "rws_no_such_mechunit"),
 ]
 
 
-@pytest.mark.parametrize(("call", "sentence"), REFUSED)
+@pytest.mark.parametrize(("call", "what", "reason"), REFUSED)
 def test_refusal_says_what_was_asked_and_why_not(
-    client: RwsClient, call: Callable[[RwsClient], object], sentence: str
+    client: RwsClient, call: Callable[[RwsClient], object], what: str, reason: str
 ) -> None:
-    with pytest.raises(ControllerRefused) as refused:
+    with refused(ControllerRefused, "rws_refused", address=client.address, what=what) as caught:
         call(client)
-    assert sentence in str(refused.value)
-    assert str(refused.value).startswith("127.0.0.1:")
-    assert refused.value.code is not None
+    assert caught.value.said.values["reason"].code == reason
+    assert caught.value.code is not None
+
+
+def test_refusal_without_a_text_of_ours_has_the_controllers_words(client: RwsClient) -> None:
+    with refused(ControllerRefused, "rws_refused") as caught:
+        client.symbol("T_ROB_R", "TRobMain", "nothing")
+    assert "Symbol not found" in caught.value.said.values["reason"].values["text"]
 
 
 def test_motors_in_manual_mode_are_refused_with_abbs_code(client: RwsClient, controller: PlainController) -> None:
     controller.mode = OperatingMode.MANUAL_REDUCED
-    with pytest.raises(ControllerRefused, match="switch the controller to AUTO") as refused:
+    with refused(ControllerRefused, "rws_refused", reason=message("rws_mode_reject"), status=403) as caught:
         client.set_motors(True)
-    assert (refused.value.status, refused.value.code) == (403, -1073445860)
+    assert (caught.value.status, caught.value.code) == (403, -1073445860)

@@ -10,9 +10,11 @@ from contextlib import contextmanager, suppress
 import pytest
 
 from contract.rws_bench import PASSWORD, PlainController, serving
+from refusals import assert_says, refused
+from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.driver.settings import RobotSettings
-from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError
+from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
 from yumi.rws.transport import AnswerTimeout
 from yumi.virtual.rws.http import HttpReply
@@ -78,27 +80,26 @@ def _drip(server: socket.socket, head: bytes, drop: bytes) -> None:
             peer.sendall(drop)
 
 
-def refusal(address: str, kind: type[Exception], **settings: str | float) -> str:
-    with pytest.raises(kind) as refused:
+def refusal(address: str, kind: type[YumiError], **settings: str | float) -> Message:
+    with pytest.raises(kind) as caught:
         RwsClient(address, **settings).connect()  # type: ignore[arg-type]
-    assert type(refused.value) is kind
-    return str(refused.value)
+    assert type(caught.value) is kind
+    return caught.value.said
 
 
 def test_wrong_password_is_said(address: str) -> None:
-    assert refusal(address, LoginRefused, password="wrong") == (
-        f"The controller at {address} does not accept user 'Default User' with this password; give the right "
-        "ones (a new controller knows user 'Default User' with password 'robotics')."
-    )
+    said = refusal(address, LoginRefused, password="wrong")
+    assert said == message("login_refused", address=address, user="Default User")
 
 
 @pytest.mark.parametrize("user", ["Nobody", "Jürgen", 'a "quoted" one'])
 def test_wrong_user_is_said(address: str, user: str) -> None:
-    assert f"does not accept user {user!r}" in refusal(address, LoginRefused, user=user, password=PASSWORD)
+    said = refusal(address, LoginRefused, user=user, password=PASSWORD)
+    assert said == message("login_refused", address=address, user=user)
 
 
 def test_user_that_http_cannot_carry_is_refused(address: str) -> None:
-    assert "cannot be put into HTTP" in refusal(address, ProtocolError, user="two\nlines")
+    assert_says(refusal(address, ProtocolError, user="two\nlines"), "request_not_http", address=address)
 
 
 def test_user_with_an_umlaut_is_let_in(controller: PlainController) -> None:
@@ -113,22 +114,18 @@ def test_user_with_an_umlaut_is_let_in(controller: PlainController) -> None:
 def test_answer_that_never_ends_is_given_up() -> None:
     head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
     with dripping(head, b"1\r\nx\r\n") as address:
-        sentence = refusal(address, AnswerTimeout, timeout=0.2)
-    assert sentence == f"{address} is too slow: its answer did not end in time."
+        said = refusal(address, AnswerTimeout, timeout=0.2)
+    assert said == message("answer_not_ended", address=address)
 
 
 def test_closed_port_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
-    assert refusal(address, NoConnection) == (
-        f"The machine at {address} refuses the connection: no controller listens there; check address and "
-        "port, or start the virtual controller."
-    )
+    assert refusal(address, NoConnection) == message("connection_refused", address=address)
 
 
 def test_unknown_name_is_said() -> None:
-    sentence = refusal("yumi.invalid", NoConnection)
-    assert sentence == "No machine named yumi.invalid is known; check the address."
+    assert refusal("yumi.invalid", NoConnection) == message("address_unknown", address="yumi.invalid")
 
 
 def test_machine_that_swallows_all_packets_is_said() -> None:
@@ -137,74 +134,61 @@ def test_machine_that_swallows_all_packets_is_said() -> None:
         server.listen(0)
         address = f"127.0.0.1:{server.getsockname()[1]}"
         with socket.create_connection(server.getsockname()):  # the queue is full now
-            sentence = refusal(address, NoConnection, timeout=0.2)
-    assert sentence == (
-        f"Nothing answers at {address} within 0.2 s; check the address, the cable and that the controller is "
-        "switched on."
-    )
+            said = refusal(address, NoConnection, timeout=0.2)
+    assert_says(said, "nothing_at_address", address=address, timeout=pytest.approx(0.2, abs=0.05))
 
 
 def test_machine_that_never_answers_is_said() -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:
         address = f"127.0.0.1:{server.getsockname()[1]}"
-        sentence = refusal(address, AnswerTimeout, timeout=0.2)
-    assert sentence == f"{address} accepted the connection but did not answer within 0.2 s."
+        said = refusal(address, AnswerTimeout, timeout=0.2)
+    assert_says(said, "no_answer_to_request", address=address, timeout=pytest.approx(0.2, abs=0.05))
 
 
 def test_server_that_does_not_speak_http_is_said() -> None:
     with greeting(b"220 smtp.example.org ready\r\n\r\n") as address:
-        sentence = refusal(address, ProtocolError)
-    assert sentence == (
-        f"Something answers at {address}, but it does not speak HTTP as a controller does; check the address "
-        "and the port (a controller's is 80)."
-    )
+        said = refusal(address, ProtocolError)
+    assert said == message("no_http_spoken", address=address)
 
 
 @pytest.mark.parametrize("words", [b"", b"SSH-2.0-OpenSSH_9.6\r\n"])
 def test_server_that_hangs_up_is_said(words: bytes) -> None:
-    with greeting(words) as address, pytest.raises(NoConnection) as refused:
+    with greeting(words) as address, refused(NoConnection, "no_http_answer", address=address):
         RwsClient(address).connect()
-    assert str(refused.value) == (
-        f"{address} closed the connection without an HTTP answer; a restart takes minutes: try again, and "
-        "check that a controller listens there (its port is 80)."
-    )
 
 
 @pytest.mark.parametrize(
-    ("reply", "why"),
+    ("reply", "reason"),
     [
-        (HttpReply(200, HTML, b"<html><body>It works</body></html>"), "it answers HTTP 200 without a session"),
-        (HttpReply(404, HTML, b"<html><body>Not here</body></html>"), "it answers HTTP 404 without a session"),
-        (HttpReply(401, (BASIC,)), "it asks for another kind of login"),
-        (HttpReply(401), "it asks for another kind of login"),
-        (HttpReply(401, (ROUTER,)), "its login is for 'router'"),
+        (HttpReply(200, HTML, b"<html><body>It works</body></html>"), message("answers_without_session", status=200)),
+        (HttpReply(404, HTML, b"<html><body>Not here</body></html>"), message("answers_without_session", status=404)),
+        (HttpReply(401, (BASIC,)), message("asks_for_other_login")),
+        (HttpReply(401), message("asks_for_other_login")),
+        (HttpReply(401, (ROUTER,)), message("login_for_other_realm", realm="router")),
     ],
 )
-def test_web_server_that_is_no_controller_is_said(reply: HttpReply, why: str) -> None:
+def test_web_server_that_is_no_controller_is_said(reply: HttpReply, reason: Message) -> None:
     with HttpServer(lambda request: reply, port=0) as server:
-        sentence = refusal(server.address, ProtocolError)
-    assert sentence == (
-        f"A web server answers at {server.address}, but it is not an IRC5 controller with Robot Web Services "
-        f"1.0: {why}; check the address and the port."
-    )
+        said = refusal(server.address, ProtocolError)
+    assert said == message("no_controller_answers", address=server.address, reason=reason)
 
 
 def test_controller_without_a_free_session_is_said(address: str) -> None:
     clients = [RwsClient(address) for _ in range(71)]
     for client in clients[:70]:
         client.connect()
-    with pytest.raises(ControllerRefused, match="all its 70 sessions are taken") as refused:
+    with refused(ControllerRefused, "sessions_taken", address=address, most=70) as caught:
         clients[70].connect()
     clients[0].close()
     clients[70].connect()
     for client in clients:
         client.close()
-    assert refused.value.status == 503
+    assert caught.value.status == 503
 
 
 @pytest.mark.parametrize("address", ["", "http://yumi", "yumi:eighty", "yumi:99999", "a b", "user@yumi"])
 def test_address_that_is_none_is_refused(address: str) -> None:
-    with pytest.raises(SettingsError, match="is not an address; give a host name or IP address, with :port"):
+    with refused(SettingsError, "no_address", address=address):
         RwsClient(address)
 
 
@@ -314,7 +298,7 @@ def test_headers_that_drip_for_a_minute_are_given_up_after_the_drivers_two_secon
         thread.start()
         client = RwsClient(f"127.0.0.1:{server.getsockname()[1]}", timeout=timeout, clock=dripping.clock)
         try:
-            with pytest.raises(AnswerTimeout, match=r"accepted the connection but did not answer within 2\.0 s"):
+            with refused(AnswerTimeout, "no_answer_to_request", address=client.address, timeout=timeout):
                 client.speed_ratio()
         finally:
             client.close()

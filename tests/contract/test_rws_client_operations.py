@@ -8,6 +8,8 @@ from datetime import datetime
 import pytest
 
 from memory_http import MemoryHttp
+from refusals import refused
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import Joints, Pose, Side, home
@@ -105,9 +107,9 @@ def test_panel(client: RwsClient, bench: Bench) -> None:
     client.set_speed_ratio(50)
     assert (client.speed_ratio(), client.collision_state().name) == (50, "INIT")
     client.set_speed_ratio(100)
-    with pytest.raises(ControllerRefused, match="the operating mode forbids it"):  # no change waits for it
+    with refused(ControllerRefused, "rws_refused", reason=message("rws_mode_reject")):  # no change waits for it
         client.acknowledge_operating_mode(OperatingMode.AUTO)
-    with pytest.raises(CommandRefused, match="A change to MANR needs no confirmation"):
+    with refused(CommandRefused, "mode_needs_no_confirmation", mode="MANR"):
         client.acknowledge_operating_mode(OperatingMode.MANUAL_REDUCED)
     client.acknowledge_collision()
     client.lock_operating_mode("1234", permanent=True)
@@ -507,9 +509,9 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     assert (user.application, user.location, user.is_local) == ("test", "here", False)
     assert "UAS_RAPID_EXECUTE" in client.grants()
     assert client.rmmp().privilege == "none"
-    with pytest.raises(ControllerRefused, match="there is no request for the remote manual mode privilege") as refused:
+    with refused(ControllerRefused, "no_privilege_requested", address=client.address) as caught:
         client.poll_rmmp()
-    assert refused.value.code == Code.NO_SUCH_REQUEST
+    assert caught.value.code == Code.NO_SUCH_REQUEST
     bench.controller.select_mode(OperatingMode.MANUAL_REDUCED)
     with pytest.raises(ControllerRefused), client.holding("rapid"):
         pass
@@ -523,7 +525,7 @@ def test_users_and_the_privilege_in_manual_mode(client: RwsClient, bench: Bench)
     with client.holding("rapid"), client.holding("rapid"):
         assert client.mastership("rapid") == ""
     client.cancel_rmmp()
-    late = pytest.raises(NoConnection, match="was not granted within 0 s; grant it on the FlexPendant")
+    late = refused(NoConnection, "privilege_not_granted", timeout=0.0)
     with late, client.holding_rmmp(timeout=0.0):
         pass
     assert client.rmmp().privilege == "none"

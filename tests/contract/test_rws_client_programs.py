@@ -8,6 +8,8 @@ import httpx
 import pytest
 
 from memory_http import MemoryHttp
+from refusals import refused
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.robot.joints import CYCLE
@@ -80,14 +82,13 @@ def test_file_is_written_read_listed_and_removed(client: RwsClient) -> None:
     assert FileInfo("greeter.mod", len(GREETER)) in client.files("HOME:")
     assert FileInfo("yumi", None) in client.files("HOME:")
     client.delete_file(PATH)
-    with pytest.raises(ControllerRefused, match=r"reading HOME:/greeter.mod was refused"):
+    with refused(ControllerRefused, "rws_refused", what="reading HOME:/greeter.mod"):
         client.download(PATH)
 
 
 def test_file_that_rapid_could_not_hold_is_refused(client: RwsClient) -> None:
-    with pytest.raises(CommandRefused) as refused:
+    with refused(CommandRefused, "file_not_latin_1", path="HOME:/greeter.mod", character="五"):
         client.upload(PATH, "! 五")
-    assert str(refused.value) == "RAPID files hold Latin-1 only; HOME:/greeter.mod cannot have '五' in it."
 
 
 def test_loaded_module_runs(plant: Plant, client: RwsClient) -> None:
@@ -113,23 +114,23 @@ def test_module_is_replaced_and_unloaded(client: RwsClient) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "replace", "sentence"),
+    ("text", "replace", "reason"),
     [
-        (None, True, "the controller has no such file; upload it first"),
-        ("hello", True, "or the module is not RAPID"),
-        (GREETER.replace(":=0", ":=TRUE"), True, "or the module is not RAPID"),
-        (GREETER, False, "the task has a module of that name; unload it first, or replace it"),
+        (None, True, "rws_file_not_found"),
+        ("hello", True, "rws_syntax"),
+        (GREETER.replace(":=0", ":=TRUE"), True, "rws_syntax"),
+        (GREETER, False, "rws_module_name_taken"),
     ],
 )
 def test_module_that_cannot_be_loaded_changes_nothing(
-    client: RwsClient, text: str | None, replace: bool, sentence: str
+    client: RwsClient, text: str | None, replace: bool, reason: str
 ) -> None:
     client.upload("HOME:/first.mod", GREETER)
     client.load_module(LEFT, "HOME:/first.mod")
     if text is not None:
         client.upload(PATH, text)
     before = client.modules(LEFT)
-    with pytest.raises(ControllerRefused, match=sentence):
+    with refused(ControllerRefused, "rws_refused", reason=message(reason)):
         client.load_module(LEFT, PATH, replace=replace)
     assert client.modules(LEFT) == before
     assert client.symbol(LEFT, "Greeter", "greetings") == "0"
@@ -140,20 +141,22 @@ def test_text_of_a_loaded_module_is_read_as_it_was_written(client: RwsClient) ->
     client.upload("HOME:/added.mod", text)
     client.load_module("T_ROB_R", "HOME:/added.mod")
     assert client.module_text("T_ROB_R", "added") == text
-    with pytest.raises(ControllerRefused, match="has no module 'Other'"):
+    with refused(ControllerRefused, "rws_refused") as caught:
         client.module_text("T_ROB_R", "Other")
+    assert "has no module 'Other'" in caught.value.said.values["reason"].values["text"]  # the controller's words
 
 
 def test_modules_stay_while_rapid_runs(plant: Plant, client: RwsClient) -> None:
     client.upload(PATH, GREETER)
     plant.start()
     for call in (lambda: client.load_module(LEFT, PATH), lambda: client.unload_module(LEFT, "TRobSG")):
-        with pytest.raises(ControllerRefused, match="the state of the RAPID execution forbids it"):
+        with refused(ControllerRefused, "rws_refused", reason=message("rws_exec_state")):
             call()
 
 
 def test_unknown_module_is_not_unloaded(client: RwsClient) -> None:
-    with pytest.raises(ControllerRefused, match="unloading Nobody from T_ROB_L was refused: no such RAPID symbol"):
+    reason = message("rws_no_such_symbol")
+    with refused(ControllerRefused, "rws_refused", what="unloading Nobody from T_ROB_L", reason=reason):
         client.unload_module(LEFT, "Nobody")
 
 
@@ -186,8 +189,10 @@ def test_refused_release_of_a_mastership_is_an_error(
         return httpx.Response(403) if ("action", "release") in request.query else exchange(request)
 
     other = RwsClient(plant.http, clock=plant)
-    refused = pytest.raises(ControllerRefused, match="releasing the mastership of rapid was refused")
-    with refused, client.holding("rapid"):
+    release_refused = refused(
+        ControllerRefused, "rws_refused_without_code", what="releasing the mastership of rapid", status=403
+    )
+    with release_refused, client.holding("rapid"):
         monkeypatch.setattr(client._session, "exchange", refusing)
     assert other.mastership("rapid") != ""
     monkeypatch.undo()

@@ -9,6 +9,8 @@ import pytest
 
 from contract.rws_bench import PlainController
 from memory_http import MemoryHttp
+from refusals import refused
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection
 from yumi.rws import client as rws
@@ -110,7 +112,8 @@ def test_closed_subscription_tells_nothing(told: Told) -> None:
 def test_client_may_have_two_subscriptions(told: Told) -> None:
     told.subscribe(rws.SPEED_RATIO)
     told.subscribe(SIGNAL)
-    with pytest.raises(ControllerRefused, match="subscribing was refused: the controller grants no more of these"):
+    reason = message("rws_max_limit_reached")
+    with refused(ControllerRefused, "rws_refused", what="subscribing", reason=reason):
         told.subscribe(rws.SPEED_RATIO)
     told.subscription.close()
     told.subscribe(rws.SPEED_RATIO)
@@ -134,7 +137,7 @@ def test_restart_ends_subscriptions_and_answers_nothing_while_it_lasts(told: Tol
     told.subscribe(rws.SPEED_RATIO)
     told.controller.is_restarting = True
     told.news()
-    with pytest.raises(NoConnection, match="closed the connection without an HTTP answer"):
+    with refused(NoConnection, "memory_gave_no_answer"):
         told.client.speed_ratio()
     told.controller.is_restarting = False
     assert told.client.speed_ratio() == 100
@@ -149,14 +152,14 @@ def test_session_with_an_open_web_socket_does_not_expire(told: Told) -> None:
 
 
 def test_subscription_to_nothing_is_refused(told: Told) -> None:
-    with pytest.raises(CommandRefused, match="A subscription needs a resource; name at least one"):
+    with refused(CommandRefused, "no_resource_named"):
         told.client.subscribe([], told.changes.append, told.losses.append)
 
 
 def test_busy_controller_refuses_and_serves_again(told: Told) -> None:
     told.client.speed_ratio()
     told.http.adapter.be_busy(5.0)
-    with pytest.raises(ControllerRefused, match="The controller at memory is starting, or all its 70 sessions"):
+    with refused(ControllerRefused, "sessions_taken", address="memory", most=70):
         told.client.speed_ratio()
     told.clock.advance(5.0)
     assert told.client.speed_ratio() == 100
@@ -222,19 +225,19 @@ def test_change_comes_over_the_wire(wire: Wire, client: RwsClient) -> None:
 def test_broken_web_socket_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.drop_web_sockets()
     wire.until(lambda: wire.losses)
-    assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
+    assert wire.losses == [str(message("websocket_broke", address=wire.server.address))]
 
 
 def test_web_socket_that_the_controller_closes_is_told(wire: Wire, client: RwsClient) -> None:
     wire.adapter.expire_sessions()
     wire.until(lambda: wire.losses)
-    assert wire.losses == [f"{wire.server.address} has closed the WebSocket (code 1000)."]
+    assert wire.losses == [str(message("websocket_closed", address=wire.server.address, number=1000))]
 
 
 def test_broken_connections_are_told_and_made_again(wire: Wire, client: RwsClient) -> None:
     wire.adapter.reset_connections()
     wire.until(lambda: wire.losses)
-    assert wire.losses == [f"The WebSocket of {wire.server.address} broke."]
+    assert wire.losses == [str(message("websocket_broke", address=wire.server.address))]
     assert client.speed_ratio() == 100
 
 

@@ -23,6 +23,7 @@ from weakref import WeakSet
 
 import httpx
 
+from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
 from yumi.errors import CommandRefused, ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
@@ -93,7 +94,8 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
         try:
             reply = self._session.exchange(get("/rw/system"))
             if not self._session.is_open and reply.status_code != BUSY:
-                raise self._session.not_a_controller(f"it answers HTTP {reply.status_code} without a session")
+                reason = message("answers_without_session", status=reply.status_code)
+                raise self._session.not_a_controller(reason)
             return documents.read_system(self._page(reply, "reading the system"))
         except YumiError:
             self._session.close()
@@ -158,9 +160,12 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
         while True:
             passed = self._clock.now() - start
             if passed > deadline:
-                what = "come back" if has_gone else "restart"
                 raise NoConnection(
-                    f"The controller at {self.address} does not {what} in {deadline:.0f} s; look at its FlexPendant."
+                    message(
+                        "restart_not_ended" if has_gone else "restart_not_begun",
+                        address=self.address,
+                        deadline=deadline,
+                    )
                 )
             try:
                 self.tasks()
@@ -187,7 +192,7 @@ class RwsClient(Panel, Rapid, Symbols, Io, Motion, Configuration, Controller, Fi
             CommandRefused: there is no resource.
         """
         if not resources:
-            raise CommandRefused("A subscription needs a resource; name at least one.")
+            raise CommandRefused(message("no_resource_named"))
         reply = self._session.exchange(Request("POST", "/subscription", form=write_resources(resources)))
         self._accepted(reply, "subscribing")
         subscription = Subscription(self._session, resources, on_change, on_lost)
@@ -320,7 +325,7 @@ class Subscription:
         text = reply.content.decode("utf-8", "replace")
         group = group_of(f"{reply.headers.get('Location', '')} {text}")
         if group is None:
-            raise ProtocolError(f"The answer of {self._session.address} to a subscription names no WebSocket.")
+            raise ProtocolError(message("subscription_without_websocket", address=self._session.address))
         self._group = group
         self._pass_on(text)
         try:

@@ -26,6 +26,7 @@ from urllib.parse import quote, unquote, unquote_plus
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from yumi.catalogue import message
 from yumi.errors import ControllerRefused, ProtocolError
 from yumi.robot.joints import Joints, Pose, chain_from_abb, joints
 from yumi.rws.types import (
@@ -36,8 +37,8 @@ from yumi.rws.types import (
     OperatingMode,
     SignalType,
     TaskExecution,
+    meaning_of,
     name_of,
-    sentence,
 )
 
 E = TypeVar("E", bound=Enum)
@@ -86,8 +87,8 @@ def member(kind: type[E], text: str | int) -> E:
     try:
         return kind(text)
     except ValueError as error:
-        allowed = ", ".join(str(each.value) for each in kind)
-        raise ProtocolError(f"The controller says {text!r} where only {allowed} have a meaning.") from error
+        allowed = tuple(each.value for each in kind)
+        raise ProtocolError(message("word_without_meaning", word=text, allowed=allowed)) from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +134,7 @@ class State:
             ProtocolError: the state has no such field.
         """
         if name not in self.fields:
-            raise ProtocolError(f"The controller's {self.type!r} of {self.title!r} lacks the field {name!r}.")
+            raise ProtocolError(message("state_without_field", type=self.type, title=self.title, field=name))
         return self.fields[name]
 
     def number(self, name: str) -> float:
@@ -146,7 +147,7 @@ class State:
         try:
             return float(text)
         except ValueError as error:
-            raise ProtocolError(f"The controller's {name!r} is {text!r}, not a number.") from error
+            raise ProtocolError(message("field_no_number", field=name, text=text)) from error
 
     def whole(self, name: str) -> int:
         """The whole number in field ``name``.
@@ -156,7 +157,7 @@ class State:
         """
         value = self.number(name)
         if not value.is_integer():
-            raise ProtocolError(f"The controller's {name!r} is {self.text(name)!r}, not a whole number.")
+            raise ProtocolError(message("field_no_whole_number", field=name, text=self.text(name)))
         return int(value)
 
     def flag(self, name: str) -> bool:
@@ -200,7 +201,7 @@ class Page:
         """
         for state in self.of_type(*types):
             return state
-        raise ProtocolError(f"The controller's answer holds no {' or '.join(types)!r}.")
+        raise ProtocolError(message("answer_without_state", types=types))
 
     def link(self, rel: str) -> str | None:
         """Where the page's link ``rel`` points, or None."""
@@ -254,7 +255,7 @@ def read_status(content_type: str, body: bytes) -> Status:
     try:
         return Status(int(texts["code"]), texts.get("msg", ""))
     except (KeyError, ValueError) as error:
-        raise ProtocolError("The controller's error document holds no code.") from error
+        raise ProtocolError(message("error_without_code")) from error
 
 
 XMLNS = "http://www.w3.org/1999/xhtml"
@@ -268,16 +269,16 @@ def _parse(content_type: str, body: bytes) -> Element:
     """The document without its namespace; a DOCTYPE is refused, since entities can be made to explode."""
     kind = content_type.partition(";")[0].strip().lower()
     if kind not in _XHTML_TYPES:
-        raise ProtocolError(f"The answer is {kind or 'of no type'}, not XHTML.")
+        raise ProtocolError(message("answer_not_xhtml", kind=kind) if kind else message("answer_of_no_type"))
     if len(body) > _LARGEST:
-        raise ProtocolError(f"The answer is a document of {len(body)} bytes; a controller's has {_LARGEST} at most.")
+        raise ProtocolError(message("document_too_long", size=len(body), most=_LARGEST))
     try:
         text = body.decode("utf-8")
         if "<!DOCTYPE" in text:
-            raise ProtocolError("The answer is a document with a DOCTYPE, which no controller sends.")
+            raise ProtocolError(message("document_with_doctype"))
         root = ElementTree.fromstring(text)
     except (UnicodeDecodeError, ValueError, RecursionError, ElementTree.ParseError) as error:
-        raise ProtocolError("The answer is not well-formed XHTML.") from error
+        raise ProtocolError(message("document_not_well_formed")) from error
     for element in root.iter():
         element.tag = element.tag.removeprefix(f"{{{XMLNS}}}")
     return root
@@ -287,12 +288,12 @@ def _division(root: Element, kind: str) -> Element:
     for division in root.iterfind("body/div"):
         if division.get("class") == kind:
             return division
-    raise ProtocolError(f"The answer is not a document of Robot Web Services: it has no {kind!r} division.")
+    raise ProtocolError(message("document_without_division", division=kind))
 
 
 def _state(item: Element, depth: int = 1) -> State:
     if depth > _DEEPEST:
-        raise ProtocolError(f"The answer has more than {_DEEPEST} lists within each other, which no controller sends.")
+        raise ProtocolError(message("document_nested_too_deeply", most=_DEEPEST))
     spans = item.findall("span")
     arguments = tuple(Argument(span.get("type", ""), span.text or "") for span in spans if _is_argument(span))
     fields = {span.get("class", ""): span.text or "" for span in spans if not _is_argument(span)}
@@ -412,7 +413,7 @@ class JointTarget:
         """
         axis_7_deg = self.extax_deg[0]
         if axis_7_deg is None:
-            raise ProtocolError("The mechanical unit has no seventh axis; it is not an arm of a YuMi.")
+            raise ProtocolError(message("unit_without_seventh_axis"))
         return joints([radians(angle) for angle in chain_from_abb(self.robax_deg, axis_7_deg)])
 
 
@@ -467,7 +468,7 @@ def read_system(page: Page) -> SystemInfo:
     state = page.one("sys-system-li")
     version = state.text("rwversionname")
     if not _VERSION.fullmatch(version):
-        raise ProtocolError(f"The controller's RobotWare version {version!r} is not numbers and dots.")
+        raise ProtocolError(message("version_not_numbers", version=version))
     options = tuple(child.text("option") for each in page.of_type("sys-options-li") for child in each.children)
     robotware = tuple(int(part) for part in version.split("."))
     return SystemInfo(state.text("name"), robotware, options, state.fields.get("sysid", ""))
@@ -483,7 +484,7 @@ def read_identity(page: Page) -> ControllerIdentity:
 def read_progress(page: Page) -> Progress:
     """``/progress/{id}``."""
     if not page.states:
-        raise ProtocolError("The controller's answer holds no progress.")
+        raise ProtocolError(message("answer_without_progress"))
     state = page.states[0]
     return Progress(state.whole("code"), state.text("state"))
 
@@ -494,7 +495,7 @@ def read_clock(page: Page) -> datetime:
     try:
         return datetime.strptime(text, "%Y-%m-%d T %H:%M:%S")
     except ValueError as error:
-        raise ProtocolError(f"The controller's clock shows {text!r}, which is not a time.") from error
+        raise ProtocolError(message("clock_shows_no_time", text=text)) from error
 
 
 def read_controller_state(page: Page) -> ControllerState:
@@ -563,7 +564,7 @@ def read_symbol_type(page: Page) -> str:
     for state in page.states:
         if state.type.startswith("rap-symprop"):
             return state.text("dattyp")
-    raise ProtocolError("The controller's answer holds no properties of a symbol.")
+    raise ProtocolError(message("answer_without_properties"))
 
 
 def read_signal(page: Page) -> Signal:
@@ -634,7 +635,7 @@ def read_events(page: Page) -> tuple[Event, ...]:
     for state in page.of_type("elog-message-li", "elog-message"):
         number = state.title.rpartition("/")[2]
         if not number.isdecimal():
-            raise ProtocolError(f"The controller's event {state.title!r} has no number.")
+            raise ProtocolError(message("event_without_number", title=state.title))
         found.append(
             Event(
                 number=int(number),
@@ -649,12 +650,16 @@ def read_events(page: Page) -> tuple[Event, ...]:
     return tuple(found)
 
 
-def refusal(what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
-    """The error for a response that refuses; ``what`` is the request in a few words."""
+def refusal(address: str, what: str, status: int, content_type: str, body: bytes) -> ControllerRefused:
+    """The error for a response of ``address`` that refuses; ``what`` is the request in a few words."""
     try:
         known = read_status(content_type, body)
     except ProtocolError:  # a body of another kind, which gateways and old versions send
-        return ControllerRefused(f"{what} was refused with HTTP status {status}.", status=status)
-    reason = sentence(known.code) or known.message or "the controller gives no reason"
+        said = message("rws_refused_without_code", address=address, what=what, status=status)
+        return ControllerRefused(said, status=status)
+    reason = meaning_of(known.code)
+    if reason is None:
+        reason = message("text", text=known.message) if known.message else message("rws_no_reason")
     name = f"{name_of(known.code)} {known.code}".strip()
-    return ControllerRefused(f"{what} was refused: {reason} (HTTP {status}, {name}).", status=status, code=known.code)
+    said = message("rws_refused", address=address, what=what, reason=reason, status=status, name=name)
+    return ControllerRefused(said, status=status, code=known.code)

@@ -30,6 +30,7 @@ from urllib.parse import quote
 
 import httpx
 
+from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection, ProtocolError, YumiError
 from yumi.rws import documents
@@ -47,6 +48,7 @@ LONGEST_TRANSFER = 600.0
 _UNAUTHORIZED = 401
 _REPEATS = 2
 _CONNECTIONS = 2
+_MOST_SESSIONS = 70  # at a time, of a controller (reference/rws.md §2)
 _PATIENCE = 0.5  # [s] a request waits so long for the one before it; a controller answers within some 10 ms
 
 _PATH_SAFE = "/;:$@-._~"
@@ -263,16 +265,13 @@ class RwsSession:
             self._turns.notify_all()
         self._transport.close()
 
-    def not_a_controller(self, why: str) -> ProtocolError:
+    def not_a_controller(self, reason: Message) -> ProtocolError:
         """The error for a peer that speaks HTTP but not Robot Web Services."""
-        return ProtocolError(
-            f"A web server answers at {self.address}, but it is not an IRC5 controller with Robot Web Services "
-            f"1.0: {why}; check the address and the port."
-        )
+        return ProtocolError(message("no_controller_answers", address=self.address, reason=reason))
 
     def _check_not_abandoned(self) -> None:
         if self._is_abandoned:
-            raise NoConnection(f"{self.address} is not asked any more: this program is ending.")
+            raise NoConnection(message("client_abandoned", address=self.address))
 
     @contextmanager
     def _turn(self) -> Iterator[None]:
@@ -283,9 +282,7 @@ class RwsSession:
                 self._slow = self._running[0]
                 self._turns.notify_all()
                 if not self._turns.wait_for(self._may_begin, self._timeout):
-                    raise NoConnection(
-                        f"{self.address} is busy with other requests for {self._timeout:.1f} s; ask again."
-                    )
+                    raise NoConnection(message("other_requests_under_way", address=self.address, timeout=self._timeout))
             self._running.append(turn)
         try:
             yield
@@ -304,7 +301,7 @@ class RwsSession:
         """The response of a controller that knows us; logs in where it does not."""
         cookies = self._cookies
         try:
-            message = httpx.Request(
+            outgoing = httpx.Request(
                 request.method,
                 f"http://{self.address}{request.target}",
                 headers={} if request.content_type is None else {"Content-Type": request.content_type},
@@ -312,47 +309,44 @@ class RwsSession:
                 extensions=until(deadline, min(self._timeout, max(0.0, deadline - self._clock.now()))),
             )
         except httpx.InvalidURL as error:
-            raise ProtocolError(f"The request to {self.address} cannot be put into HTTP: {error}.") from error
-        message.headers.encoding = "utf-8"  # of user names in a login
-        response = self._once(message, cookies, deadline)
+            raise ProtocolError(message("request_not_http", address=self.address, error=said_by(error))) from error
+        outgoing.headers.encoding = "utf-8"  # of user names in a login
+        response = self._once(outgoing, cookies, deadline)
         if response.status_code == _UNAUTHORIZED and self.is_open and self._cookies != cookies:
             # Another request has logged in meanwhile: one session is enough.
-            response = self._once(message, self._cookies, deadline)
+            response = self._once(outgoing, self._cookies, deadline)
         if response.status_code != _UNAUTHORIZED:
             return response
         self._cookies = {}  # the old session is gone
         self._pace.count()
-        response = self._once(self._with_credentials(message, response), {}, deadline)
+        response = self._once(self._with_credentials(outgoing, response), {}, deadline)
         if response.status_code == _UNAUTHORIZED:
-            raise LoginRefused(
-                f"The controller at {self.address} does not accept user {self._user!r} with this password; give "
-                "the right ones (a new controller knows user 'Default User' with password 'robotics')."
-            )
+            raise LoginRefused(message("login_refused", address=self.address, user=self._user))
         return response
 
-    def _with_credentials(self, message: httpx.Request, challenge: httpx.Response) -> httpx.Request:
-        """``message`` with the answer to the challenge of a controller; httpx computes it."""
-        login = httpx.DigestAuth(self._user, self._password).auth_flow(message)
+    def _with_credentials(self, outgoing: httpx.Request, challenge: httpx.Response) -> httpx.Request:
+        """``outgoing`` with the answer to the challenge of a controller; httpx computes it."""
+        login = httpx.DigestAuth(self._user, self._password).auth_flow(outgoing)
         next(login)
         # Without the cookies of whatever answers: httpx would send them with the credentials.
         headers = [(name, value) for name, value in challenge.headers.raw if name.lower() == b"www-authenticate"]
         try:
-            proved = login.send(httpx.Response(challenge.status_code, headers=headers, request=message))
+            proved = login.send(httpx.Response(challenge.status_code, headers=headers, request=outgoing))
         except (StopIteration, httpx.ProtocolError, NotImplementedError, LookupError, ValueError) as error:
-            raise self.not_a_controller("it asks for another kind of login") from error
+            raise self.not_a_controller(message("asks_for_other_login")) from error
         realm = _REALM.search(challenge.headers["WWW-Authenticate"])
         if realm is None or realm[1] != REALM:
-            raise self.not_a_controller(f"its login is for {realm[1] if realm else ''!r}")
+            raise self.not_a_controller(message("login_for_other_realm", realm=realm[1] if realm else ""))
         return proved
 
-    def _once(self, message: httpx.Request, cookies: dict[str, str], deadline: float) -> httpx.Response:
+    def _once(self, outgoing: httpx.Request, cookies: dict[str, str], deadline: float) -> httpx.Response:
         self._check_not_abandoned()
         if self._clock.now() >= deadline:
-            raise NoConnection(f"{self.address} did not answer within {self._timeout:.1f} s.")
-        message.headers.pop("Cookie", None)
+            raise NoConnection(message("no_answer_in_time", address=self.address, timeout=self._timeout))
+        outgoing.headers.pop("Cookie", None)
         if cookies:
-            message.headers["Cookie"] = _cookie_header(cookies)
-        response = self._transport.handle_request(message)
+            outgoing.headers["Cookie"] = _cookie_header(cookies)
+        response = self._transport.handle_request(outgoing)
         found = (_COOKIE.match(line.strip()) for line in response.headers.get_list("Set-Cookie"))
         self._cookies = {**self._cookies, **{own[1]: own[2] for own in found if own}}
         return response
@@ -400,13 +394,12 @@ class Requests:
         """Raise unless the controller carried the request out."""
         if reply.status_code == BUSY:
             raise ControllerRefused(
-                f"The controller at {self.address} is starting, or all its 70 sessions are taken (an idle "
-                "one ends after five minutes); try again later.",
+                message("sessions_taken", address=self.address, most=_MOST_SESSIONS),
                 status=reply.status_code,
             )
         if not reply.is_success:
             kind = reply.headers.get("Content-Type", "")
-            raise documents.refusal(f"{self.address}: {what}", reply.status_code, kind, reply.content)
+            raise documents.refusal(self.address, what, reply.status_code, kind, reply.content)
 
     @contextmanager
     def holding(self, domain: str) -> Iterator[None]:

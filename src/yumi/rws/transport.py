@@ -23,6 +23,7 @@ import h11
 import httpcore
 import httpx
 
+from yumi.catalogue import Message, message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.errors import ControllerRefused, MissingPrerequisite, NoConnection, ProtocolError, SettingsError
 from yumi.process.supervision import no_thread, start_thread
@@ -138,9 +139,9 @@ class HttpTransport(httpx.BaseTransport):
                 for chunk in response.iter_stream():
                     body += chunk
                     if len(body) > _MAX_BODY:
-                        raise ProtocolError(f"The answer of {self.address} is longer than {_MAX_BODY} bytes.")
+                        raise ProtocolError(message("answer_too_long", address=self.address, most=_MAX_BODY))
             except httpcore.ReadTimeout as error:
-                raise AnswerTimeout(f"{self.address} is too slow: its answer did not end in time.") from error
+                raise AnswerTimeout(message("answer_not_ended", address=self.address)) from error
             finally:
                 response.close()
         # A controller compresses nothing; what another peer compresses is left as it is, so that it cannot explode.
@@ -230,7 +231,7 @@ class _Stream(httpcore.NetworkStream):
         if self.head_left is not None:
             self.head_left -= len(data)
             if self.head_left < 0:
-                raise ProtocolError(f"The head of the answer of {self._address} is longer than {_MAX_HEAD} bytes.")
+                raise ProtocolError(message("answer_head_too_long", address=self._address, most=_MAX_HEAD))
         return data
 
     def write(self, buffer: bytes, timeout: float | None = None) -> None:
@@ -317,15 +318,14 @@ class WebSocket:
             refused = error.__cause__ if isinstance(error, ValueError) else error  # a redirect is a ValueError
             if isinstance(refused, InvalidStatus):
                 status = refused.response.status_code
-                reason = f"{address} does not open a WebSocket at {target}: it answers HTTP {status}."
-                raise ControllerRefused(reason, status=status) from error
+                said = message("websocket_refused", address=address, target=target, status=status)
+                raise ControllerRefused(said, status=status) from error
             if isinstance(error, TimeoutError):
-                raise NoConnection(f"{address} did not open a WebSocket within {timeout:.1f} s.") from error
+                raise NoConnection(message("websocket_not_opened", address=address, timeout=timeout)) from error
             if isinstance(error, OSError) and error.errno in _NO_DESCRIPTOR:
-                reason = f"No file descriptor is left for the WebSocket of {address}; raise the limit (ulimit -n)."
-                raise NoConnection(reason) from error
+                raise NoConnection(message("no_descriptor_for_websocket", address=address)) from error
             if isinstance(error, OSError | WebSocketException):
-                raise NoConnection(f"The WebSocket of {address} cannot be reached ({error}).") from error
+                raise NoConnection(message("websocket_not_reached", address=address, error=said_by(error))) from error
             if isinstance(error, RuntimeError):
                 raise MissingPrerequisite(no_thread("the WebSocket", error)) from error
             raise
@@ -347,7 +347,7 @@ class WebSocket:
         """Not started again when it fails: the owner hears of the loss, and opens another one."""
         from websockets.exceptions import ConnectionClosed  # noqa: PLC0415
 
-        reason = f"The WebSocket of {self._address} broke."
+        reason = message("websocket_broke", address=self._address)
         try:
             while True:
                 text = self._connection.recv()
@@ -355,13 +355,13 @@ class WebSocket:
                     self._listener.on_text(text)
         except ConnectionClosed as end:
             if end.rcvd is not None:
-                reason = f"{self._address} has closed the WebSocket (code {end.rcvd.code:d})."
+                reason = message("websocket_closed", address=self._address, number=int(end.rcvd.code))
         except Exception as error:
             log.error("what listens to %s failed: %s", self._address, error, exc_info=error)
         self._connection.close()
         if not self._is_closed:
             self._is_closed = True
-            self._listener.on_lost(reason)
+            self._listener.on_lost(str(reason))
 
 
 @contextmanager
@@ -369,40 +369,28 @@ def _converted_errors(address: str, timeout: float) -> Iterator[None]:
     try:
         yield
     except httpcore.ConnectTimeout as error:
-        raise NoConnection(
-            f"Nothing answers at {address} within {timeout:.1f} s; check the address, the cable and that the "
-            "controller is switched on."
-        ) from error
+        raise NoConnection(message("nothing_at_address", address=address, timeout=timeout)) from error
     except httpcore.TimeoutException as error:
-        raise AnswerTimeout(f"{address} accepted the connection but did not answer within {timeout:.1f} s.") from error
+        raise AnswerTimeout(message("no_answer_to_request", address=address, timeout=timeout)) from error
     except httpcore.ConnectError as error:
         raise NoConnection(_why_no_connection(address, error)) from error
     except httpcore.LocalProtocolError as error:
-        raise ProtocolError(f"The request to {address} cannot be put into HTTP: {error}.") from error
+        raise ProtocolError(message("request_not_http", address=address, error=said_by(error))) from error
     except (httpcore.NetworkError, httpcore.RemoteProtocolError) as error:
         if any(isinstance(each, h11.RemoteProtocolError) for each in _origins(error)):
-            raise ProtocolError(
-                f"Something answers at {address}, but it does not speak HTTP as a controller does; check the "
-                "address and the port (a controller's is 80)."
-            ) from error
-        raise ConnectionLost(
-            f"{address} closed the connection without an HTTP answer; a restart takes minutes: try again, and "
-            "check that a controller listens there (its port is 80)."
-        ) from error
+            raise ProtocolError(message("no_http_spoken", address=address)) from error
+        raise ConnectionLost(message("no_http_answer", address=address)) from error
 
 
-def _why_no_connection(address: str, error: httpcore.ConnectError) -> str:
+def _why_no_connection(address: str, error: httpcore.ConnectError) -> Message:
     *_, root = _origins(error)
     if isinstance(root, socket.gaierror | UnicodeError):
-        return f"No machine named {address} is known; check the address."
+        return message("address_unknown", address=address)
     if isinstance(root, ConnectionRefusedError):
-        return (
-            f"The machine at {address} refuses the connection: no controller listens there; check address "
-            "and port, or start the virtual controller."
-        )
+        return message("connection_refused", address=address)
     if isinstance(root, OSError) and root.errno in _NO_DESCRIPTOR:
-        return f"No file descriptor is left for a connection to {address}; raise the limit (ulimit -n)."
-    return f"There is no way to {address} ({root}); check the address and the network."
+        return message("no_descriptor_for_connection", address=address)
+    return message("address_not_reached", address=address, error=said_by(root))
 
 
 def _origins(error: BaseException | None) -> Iterator[BaseException]:
@@ -421,4 +409,4 @@ def _check_address(address: str) -> None:
             return
     except (ValueError, httpx.InvalidURL):
         pass
-    raise SettingsError(f"{address!r} is not an address; give a host name or IP address, with :port if not 80.")
+    raise SettingsError(message("no_address", address=address))

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from math import isfinite
 
+from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.errors import CommandRefused, ProtocolError, SettingsError
 
 # A login: the realm of the digest, and the cookies a session is kept by (reference/rws.md §2.1-2.2).
@@ -259,34 +260,32 @@ class Code(IntEnum):
     UNEXPECTED = -1073414145
 
 
-_SENTENCES: Mapping[int | None, str] = {
-    Code.REJECT: 'the controller does not let remote clients write this; a signal needs Access "All"',
-    Code.UNEXPECTED: 'the controller does not let remote clients write this; a signal needs Access "All"',
-    Code.INVALIDARG: "a value in the request is not allowed",
-    Code.UAS_REJECT: "the user lacks the grant for it; log in as another user",
-    Code.UNRESOLVED_URL: "the controller has nothing of that name",
-    Code.DENIED: "the controller denied it",
-    Code.RESOURCE_HELD: "another client holds the mastership; release it there (FlexPendant, RobotStudio)",
-    Code.MODE_REJECT: "the operating mode forbids it; switch the controller to AUTO",
-    Code.MASTER_REJECT: "it needs the mastership, which another client or, in manual mode, the FlexPendant "
-    "holds; switch to AUTO and release the mastership there",
-    Code.SYSFAIL_REJECT: "the controller is in system failure; restart it",
-    Code.NO_SUCH_SYMBOL: "no such RAPID symbol; load the robot-side program, or check the name",
-    Code.EXEC_STATE: "the state of the RAPID execution forbids it; starting needs motors on, a program "
-    "pointer and stopped tasks, moving the program pointer needs stopped tasks",
-    Code.TASK_STATE: "the state of the RAPID task forbids it; check that its program loads without errors",
-    Code.SYNTAX: "the value is not a RAPID value of the symbol's type, or the module is not RAPID",
-    Code.MODULE_NAME_TAKEN: "the task has a module of that name; unload it first, or replace it",
-    Code.FILE_NOT_FOUND: "the controller has no such file; upload it first",
-    Code.MAX_LIMIT_REACHED: "the controller grants no more of these; end one first",
-    Code.SYMBOL_NOT_PERSISTENT: "the variable is not persistent; only PERS can be subscribed",
-    Code.SEMANTIC: "the value does not fit the symbol's type",
-    Code.NO_PP: "no task has a program pointer; move it to main first",
-    Code.CFG_TYPE_INVALID: "the configuration has no such type",
-    Code.CFG_DOMAIN_INVALID: "the configuration has no such domain",
-    Code.NO_SUCH_MECHUNIT: "the controller has no such mechanical unit",
-    Code.UNBLOCKED_INSIGNAL: "a device drives this input signal; only outputs and virtual inputs are written",
-    Code.INVALID_STATE: "the controller's state forbids it; release the emergency or guard stop first",
+_MEANINGS: Mapping[int | None, Message] = {
+    Code.REJECT: message("rws_reject"),
+    Code.UNEXPECTED: message("rws_reject"),
+    Code.INVALIDARG: message("rws_invalidarg"),
+    Code.UAS_REJECT: message("rws_uas_reject"),
+    Code.UNRESOLVED_URL: message("rws_unresolved_url"),
+    Code.DENIED: message("rws_denied"),
+    Code.RESOURCE_HELD: message("rws_resource_held"),
+    Code.MODE_REJECT: message("rws_mode_reject"),
+    Code.MASTER_REJECT: message("rws_master_reject"),
+    Code.SYSFAIL_REJECT: message("rws_sysfail_reject"),
+    Code.NO_SUCH_SYMBOL: message("rws_no_such_symbol"),
+    Code.EXEC_STATE: message("rws_exec_state"),
+    Code.TASK_STATE: message("rws_task_state"),
+    Code.SYNTAX: message("rws_syntax"),
+    Code.MODULE_NAME_TAKEN: message("rws_module_name_taken"),
+    Code.FILE_NOT_FOUND: message("rws_file_not_found"),
+    Code.MAX_LIMIT_REACHED: message("rws_max_limit_reached"),
+    Code.SYMBOL_NOT_PERSISTENT: message("rws_symbol_not_persistent"),
+    Code.SEMANTIC: message("rws_semantic"),
+    Code.NO_PP: message("rws_no_pp"),
+    Code.CFG_TYPE_INVALID: message("rws_cfg_type_invalid"),
+    Code.CFG_DOMAIN_INVALID: message("rws_cfg_domain_invalid"),
+    Code.NO_SUCH_MECHUNIT: message("rws_no_such_mechunit"),
+    Code.UNBLOCKED_INSIGNAL: message("rws_unblocked_insignal"),
+    Code.INVALID_STATE: message("rws_invalid_state"),
 }
 
 
@@ -295,9 +294,15 @@ def name_of(code: int) -> str:
     return next((known.name for known in Code if known == code), "")
 
 
-def sentence(code: int | None) -> str | None:
+def meaning_of(code: int | None) -> Message | None:
     """What ``code`` means and what to do about it, or None when we have no words of our own for it."""
-    return _SENTENCES.get(code)
+    return _MEANINGS.get(code)
+
+
+def sentence(code: int | None) -> str | None:
+    """The same as a text, as the virtual controller describes its return codes."""
+    meaning = meaning_of(code)
+    return None if meaning is None else "; ".join(filter(None, (clause(meaning), remedy_of(meaning))))
 
 
 RapidValue = float | bool | str | tuple["RapidValue", ...]
@@ -340,7 +345,7 @@ def split(text: str) -> tuple[str, ...]:
     """
     inner = text.strip()
     if not (inner.startswith("[") and inner.endswith("]")):
-        raise ProtocolError(f"{text!r} is not a RAPID record or array: it lacks its brackets.")
+        raise ProtocolError(message("rapid_value_without_brackets", text=text))
     parts, depth, start, in_string = [], 0, 1, False
     for index, character in enumerate(inner[:-1]):
         if character == '"':
@@ -351,7 +356,7 @@ def split(text: str) -> tuple[str, ...]:
                 parts.append(inner[start:index].strip())
                 start = index + 1
     if depth != 1 or in_string:
-        raise ProtocolError(f"{text!r} is not a RAPID record or array: brackets or quotes do not match.")
+        raise ProtocolError(message("rapid_value_not_closed", text=text))
     last = inner[start:-1].strip()
     return (*parts, last) if parts or last else ()
 
@@ -359,7 +364,7 @@ def split(text: str) -> tuple[str, ...]:
 def _encode_number(value: float) -> str:
     """The number as the controller prints it: 9000000000 is 9E+09."""
     if not isfinite(value):
-        raise CommandRefused(f"RAPID has no number {value}; give a finite one.")
+        raise CommandRefused(message("rapid_number_not_finite", value=str(value)))
     mantissa, _, exponent = repr(value).upper().partition("E")
     digits = mantissa.removesuffix(".0")
     if exponent:
@@ -373,7 +378,7 @@ def _encode_number(value: float) -> str:
 
 def _decode(text: str, depth: int) -> RapidValue:
     if depth > _MAX_DEPTH:
-        raise ProtocolError("The RAPID value is nested too deeply.")
+        raise ProtocolError(message("rapid_value_nested_too_deeply"))
     word = text.strip()
     if word.startswith("["):
         return tuple(_decode(part, depth + 1) for part in split(word))
@@ -384,7 +389,7 @@ def _decode(text: str, depth: int) -> RapidValue:
         return word.upper() == "TRUE"
     if _NUMBER.fullmatch(word):
         return float(word)
-    raise ProtocolError(f"{text!r} is not a RAPID value.")
+    raise ProtocolError(message("rapid_value_unreadable", text=text))
 
 
 FLAG = "TRUE"
@@ -439,7 +444,7 @@ def read_cfg(text: str) -> CfgFile:
     lines = [line for line in joined if line and not line.startswith("#")]
     header = lines[0] if lines else ""
     if ":CFG_" not in header:
-        raise SettingsError(f"a cfg file begins with its domain, such as EIO:CFG_1.0, not {header!r}.")
+        raise SettingsError(message("cfg_file_without_domain", header=header))
     type_name, instances = "", []
     for line in lines[1:]:
         if line.endswith(":") and not line.startswith("-"):

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from refusals import refused
 from yumi.errors import CommandRefused, ProtocolError
 from yumi.rws.types import RapidValue, decode, encode, split
 
@@ -53,20 +54,33 @@ def test_literal_is_read_in_all_its_spellings(literal: str, value: RapidValue) -
     assert decode(literal) == value
 
 
-@pytest.mark.parametrize("literal", ["", "[1,2", "[1,]", "[1]]", '"open', "abc", "nan", "1 2", "[1][2]"])
-def test_text_that_is_no_literal_is_refused(literal: str) -> None:
-    with pytest.raises(ProtocolError, match="is not a RAPID"):
+@pytest.mark.parametrize(
+    ("literal", "code", "text"),
+    [
+        ("", "rapid_value_unreadable", ""),
+        ("[1,2", "rapid_value_without_brackets", "[1,2"),
+        ("[1,]", "rapid_value_unreadable", ""),
+        ("[1]]", "rapid_value_not_closed", "[1]]"),
+        ('"open', "rapid_value_unreadable", '"open'),
+        ("abc", "rapid_value_unreadable", "abc"),
+        ("nan", "rapid_value_unreadable", "nan"),
+        ("1 2", "rapid_value_unreadable", "1 2"),
+        ("[1][2]", "rapid_value_unreadable", "1][2"),
+    ],
+)
+def test_text_that_is_no_literal_is_refused(literal: str, code: str, text: str) -> None:
+    with refused(ProtocolError, code, text=text):
         decode(literal)
 
 
 def test_literal_nested_without_end_is_refused() -> None:
-    with pytest.raises(ProtocolError, match="nested too deeply"):
+    with refused(ProtocolError, "rapid_value_nested_too_deeply"):
         decode("[" * 10000 + "]" * 10000)
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf])
 def test_number_that_is_not_finite_is_refused(value: float) -> None:
-    with pytest.raises(CommandRefused, match="RAPID has no number"):
+    with refused(CommandRefused, "rapid_number_not_finite", value=str(value)):
         encode((1.0, value))
 
 

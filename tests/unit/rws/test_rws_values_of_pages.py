@@ -4,7 +4,9 @@ from math import degrees
 
 import pytest
 
-from yumi.errors import ProtocolError
+from refusals import assert_says, refused
+from yumi.catalogue import message
+from yumi.errors import ControllerRefused, ProtocolError
 from yumi.rws import documents
 from yumi.rws.documents import Event, Form, Page, Signal, State, Status, SystemInfo, TaskInfo
 from yumi.rws.types import Code, EventType, OperatingMode, SignalType, TaskExecution
@@ -19,9 +21,9 @@ def page(kind: str, **fields: str) -> Page:
     return Page("", "", (State(kind, "/rw/elog/0/18", fields),))
 
 
-def refused(status: Status) -> str:
+def refusal(status: Status) -> ControllerRefused:
     body = write_status(status, Form.XHTML, base="")
-    return str(documents.refusal("writing signal x", 403, Form.XHTML.value, body))
+    return documents.refusal("yumi", "writing signal x", 403, Form.XHTML.value, body)
 
 
 def test_system_has_name_version_and_options() -> None:
@@ -31,7 +33,7 @@ def test_system_has_name_version_and_options() -> None:
 
 
 def test_version_without_numbers_is_refused() -> None:
-    with pytest.raises(ProtocolError, match="'six' is not numbers and dots"):
+    with refused(ProtocolError, "version_not_numbers", version="six"):
         documents.read_system(page("sys-system-li", name="YuMi", rwversionname="six"))
 
 
@@ -40,7 +42,8 @@ def test_operating_mode_is_read() -> None:
 
 
 def test_unknown_word_is_refused_with_the_known_ones() -> None:
-    with pytest.raises(ProtocolError, match="'FAST' where only INIT, AUTO_CH"):
+    allowed = tuple(mode.value for mode in OperatingMode)
+    with refused(ProtocolError, "word_without_meaning", word="FAST", allowed=allowed):
         documents.read_operating_mode(page("pnl-opmode", opmode="FAST"))
 
 
@@ -61,7 +64,7 @@ def test_signal_is_read() -> None:
 
 
 def test_value_that_is_no_number_is_refused() -> None:
-    with pytest.raises(ProtocolError, match="'lvalue' is 'high', not a number"):
+    with refused(ProtocolError, "field_no_number", field="lvalue", text="high"):
         documents.read_signal(page("ios-signal", name="x", type="DI", lvalue="high"))
 
 
@@ -78,7 +81,7 @@ def test_joint_target_comes_out_in_chain_order() -> None:
 
 def test_joint_target_of_a_six_axis_robot_is_no_arm() -> None:
     six_axes = EXTERNAL | {"eax_a": "9E+09"}
-    with pytest.raises(ProtocolError, match="no seventh axis"):
+    with refused(ProtocolError, "unit_without_seventh_axis"):
         documents.read_joint_target(page("ms-jointtarget", **JOINTS, **six_axes)).chain()
 
 
@@ -89,10 +92,16 @@ def test_event_is_read(kind: str) -> None:
     assert documents.read_events(page(kind, **fields)) == (expected,)
 
 
-@pytest.mark.parametrize(("weight", "sentence"), [("7", "'7|7 where only 1, 2, 3"), ("inf", "not a whole number")])
-def test_event_of_an_unknown_weight_is_refused(weight: str, sentence: str) -> None:
+@pytest.mark.parametrize(
+    ("weight", "code", "values"),
+    [
+        ("7", "word_without_meaning", {"word": 7, "allowed": (1, 2, 3)}),
+        ("inf", "field_no_whole_number", {"field": "msgtype", "text": "inf"}),
+    ],
+)
+def test_event_of_an_unknown_weight_is_refused(weight: str, code: str, values: dict[str, object]) -> None:
     fields = {"msgtype": weight, "code": "10012", "tstamp": "", "title": "Stop", "desc": "It."}
-    with pytest.raises(ProtocolError, match=sentence):
+    with refused(ProtocolError, code, **values):
         documents.read_events(page("elog-message", **fields))
 
 
@@ -101,23 +110,41 @@ def test_properties_give_the_type_of_any_kind_of_symbol() -> None:
 
 
 def test_properties_of_nothing_are_refused() -> None:
-    with pytest.raises(ProtocolError, match="no properties"):
+    with refused(ProtocolError, "answer_without_properties"):
         documents.read_symbol_type(Page("", ""))
 
 
 def test_refusal_says_what_a_known_code_means() -> None:
     status = Status(Code.MODE_REJECT, "rws.cpp[1] Mode reject code:-1073445860 icode:-1")
-    assert refused(status) == (
-        "writing signal x was refused: the operating mode forbids it; switch the controller to AUTO "
-        "(HTTP 403, MODE_REJECT -1073445860)."
+    error = refusal(status)
+    assert (error.status, error.code) == (403, Code.MODE_REJECT)
+    assert error.said == message(
+        "rws_refused",
+        address="yumi",
+        what="writing signal x",
+        reason=message("rws_mode_reject"),
+        status=403,
+        name="MODE_REJECT -1073445860",
     )
 
 
 def test_refusal_repeats_the_controllers_words_for_an_unknown_code() -> None:
-    assert "refused: never seen (HTTP 403, -42)." in refused(Status(-42, "never seen"))
+    said = refusal(Status(-42, "never seen")).said
+    assert_says(said, "rws_refused", reason=message("text", text="never seen"), status=403, name="-42")
+
+
+def test_refusal_without_words_of_the_controller_says_so() -> None:
+    assert_says(refusal(Status(-42, "")).said, "rws_refused", reason=message("rws_no_reason"))
+
+
+@pytest.mark.parametrize("code", Code)
+def test_refusal_is_one_sentence_with_what_was_asked_and_abbs_name(code: Code) -> None:
+    said = str(refusal(Status(code, "in the controller's words")))
+    assert said.startswith("yumi: writing signal x was refused: ")
+    assert said.endswith(f" (HTTP 403, {code.name} {int(code)}).")
 
 
 def test_refusal_without_a_document_gives_the_status() -> None:
-    error = documents.refusal("starting RAPID", 500, "text/plain", b"RAPI Unidentified Error")
-    assert str(error) == "starting RAPID was refused with HTTP status 500."
+    error = documents.refusal("yumi", "starting RAPID", 500, "text/plain", b"RAPI Unidentified Error")
+    assert error.said == message("rws_refused_without_code", address="yumi", what="starting RAPID", status=500)
     assert (error.status, error.code) == (500, None)

@@ -17,6 +17,7 @@ from enum import Enum
 
 import httpx
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused, ControllerRefused, NoConnection, ProtocolError
 from yumi.rws import documents
 from yumi.rws.documents import CfgInstance, ControllerIdentity, Event, FileInfo, Pairs, State, SystemInfo
@@ -85,7 +86,7 @@ class Panel(Requests):
             CommandRefused: outside that range.
         """
         if not 0 <= percent <= 100:
-            raise CommandRefused(f"A speed ratio of {percent} % is not possible; give 0 to 100.")
+            raise CommandRefused(message("speed_ratio_out_of_range", percent=percent, lowest=0, highest=100))
         self._do(
             post("/rw/panel/speedratio", "setspeedratio", ("speed-ratio", str(percent))),
             f"setting the speed ratio to {percent} %",
@@ -99,7 +100,7 @@ class Panel(Requests):
         """Confirm a change of the mode switch to AUTO or MANUAL_FULL, which waits for it."""
         name = {OperatingMode.AUTO: "auto", OperatingMode.MANUAL_FULL: "manf"}.get(mode)
         if name is None:
-            raise CommandRefused(f"A change to {mode.value} needs no confirmation; AUTO and MANF do.")
+            raise CommandRefused(message("mode_needs_no_confirmation", mode=mode.value))
         self._do(post("/rw/panel/opmode", "acknowledge", ("opmode", name)), "confirming the operating mode")
 
     def acknowledge_collision(self) -> None:
@@ -284,17 +285,18 @@ class Controller(Requests):
         self._accepted(reply, what)
         found = _PROGRESS.search(reply.headers.get("Location", ""))
         if found is None and reply.status_code == httpx.codes.ACCEPTED:
-            raise ProtocolError(f"{self.address}: {what} was begun, but the controller does not say how far it is.")
+            raise ProtocolError(message("job_without_progress", address=self.address, what=what))
         start = self._clock.now()
         while found is not None:
             state = self._read(get(found[0]), documents.read_progress, what)
             on_progress(state.state)
             if not state.is_pending:
                 if state.code not in (0, documents.JOB_DONE):
-                    raise ControllerRefused(f"{self.address}: {what} failed: {state.state}.", status=0, code=state.code)
+                    said = message("job_failed", address=self.address, what=what, state=state.state)
+                    raise ControllerRefused(said, status=0, code=state.code)
                 break
             if self._clock.now() - start > _JOB_DEADLINE:
-                raise NoConnection(f"{self.address}: {what} does not end within {_JOB_DEADLINE:.0f} s.")
+                raise NoConnection(message("job_not_ended", address=self.address, what=what, deadline=_JOB_DEADLINE))
             self._clock.wait(_JOB_POLL)
 
     # Clock
@@ -538,7 +540,7 @@ class Files(Requests):
             content = text.encode("latin-1")
         except UnicodeEncodeError as error:
             wrong = text[error.start]
-            raise CommandRefused(f"RAPID files hold Latin-1 only; {path} cannot have {wrong!r} in it.") from error
+            raise CommandRefused(message("file_not_latin_1", path=path, character=wrong)) from error
         self.write_file(path, content)
 
     def download(self, path: str) -> str:
@@ -823,8 +825,8 @@ class Users(Requests):
         """
         state = self._state("asking for the privilege", f"{_RMMP}/poll", "user-rmmp-poll")
         if state.text("code") == str(int(Code.NO_SUCH_REQUEST)):
-            what = f"{self.address}: there is no request for the remote manual mode privilege, or no longer; make one."
-            raise ControllerRefused(what, status=0, code=Code.NO_SUCH_REQUEST)
+            said = message("no_privilege_requested", address=self.address)
+            raise ControllerRefused(said, status=0, code=Code.NO_SUCH_REQUEST)
         return state.member(RmmpStatus, "status")
 
     def cancel_rmmp(self) -> None:
@@ -853,14 +855,11 @@ class Users(Requests):
             end = self._clock.now() + timeout
             while (status := self.poll_rmmp()) is RmmpStatus.PENDING:
                 if self._clock.now() >= end:
-                    raise NoConnection(
-                        f"{self.address}: the remote manual mode privilege was not granted within {timeout:.0f} s; "
-                        "grant it on the FlexPendant."
-                    )
+                    raise NoConnection(message("privilege_not_granted", address=self.address, timeout=timeout))
                 self._clock.wait(_RMMP_POLL)
             if status is RmmpStatus.DENIED:
-                what = f"{self.address}: the remote manual mode privilege was denied on the FlexPendant."
-                raise ControllerRefused(what, status=0, code=Code.DENIED)
+                said = message("privilege_denied", address=self.address)
+                raise ControllerRefused(said, status=0, code=Code.DENIED)
             yield
         finally:
             self.cancel_rmmp()

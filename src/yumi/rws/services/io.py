@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.rws import documents
 from yumi.rws.documents import Pairs, Signal, State
@@ -111,9 +112,7 @@ class Io(Requests):
         for level in (0, 1):
             self.set_signal(name, level)
             if self.signal(name).value != level:
-                raise CommandRefused(
-                    f"Signal {name} of {self.address} does not keep the value {level}; find what else writes it."
-                )
+                raise CommandRefused(message("signal_does_not_keep", signal=name, address=self.address, value=level))
 
     def signal_details(self, name: str) -> SignalDetails:
         """One signal in full."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 from math import degrees
 
+from yumi.catalogue import message
 from yumi.errors import CommandRefused
 from yumi.robot.joints import Joints, Pose, abb_from_chain, chain_from_abb, joints
 from yumi.rws import documents
@@ -311,7 +312,7 @@ class Motion(Requests):
             CommandRefused: there are not six deflections.
         """
         if len(axes) != 6:
-            raise CommandRefused(f"Jogging takes six deflections, not {len(axes)}.")
+            raise CommandRefused(message("jog_of_other_length", count=len(axes)))
         form = [(f"axis{number}", str(value)) for number, value in enumerate(axes, 1)]
         form += [("ccount", str(change_count)), ("inc-mode", increment.value)]
         with self.holding("motion"):
