@@ -479,7 +479,8 @@ def view(
       yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
       yumi view session.mcap                  a recording or flight record, with a time slider
     """
-    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415 - a quick --help
+    from yumi.web.page_build import page_folder  # noqa: PLC0415 - a quick --help
+    from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
 
     if recording is not None and (robot or virtual or operate):
         raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
@@ -488,6 +489,7 @@ def view(
     if config is not None and not (virtual or robot):
         raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
     is_over = end_flag(until_stdin_closes)
+    page_folder(click.echo)  # before a robot is started for a page that cannot be built
     own = () if config is None else ("--config", str(config))
     with ExitStack() as stack:
         if virtual:

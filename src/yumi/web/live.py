@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable, Collection, Coroutine, Mapping
@@ -53,6 +54,8 @@ from yumi.driver.endpoint import (
     failure_of,
     find_driver,
 )
+from yumi.driver.readiness import CONFIRMED, IDLE_OR_IN_EGM, MOTORS_ON, NEEDED, PROGRAM_RUNS
+from yumi.driver.readiness import Request as ReadinessRequest
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import BODY, TOOL_FRAME, CollisionModel, Distance, Obstacle, Part
@@ -106,13 +109,49 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it; of several states a slow page gets the newest one only.
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``limited`` are the arms that something limits, as
-    :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest to each other.
+    :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest to each other; ``reasons`` are
+    why the arms do not move, ``causes`` what stopped the robot, ``stop`` the id of the stop that is to be confirmed.
     """
 
     time: float
     state: msgspec.Raw
     limited: dict[str, Limited]
     nearest: Distance | None
+    reasons: list[Reason]
+    causes: list[Reason]
+    stop: str
+
+
+class Reason(msgspec.Struct, frozen=True):
+    """One thing that keeps the robot from moving: its code, a sentence, and the action of the page that ends it."""
+
+    code: str
+    sentence: str
+    action: str | None
+
+
+# ---- for as long as the driver's state has sentences alone: this part is replaced together with them
+
+_RECOVERS = (MOTORS_ON, PROGRAM_RUNS, IDLE_OR_IN_EGM)
+_TO_PRESS = "press “Recover…”"
+
+
+def reasons_of(reason: str, cause: str) -> tuple[list[Reason], list[Reason]]:
+    """Why the arms do not move and what stopped the robot, of the driver's sentences."""
+    reasons, known = [], NEEDED[ReadinessRequest.READY]
+    for part in filter(None, reason.split("; ")):
+        pattern = {each: re.sub(r"\\\{\w+\\\}", ".*", re.escape(each.reason)) for each in known}
+        met = next((each for each in known if re.fullmatch(pattern[each], part)), None)
+        action = "recover" if met in (*_RECOVERS, CONFIRMED) else None
+        remedy = "" if met is None else _TO_PRESS if met in _RECOVERS else met.remedy
+        remedy = f"look at the robot, then {_TO_PRESS}" if met is CONFIRMED else remedy
+        reasons.append(Reason("", f"{part[0].upper()}{part[1:]}{remedy and f': {remedy}'}.", action))
+    # What the event log says to do is of use where nothing else is in the way now.
+    what = cause.partition("; ")[0] if reasons else cause
+    return reasons, [Reason("", f"{what}.", None)] if what else []
+
+
+# ---- until here
 
 
 class _ArmPlace(msgspec.Struct, frozen=True):
@@ -120,10 +159,13 @@ class _ArmPlace(msgspec.Struct, frozen=True):
     limited: Limited | None = None
 
 
-class _ArmPlaces(msgspec.Struct, frozen=True):
-    """What is needed of a state for distances."""
+class _KnownState(msgspec.Struct, frozen=True):
+    """What is needed of a state for distances, and for why the arms do not move."""
 
     arms: dict[str, _ArmPlace]
+    reason: str
+    cause: str
+    stop: str
 
 
 class ShownLimits:
@@ -266,15 +308,18 @@ class LiveRobot:
                 self.is_virtual = await _is_virtual(self.address)
                 self.why_not = ""
                 self._on_change()
-            arms = msgspec.json.decode(raw, type=_ArmPlaces).arms
+            known = msgspec.json.decode(raw, type=_KnownState)
+            arms = known.arms
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
             if count % _STATES_PER_DISTANCE == 0 or held != before:
-                known = {side: arms[side.word].position for side in Side}
-                positions = {side: position for side, position in known.items() if position is not None}
+                places = {side: arms[side.word].position for side in Side}
+                positions = {side: position for side, position in places.items() if position is not None}
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, limited, nearest)))
+            reasons, causes = reasons_of(known.reason, known.cause)
+            message = StateMessage(now, raw, limited, nearest, reasons, causes, known.stop)
+            self._on_state(msgspec.json.encode(message))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return

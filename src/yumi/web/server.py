@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import platform
-import re
 import secrets
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Mapping
@@ -32,15 +31,6 @@ from aiohttp import WSCloseCode, WSMsgType, web
 import yumi.robot
 from yumi.control.cycle import Frame
 from yumi.driver.endpoint import EventReport, StopEgm, failure_of
-from yumi.driver.readiness import (
-    AUTOMATIC,
-    CONFIRMED,
-    IDLE_OR_IN_EGM,
-    MOTORS_ON,
-    NEEDED,
-    NO_EMERGENCY_STOP,
-    PROGRAM_RUNS,
-)
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError
 from yumi.planning.planner import PlanningProcess
@@ -61,11 +51,11 @@ from yumi.web.live import (
     Seen,
     TakeControl,
 )
+from yumi.web.page_build import page_folder
 
 MAX_PAGES = 8
 """So many pages are served at once."""
 
-_STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _message_decoder = msgspec.json.Decoder(AnyMessage)
 _NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
@@ -122,6 +112,9 @@ class ViewServer:
     Args:
         settings: how.
 
+    Raises:
+        MissingPrerequisite: the page must be built first, and cannot be.
+
     Attributes:
         port: it listens on, once it has started.
     """
@@ -134,6 +127,7 @@ class ViewServer:
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
         self._switching = asyncio.Lock()  # one change of control at a time
+        self._files = page_folder()
         self._model = msgspec.json.encode(robot_model())
         self._following: asyncio.Task[None] | None = None
         self._taking: asyncio.Task[None] | None = None
@@ -144,7 +138,7 @@ class ViewServer:
         application.router.add_get("/model.json", self._send_model)
         application.router.add_get("/recording.json", self._send_recording)
         application.router.add_get("/ws", self._serve_page)
-        application.router.add_static("/static", _STATIC)
+        application.router.add_static("/static", self._files)
         if _MESHES.is_dir():
             application.router.add_static("/meshes", _MESHES)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.5)
@@ -227,7 +221,7 @@ class ViewServer:
         return secrets.compare_digest(given, self._settings.token.encode()) or not self._settings.token
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(_STATIC / "index.html")
+        return web.FileResponse(self._files / "index.html")
 
     async def _send_model(self, request: web.Request) -> web.StreamResponse:
         return web.Response(body=self._model, content_type="application/json")
@@ -490,38 +484,6 @@ def _host_of(url: str) -> str:
 
 # ---- what a page draws
 
-_ON_PAGE = {
-    MOTORS_ON: "“Recover…” switches them on",
-    PROGRAM_RUNS: "“Recover…” starts it",
-    CONFIRMED: "look at the robot, then press “Recover…”",
-    IDLE_OR_IN_EGM: "wait for the end of the RAPID routine, or press “Recover…”",
-}
-"""Remedies that are the page's button “Recover…”."""
-
-_ON_VIRTUAL = {
-    AUTOMATIC: ("press “Turn the key to AUTO”", "key"),
-    NO_EMERGENCY_STOP: ("press “Release the emergency stop”", "release-stop"),
-}
-"""Those of a virtual robot, which has no FlexPendant to go to, with the button of the page."""
-
-_BUTTONS = (
-    (r"call robot\.recover\(\)", "press “Start EGM”, or “Recover…” after a stop"),
-    (r"robot\.recover\(\)", "“Recover…”"),
-    (r"call recover( with the id [\w-]+)?", "press “Recover…”"),
-    (r"Call recover", "Press “Recover…”"),
-    (r"\(recover\)", "(“Recover…”)"),
-    (r", then recover( with the id of the stop)?", ", then press “Recover…”"),
-    (r", or recover\b", ", or press “Recover…”"),
-    (r"\b[Rr]ecover(?= (?:switches|starts) |; if )", "“Recover…”"),
-    (r"stop_egm, then start_egm", "“Stop EGM”, then “Start EGM”"),
-    (r"service \S+/calibrate, or robot\.\w+\.gripper\.calibrate\(\) in a script", "press “Calibrate grippers”"),
-    (r"end EGM, or wait", "press “Stop EGM”, or wait"),
-    (r"Call start_egm", "Press “Start EGM”"),
-    (r"call start_egm", "press “Start EGM”"),
-)
-"""What the driver's sentences say to call, as regular expressions, and the button of the page that does it."""
-
-
 def robot_model() -> dict[str, Any]:
     """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
     set_prefix("")  # the page has names of its own
@@ -547,24 +509,8 @@ def robot_model() -> dict[str, Any]:
             for side in Side
         },
         "limits": {"lower": YUMI_LIMITS.lower, "upper": YUMI_LIMITS.upper, "velocity": YUMI_LIMITS.velocity},
-        "remedies": [
-            {
-                "pattern": _pattern(each.reason),
-                "remedy": _ON_PAGE.get(each, each.remedy),
-                "button": "recover" if each in _ON_PAGE else "",
-                "on_virtual": _ON_VIRTUAL.get(each, ("", ""))[0],
-                "button_on_virtual": _ON_VIRTUAL.get(each, ("", ""))[1],
-            }
-            for each in dict.fromkeys(condition for needed in NEEDED.values() for condition in needed)
-        ],
-        "buttons": _BUTTONS,
         "gripper": {"travel": TRAVEL, "force": MAX_FORCE},
     }
-
-
-def _pattern(reason: str) -> str:
-    """A regular expression of the page for a reason, whose fields may be anything."""
-    return re.sub(r"\\\{\w+\\\}", ".*", re.escape(reason))
 
 
 def _visual(visual: ET.Element, colors: dict[str | None, list[float]]) -> dict[str, Any]:
