@@ -484,6 +484,7 @@ def _host_of(url: str) -> str:
 
 # ---- what a page draws
 
+
 def robot_model() -> dict[str, Any]:
     """Links with their shapes, joints from parent to child, and what the page must know of the arms."""
     set_prefix("")  # the page has names of its own

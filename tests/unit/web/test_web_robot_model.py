@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -10,19 +9,8 @@ import numpy as np
 import pytest
 
 import yumi.robot
-from yumi.control.shared_state import RobotStoppedFollowing
-from yumi.driver.gripper import how_to_calibrate
-from yumi.driver.readiness import (
-    CONFIRMED,
-    CONNECTED,
-    EVENT_TEXTS,
-    IDLE_OR_IN_EGM,
-    NO_EMERGENCY_STOP,
-    demand_confirmation,
-)
 from yumi.robot.description import MESHES, robot_description
 from yumi.robot.joints import Side, joint_names, named_pose
-from yumi.web import server
 from yumi.web.server import robot_model
 
 FOLDER = Path(next(iter(yumi.robot.__path__))) / "meshes"
@@ -61,44 +49,9 @@ def test_mesh_is_closed_and_its_triangles_look_outwards(file: Path) -> None:
     assert volume > 0.0
 
 
-def test_poses_limits_and_remedies_are_known_to_the_page() -> None:
+def test_poses_and_joints_are_known_to_the_page() -> None:
     model = robot_model()
     assert model["arms"]["left"]["joints"] == joint_names(Side.LEFT)
     assert model["arms"]["right"]["poses"]["home"] == named_pose(Side.RIGHT, "home")
     names = {each["name"] for each in model["joints"]}
     assert names > {*joint_names(Side.LEFT), *joint_names(Side.RIGHT)}
-    reason = f"{CONNECTED.reason}; {NO_EMERGENCY_STOP.reason}"
-    found = [each["remedy"] for each in model["remedies"] if re.search(each["pattern"], reason)]
-    assert {*found} == {CONNECTED.remedy, NO_EMERGENCY_STOP.remedy}
-    (stop,) = (each for each in model["remedies"] if each["remedy"] == NO_EMERGENCY_STOP.remedy)
-    assert "“Release the emergency stop”" in stop["on_virtual"]  # a virtual robot has no button to go to
-    page = (Path(server.__file__).parent / "static" / "index.html").read_text()
-    for button in {each[which] for each in model["remedies"] for which in ("button", "button_on_virtual")} - {""}:
-        assert f'id="{button}"' in page
-    assert any(re.search(each["pattern"], "the controller is in MANR") for each in model["remedies"])
-
-
-def test_sentences_of_the_driver_name_the_buttons_of_the_page() -> None:
-    buttons = robot_model()["buttons"]
-
-    def on_page(sentence: str) -> str:
-        for method, button in buttons:
-            sentence = re.sub(method, button, sentence)
-        return sentence
-
-    assert on_page(str(RobotStoppedFollowing(Side.RIGHT, ("cartesian_controller",)))).endswith(
-        "cartesian_controller deactivated. Press “Start EGM” to go on."
-    )
-    assert on_page(demand_confirmation("10013-4-8175c9")).endswith("the stop 10013-4-8175c9 (“Recover…”).")
-    assert on_page(CONFIRMED.remedy) == "look at the robot, then press “Recover…”"
-    assert on_page(IDLE_OR_IN_EGM.remedy).endswith("routine, or press “Recover…”")
-    assert on_page(EVENT_TEXTS[10013].remedy).endswith("pressed, then press “Recover…”")
-    assert on_page(EVENT_TEXTS[10125].remedy) == "“Recover…” starts it"
-    assert on_page(EVENT_TEXTS[50452].remedy).startswith("“Recover…”; if")
-    asked = "confirmed this stop: call recover with the id 10013-4-8175c9."
-    assert on_page(asked) == "confirmed this stop: press “Recover…”."
-    assert on_page("EGM is not running; call robot.recover().") == (
-        "EGM is not running; press “Start EGM”, or “Recover…” after a stop."
-    )
-    assert on_page("The positions are plausible again. Call recover to go on.").endswith("Press “Recover…” to go on.")
-    assert on_page(f"calibrate it first: {how_to_calibrate(Side.LEFT)}.").endswith("press “Calibrate grippers”.")

@@ -87,7 +87,7 @@ export class ArmPanel {
     const scene = this.picture.scene!;
     const frame = frameOf(page);
     const told = (point: Vector): string =>
-      (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]} ${millimetres(value)}`).join(", ");
+      (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
     const where = frame ? ` in ${choice("jog-frame").selectedOptions[0]?.text}` : "";
     const source = page.state!.arms[page.arm].position ? "" : ", as the controller reports while EGM is off";
     return `Fingertips ${told(scene.tipFrame(page.arm).position)} mm${where} (tool0: ${told(scene.flange(page.arm))})${source}`;

@@ -52,6 +52,7 @@ export class Picture {
     if (page.state) {
       for (const name of ARMS) this.showArm(scene, page, name);
     }
+    at("scene").dataset.held = scene.heldParts().join(" ");
     this.showHandle(scene, page, before);
   }
 

@@ -406,6 +406,11 @@ export class Scene {
     this.draw();
   }
 
+  /** The arms between whose fingers a part is drawn. */
+  heldParts(): ArmName[] {
+    return ARMS.filter((name) => this.arms[name].part.visible);
+  }
+
   /** Show a goal of an arm [rad]; null removes it. */
   showGhost(name: ArmName, goal: Joints | null): void {
     const drawn = this.arms[name];

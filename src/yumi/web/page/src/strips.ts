@@ -80,7 +80,7 @@ class Strip {
       const value = total && state ? total(state.arms[name]) : this.values[name].at(-1);
       return `${name} ${value === null || value === undefined ? "–" : `${value.toFixed(this.kind.digits)}${this.kind.unit}`}`;
     };
-    text(this.label, ARMS.map(shown).join("  "));
+    text(this.label, ARMS.map(shown).join("\n"));
   }
 }
 

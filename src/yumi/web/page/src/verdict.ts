@@ -66,8 +66,7 @@ function live(page: Page): Verdict {
   if (view.why_no_robot) return say("error", "No robot", view.why_no_robot);
   if (!state) return say("wait", "Waiting for the robot");
   const first = canTakeControl(page) ? ["Take control first."] : [];
-  const press = isPressed(page) ? ["Press “Release the emergency stop”."] : isManual(page) ? ["Press “Turn the key to AUTO”."] : [];
-  const todo = [...(view.is_virtual ? press : []), ...(page.reasons.length && !view.is_recording ? first : [])];
+  const todo = page.reasons.length ? first : [];
   if (isSilent(page)) {
     const check = view.is_virtual
       ? "End the faults of EGM: inject “All EGM faults end”."
@@ -101,7 +100,7 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
   const free = uncommanded(page);
   if (free.length) {
     const activate = page.view.why_not_operated ? [] : [...first, "Choose a controller under Poses and press “Activate”, or jog."];
-    return say("warn", `EGM holds ${both(arms)}, but no controller commands ${both(free)}`, ...activate);
+    return say("warn", `EGM holds ${both(arms)}, but no controller commands ${free.length > 1 ? "them" : both(free)}`, ...activate);
   }
   if (arms.length === ARMS.length) return say("good", "Ready: EGM holds both arms");
   const other = ARMS.find((name) => name !== arms[0]);
