@@ -53,6 +53,8 @@ class FakeControl:
     def release(self, side: Side) -> None:
         """No controller commands the arm any more."""
         self._active[side] = None
+        before = self.snapshots[side]
+        self.snapshots[side] = before._replace(activation=before.activation + 1, activity=before.activity + 1)
 
     def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
         if command is Commands.list_controllers:
