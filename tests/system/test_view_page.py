@@ -469,7 +469,7 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
         page.tab.focus("#time")
         page.tab.keyboard.press("Home")
         page.wait("#clock", "^0.00 s")
-        page.wait("#verdict", "^EGM held the right arm")
+        page.wait("#verdict", "^The right arm moved$")
         assert page.tab.title() == "Recording stopped.mcap"
         assert page.angle(1) == start
         assert page.errors == []
