@@ -28,7 +28,7 @@ export function frameOfBox({ pose: { position, orientation: [w, x, y, z] } }: Bo
 }
 
 /** A vector that is no longer than `most`, in the same direction. */
-export function atMost(vector: Vector, most: number): Vector {
+export function shortened(vector: Vector, most: number): Vector {
   const size = Math.hypot(...vector) || 1;
   return vector.map((value) => (value / size) * Math.min(size, most)) as Vector;
 }

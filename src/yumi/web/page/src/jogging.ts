@@ -2,7 +2,7 @@
 
 import type { Connection } from "./connection";
 import { at, choice, input, make, press, text } from "./dom";
-import { atMost, rotate, unit } from "./frames";
+import { shortened, rotate, unit } from "./frames";
 import type { Jog, Vector } from "./messages";
 import type { Picture } from "./picture";
 import { permissions } from "./permissions";
@@ -194,7 +194,7 @@ export class Jogging {
   private pulled({ arm, handle, jogSpeed }: Page): Jog | null {
     const pull = this.picture.scene?.pull(arm);
     if (!pull) return null;
-    const toward = (vector: Vector, most: number) => atMost(vector.map((each) => PULL * each) as Vector, most * jogSpeed);
+    const toward = (vector: Vector, most: number) => shortened(vector.map((each) => PULL * each) as Vector, most * jogSpeed);
     const isTurned = handle === "jog rotate";
     return {
       type: "jog_tool", arm, frame: "base",

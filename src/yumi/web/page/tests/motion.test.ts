@@ -4,7 +4,7 @@ import { test } from "node:test";
 import { gripperWords } from "../src/arm_panel";
 import { outcomeOf } from "../src/connection";
 import { faultGroups, GROUPS } from "../src/faults";
-import { atMost, rotate, seenFrom } from "../src/frames";
+import { shortened, rotate, seenFrom } from "../src/frames";
 import { ofGoal, ofHandle } from "../src/goals";
 import { atRest, toolJog } from "../src/jogging";
 import { fixed, indexAt } from "../src/numbers";
@@ -18,8 +18,8 @@ test("vector is turned into a frame and back", () => {
   near(rotate(QUARTER, [1, 0, 0]), [0, 1, 0]);
   near(rotate(QUARTER, rotate(QUARTER, [1, 2, 3]), true), [1, 2, 3]);
   near(seenFrom({ position: [1, 1, 0], quaternion: QUARTER }, [1, 2, 0]), [1, 0, 0]);
-  near(atMost([3, 4, 0], 1), [0.6, 0.8, 0]);
-  near(atMost([0.3, 0, 0], 1), [0.3, 0, 0]);
+  near(shortened([3, 4, 0], 1), [0.6, 0.8, 0]);
+  near(shortened([0.3, 0, 0], 1), [0.3, 0, 0]);
 });
 
 test("tool is jogged in the frame that is chosen, at a share of the speed", () => {
