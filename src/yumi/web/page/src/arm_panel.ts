@@ -8,7 +8,7 @@ import type { Jogging } from "./jogging";
 import type { GripperState, Vector } from "./messages";
 import { DEGREES, fixed, millimetres } from "./numbers";
 import type { Picture } from "./picture";
-import { frameOf, positionOf, type Page, type Store } from "./store";
+import { frameOf, jointsOf, type Page, type Store } from "./store";
 import { toast } from "./toast";
 
 const NEAR = 0.09; // [rad] a joint that is nearer to an end of its range is marked
@@ -55,7 +55,7 @@ export class ArmPanel {
 
   private showJoints(page: Page): void {
     const arm = page.state!.arms[page.arm];
-    const now = positionOf(page, page.arm);
+    const now = jointsOf(page, page.arm);
     const { lower, upper } = page.model.limits;
     this.rows.forEach(({ marker, goal, value, error, short }, index) => {
       const [least, most] = [lower[index]!, upper[index]!];
@@ -78,7 +78,7 @@ export class ArmPanel {
   private showTool(page: Page): void {
     const { scene } = this.picture;
     const isMeasured = Boolean(page.state!.arms[page.arm].position);
-    const isKnown = scene && positionOf(page, page.arm);
+    const isKnown = scene && jointsOf(page, page.arm);
     const nothing = isMeasured ? "" : "No positions: EGM does not run on this arm.";
     text(at("tool-pose"), isKnown ? this.whereTool(page) : nothing);
   }

@@ -5,7 +5,7 @@ import { at, button, choice, input, make, numberOf, press, text } from "./dom";
 import { ARMS, type ArmName, type Joints, type Plan } from "./messages";
 import { DEGREES } from "./numbers";
 import type { Picture } from "./picture";
-import { HANDLE_GOAL, JOINT_GOAL, positionOf, type Handle, type Page, type Store } from "./store";
+import { HANDLE_GOAL, JOINT_GOAL, jointsOf, type Handle, type Page, type Store } from "./store";
 import { toast } from "./toast";
 
 const SHOWN_ON = 0.6; // [s] the end of a plan, before it is shown again
@@ -79,7 +79,7 @@ export class Goals {
     const wanted = `${page.arm} ${page.goal}`;
     if (wanted !== this.filledFor && page.state) {
       this.filledFor = wanted;
-      const now = positionOf(page, page.arm); // the goal of the other arm is not meant
+      const now = jointsOf(page, page.arm); // the goal of the other arm is not meant
       fields().forEach((field, index) => (field.value = now ? (now[index]! * DEGREES).toFixed(1) : ""));
     }
     at("plan-box").hidden = page.plan === null;

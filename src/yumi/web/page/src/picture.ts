@@ -4,7 +4,7 @@ import { at, input, press, text } from "./dom";
 import { ARMS, type ArmName, type Joints } from "./messages";
 import { difference } from "./numbers";
 import { Scene, type HandleMode } from "./scene";
-import { HANDLE_GOAL, hasControl, positionOf, type Page, type Store } from "./store";
+import { HANDLE_GOAL, hasControl, jointsOf, type Page, type Store } from "./store";
 import { pointOf } from "./plan";
 
 const AWAY = 0.03; // [rad] a goal that is further away is shown as a ghost
@@ -59,7 +59,7 @@ export class Picture {
   private showArm(scene: Scene, page: Page, name: ArmName): void {
     const gripper = page.state?.grippers[name] ?? null;
     const home = page.model.arms[name].poses.home ?? null;
-    const position = positionOf(page, name) ?? (scene.isPlaced(name) ? null : home);
+    const position = jointsOf(page, name) ?? (scene.isPlaced(name) ? null : home);
     scene.showArm(name, position, gripper ? gripper.width / 2 : null, Boolean(gripper?.is_holding));
     scene.showGhost(name, this.ghostOf(page, name));
     if (page.state?.arms[name].position && !page.recording) scene.addTrace(name);
@@ -103,7 +103,7 @@ export class Picture {
   }
 
   private showUnmeasured(page: Page): void {
-    const unmeasured = page.state ? ARMS.filter((name) => !positionOf(page, name)) : [];
+    const unmeasured = page.state ? ARMS.filter((name) => !jointsOf(page, name)) : [];
     at("not-measured").hidden = !unmeasured.length;
     const known = unmeasured.length > 1
       ? "The positions of both arms are not known: they are"

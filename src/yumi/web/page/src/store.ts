@@ -87,7 +87,7 @@ export function silentArms(state: DriverState): ArmName[] {
 export const hasControl = ({ view }: Page): boolean => view.control === "here";
 
 /** Where an arm is [rad], as EGM measures or the controller reports it; null where neither does. */
-export function positionOf({ state }: Page, name: ArmName): number[] | null {
+export function jointsOf({ state }: Page, name: ArmName): number[] | null {
   return state?.arms[name].position ?? state?.arms[name].resting ?? null;
 }
 
