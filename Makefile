@@ -29,7 +29,7 @@ help:
 SETUP = python=$$(sh setup/find_python.sh '$(PYTHON)') && "$$python" -E -S setup
 UV = .venv/bin/uv
 WHAT_IS_TYPED = evaluation robotware7
-PARTS_OF_TESTS = check test compare planning plot $(WHAT_IS_TYPED)
+PARTS_OF_TESTS = check test page compare planning plot $(WHAT_IS_TYPED)
 
 setup:
 	@$(SETUP) $(WITH)
@@ -39,11 +39,12 @@ demo:
 	@exec .venv/bin/yumi demo $(ARGS)
 
 check:
-	@$(SETUP) check test $(WHAT_IS_TYPED)
+	@$(SETUP) check test page $(WHAT_IS_TYPED)
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
 	.venv/bin/mypy
 	.venv/bin/mypy setup/prerequisites.py setup/commands.py setup/uv.py setup/installation.py setup/wheel_hook.py setup/release.py setup/check_changes.py interfaces/build.py
+	.venv/bin/python -m yumi.web.page_build check
 	.venv/bin/lint-imports
 	.venv/bin/codespell
 	.venv/bin/python setup/check_words.py
@@ -53,6 +54,7 @@ check:
 # What runs in virtual time, on two processes; then the driver with what belongs to it: whether all of it works together.
 parts-of-tests:
 	@$(SETUP) $(PARTS_OF_TESTS)
+	@.venv/bin/python -m yumi.web.page_build
 
 test: parts-of-tests check
 	.venv/bin/python -m pytest --numprocesses 2 --dist worksteal -m 'not ros and not real_time and not soak' $(ARGS)
@@ -68,7 +70,7 @@ soak: parts-of-tests
 
 # Both are for this platform and need no compiler; the second one is for this Python and contains the message packages.
 wheels:
-	@$(SETUP)
+	@$(SETUP) page
 	@.venv/bin/python -m hatchling build -t wheel -d dist
 	@YUMI_WHEEL_INTERFACES=1 .venv/bin/python -m hatchling build -t wheel -d dist
 	@$(UV) $(EXPORT) --output-file dist/requirements.txt
@@ -78,7 +80,7 @@ wheels:
 EXPORT = export --quiet --frozen --no-default-groups --no-emit-project --no-emit-package empy --no-header --no-annotate
 
 release:
-	@$(SETUP) release
+	@$(SETUP) release page
 	@exec .venv/bin/python setup/release.py '$(VERSION)'
 
 # Links in the pages and docstrings are checked: a warning ends it.

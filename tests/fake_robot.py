@@ -46,10 +46,16 @@ class FakeControl:
             side: Snapshot(session=1, is_streaming=True, is_running=True, activation=1, position=home(side))
             for side in Side
         }
-        self._active = dict.fromkeys(Side, GOAL_CONTROLLER)
+        self._active: dict[Side, str | None] = dict.fromkeys(Side, GOAL_CONTROLLER)
 
     def snapshot(self, side: Side) -> Snapshot:
         return self.snapshots[side]
+
+    def release(self, side: Side) -> None:
+        """No controller commands the arm any more."""
+        self._active[side] = None
+        before = self.snapshots[side]
+        self.snapshots[side] = before._replace(activation=before.activation + 1, activity=before.activity + 1)
 
     def call(self, command: Callable[..., Any], /, *args: Any) -> Any:
         if command is Commands.list_controllers:

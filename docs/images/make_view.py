@@ -50,6 +50,7 @@ class Film:
 
     def hold(self, jog: str, count: int) -> None:
         """Press a button again and again, with a picture after each time: one takes too long to jog meanwhile."""
+        self.page.click("#tab-joints" if jog.startswith("joint") else "#tab-tool")
         button = self.page.locator(f'[data-jog="{jog}"]')
         button.scroll_into_view_if_needed()
         button.hover()
@@ -80,6 +81,7 @@ def demonstration(film: Film) -> None:
     film.take(3)
     film.hold("joint 0 1", 4)
     film.hold("linear z 1", 4)
+    page.click("#tab-poses")
     page.select_option("#pose", "ready")
     page.click("#preview")
     film.take(3)
@@ -87,6 +89,7 @@ def demonstration(film: Film) -> None:
     film.take(6)
     film.wait("#verdict", "Ready")
     page.click("#preview")
+    page.click("#tab-virtual")
     page.click("#open")
     film.wait("#gripper-text", "50.0 mm")
     page.click("#put-part")
@@ -105,6 +108,7 @@ def move_to_limit(film: Film) -> None:
     A key that is held would do so, too, but a page that draws in software lets it go while a picture is taken.
     """
     page = film.page
+    page.click("#tab-poses")
     page.select_option("#pose", "joint positions")
     page.locator("#joint-goal input").nth(0).fill("-60")
     page.click("#move")
@@ -127,12 +131,14 @@ def review(page: Any, save: Callable[[Any, str], None], opened: Callable[..., An
     film.wait("#verdict", "Ready")
     page.click("#start")
     film.wait("#verdict", "EGM holds both arms")
+    for tab in ("joints", "tool", "virtual", "poses"):
+        page.click(f"#tab-{tab}")
+        save(page, f"tab-{tab}")
     for name, select in (("preview", "home"), ("handle", "the handle")):
         page.select_option("#pose", select)
         if select == "home":
             page.click("#preview")
         save(page, name)
-    page.select_option("#handle", "none")
     page.select_option("#pose", "home")
     move_to_limit(film)
     save(page, "limit")

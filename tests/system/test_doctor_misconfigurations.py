@@ -199,7 +199,9 @@ CASES = [
         message("motion_data_missing", names=("ROB_R_RAW",)),
     ),
     Case("option missing", without_option("689-1"), "option", message("option_not_installed")),
-    Case("RobotWare too old", robotware("6.08.01.00"), "RobotWare", message("robotware_without_egm", version="6.8.1.0")),
+    Case(
+        "RobotWare too old", robotware("6.08.01.00"), "RobotWare", message("robotware_without_egm", version="6.8.1.0")
+    ),
     Case("RobotWare 7", robotware("7.10.00.00"), "RobotWare", message("robotware_too_new", version="7.10.0.0")),
     Case("foreign main", foreign_main, "program in T_ROB_L", message("module_has_main", module="Production")),
     Case("module edited", edited, "modules in T_ROB_R", message("modules_differ", modules=("TRobEGM",))),

@@ -21,6 +21,7 @@ from yumi.robot.collision import CollisionModel, Obstacle
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import Joints, Pose, Side, home, joints
 from yumi.robot.kinematics import IDENTITY
+from yumi.virtual.faults import inject_fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
 SOON = 20_000  # [ms]
@@ -107,6 +108,10 @@ class Page:
     def press(self, selector: str) -> None:
         self.tab.click(selector)
 
+    def turn_to(self, tab: str) -> None:
+        """Choose what the arm is operated with."""
+        self.press(f"#tab-{tab}")
+
     def mend(self, label: str) -> None:
         """Press the button beside what the page says of the robot."""
         self.wait("#remedy-button", label)
@@ -120,18 +125,19 @@ class Page:
         self.wait("#verdict", "Ready")
 
     def begin(self, jog: str) -> None:
+        self.turn_to("joints" if jog.startswith("joint") else "tool")
         button = self.tab.locator(f'[data-jog="{jog}"]')
         button.scroll_into_view_if_needed()
         button.hover()
         self.tab.mouse.down()
 
     def angle(self, row: int) -> float:
-        """Of a joint in chain order, as the page shows it [°]."""
-        return float(self.tab.locator("#joints tr").nth(row).locator("td").nth(0).inner_text().rstrip("°"))
+        """Of a joint in chain order, as the page shows it on any tab [°]."""
+        return float(self.tab.locator("#joints tr").nth(row).locator("td").nth(0).text_content().rstrip("°"))
 
     def tip(self) -> tuple[float, ...]:
         """Where the fingertips are, as the page shows it [mm]."""
-        return tuple(float(value) for value in re.findall(r"-?\d+\.\d", self.text("#tool-pose")))
+        return tuple(float(value) for value in re.findall(r"-?\d+\.\d", self.text("#tool-pose"))[:3])
 
     def limit(self) -> tuple[str, str]:
         """The pair that limits the right arm, and the label of the line between two parts, both at one time."""
@@ -146,7 +152,7 @@ class Page:
         self.wait("#take", "Give control back")
 
 
-def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: str) -> None:
+def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) -> None:
     page = Page(chromium, url)
     page.wait("#verdict", "EGM is off")
     page.take_control()
@@ -154,14 +160,31 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     # Why does it not move? An emergency stop, which a person must confirm.
     page.press("#press-stop")
     page.wait("#verdict", "Stopped: .*Emergency stop")
-    assert "Press “Release the emergency stop”" in page.wait("#remedy", "the emergency stop is pressed")
+    page.wait("#remedy", "emergency stop is pressed")
+    assert "emergency stop is pressed" in str(page.tab.get_attribute("#recover:disabled", "title"))
     page.mend("Release the emergency stop")
     page.wait("#remedy", "motors are off after an emergency stop")
+    page.mend("Recover")
+    assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
+    inject_fault(str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0], "emergency-stop", {})
+    page.wait("#confirm", r"Not yet: first end what stops the robot\s+The emergency stop is pressed")
+    assert not page.tab.is_visible("#confirm-yes")
+    page.press("#confirm-no")
+    page.mend("Release the emergency stop")
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     page.press("#confirm-yes")
     page.wait("#toast", "The robot was stopped by .*Emergency stop")
     page.wait("#verdict", "Ready")
+    page.mend("Start EGM")
+    page.wait("#verdict", "EGM holds both arms")
+    assert page.errors == []
+
+
+def test_robot_is_operated_through_the_page(chromium: Any, url: str) -> None:
+    page = Page(chromium, url)
+    page.wait("#verdict", "EGM is off")
+    page.take_control()
     page.mend("Start EGM")
     page.wait("#verdict", "EGM holds both arms")
 
@@ -170,6 +193,7 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     page.hold("joint 0 1", 0.8)
     moved = page.angle(0)
     assert 5.0 < moved < 40.0
+    assert "EGM runs on both arms" in str(page.tab.get_attribute("#start:disabled", "title"))
     page.tab.locator('[data-jog="joint 0 -1"]').focus()
     page.tab.keyboard.down(" ")
     page.wait("#verdict", "moves")
@@ -185,6 +209,7 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     assert (y, z) == pytest.approx((0.0, 0.0), abs=3.0)
 
     # Grip a part and see its width.
+    page.turn_to("virtual")
     page.press("#open")
     page.wait("#gripper-text", "50.0 mm")
     page.tab.fill("#part-width", "22")
@@ -197,6 +222,7 @@ def test_robot_is_operated_and_explained_through_the_page(chromium: Any, url: st
     # Scale the speed, preview a pose, go there.
     page.tab.fill("#speed", "50")
     page.wait("#chips", "speed\\s*50 %")
+    page.turn_to("poses")
     page.tab.select_option("#pose", "home")
     page.press("#preview")
     page.press("#move")
@@ -210,11 +236,14 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     page.take_control()
     page.press("#start")
     page.wait("#toast", "EGM runs on both arms")
+    page.turn_to("virtual")
+    groups = page.tab.evaluate("[...document.querySelectorAll('#fault optgroup')].map((each) => each.label)")
+    assert groups == ["EGM", "Stops and modes", "Web services (RWS)", "Gripper"]
     page.tab.select_option("#fault", "comm-timeout")
     page.press("#inject")
     page.wait("#verdict", "EGM holds the left arm")
-    page.wait("#remedy", "The right arm follows no commands; press “Start EGM”")
-    page.wait("#events", "joint_position_controller deactivated. Press “Start EGM” to go on")
+    page.wait("#remedy", "The right arm follows no commands. Press “Start EGM”")
+    page.wait("#events", "joint_position_controller deactivated")
     page.mend("Start EGM")
     page.wait("#toast", "EGM runs on both arms")  # a stop before would be one of its start
     page.wait("#verdict", "EGM holds both arms")
@@ -222,7 +251,8 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     page.tab.select_option("#fault", "program-stop")
     page.press("#inject")
     page.wait("#verdict", "Stopped: .*program")
-    page.wait("#remedy", "the RAPID program is stopped. “Recover…” starts it")
+    page.wait("#remedy", "The RAPID program is stopped: press “Recover…”")
+    page.wait("#remedy-button", "Recover")
 
     # A field without a number sends nothing, and what the page says covers no button.
     page.tab.fill("#part-width", "")
@@ -242,6 +272,7 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
     page.tab.wait_for_selector("#start:not([aria-busy])")  # controllers start where the arm is
 
     # Push the arm: what is measured deviates, and comes back.
+    page.turn_to("virtual")
     before = page.angle(3)
     with Watch() as watch:
         watch.wait(lambda: True)
@@ -254,6 +285,7 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
 
     # By the handle in the picture: the tool follows it while it is dragged.
     before = page.tip()
+    page.turn_to("tool")
     page.tab.select_option("#handle", "jog translate")
     page.tab.wait_for_function("() => document.querySelector('#scene').dataset.handle?.includes(',')", polling=50)
 
@@ -286,6 +318,7 @@ def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chr
 
     # Out of there by a plan, which begins nearer to the body than plans pass it.
     page.wait("#verdict", "Ready")
+    page.turn_to("poses")
     page.tab.select_option("#pose", "home")
     page.press("#plan")
     page.wait("#plan-text", "A motion of")
@@ -382,6 +415,7 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
     page.take_control()
     page.press("#start")
     page.wait("#verdict", "EGM holds both arms")
+    page.turn_to("poses")
     page.tab.select_option("#pose", "joint positions")
     shapes = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
     begin, end = (yumi.degrees(goal) for goal in BESIDE)
@@ -430,10 +464,12 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
         assert float(page.text("#clock").split()[0]) > 0.0
         assert "feedback lost" in page.wait("#events li.current", "silent for 52 ms")
         assert page.angle(1) != start
-        page.wait("#verdict", "Stopped: .*feedback lost")
-        page.wait("#remedy", "^joint_position_controller deactivated")  # a name
+        page.wait("#kind", "^Recording stopped.mcap at ")
+        page.wait("#verdict", "Stopped: .*feedback lost.*joint_position_controller deactivated")
         page.tab.focus("#time")
         page.tab.keyboard.press("Home")
         page.wait("#clock", "^0.00 s")
+        page.wait("#verdict", "^The right arm moved$")
+        assert page.tab.title() == "Recording stopped.mcap"
         assert page.angle(1) == start
         assert page.errors == []

@@ -548,6 +548,7 @@ def view(
       yumi view session.mcap                  a recording or flight record, with a time slider
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
+    from yumi.web.page_build import page_folder  # noqa: PLC0415
     from yumi.web.server import ViewSettings, page_recording  # noqa: PLC0415
 
     robot = robot or ""
@@ -558,6 +559,7 @@ def view(
     if config is not None and not (virtual or robot):
         raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
     is_over = end_flag(until_stdin_closes)
+    page_folder(click.echo)  # before a robot is started for a page that cannot be built
     own = () if config is None else ("--config", str(config))
     controller: ControllerReader | None = None
     with ExitStack() as stack:

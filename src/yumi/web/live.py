@@ -104,14 +104,16 @@ class StateMessage(msgspec.Struct, frozen=True, tag_field="type", tag="state"):
     """The state as the driver wrote it; of several states a slow page gets the newest one only.
 
     ``time`` is when it came, on this machine's monotonic clock [s]; ``reasons`` and ``causes`` are those of the state,
-    and ``problems`` those of its arms, in the page's words, see :func:`words_for_page`; ``limited`` are the arms that
-    something limits, as :class:`ShownLimits` has it; ``nearest`` are two parts of these, else those nearest of all.
+    and ``problems`` those of its arms, in the page's words, see :func:`words_for_page`; ``stop`` is the id of the stop
+    that is to be confirmed; ``limited`` are the arms that something limits, as :class:`ShownLimits` has it; ``nearest``
+    are two parts of these, else those nearest of all.
     """
 
     time: float
     state: msgspec.Raw
     reasons: tuple[Mapping[str, object], ...]
     causes: tuple[Mapping[str, object], ...]
+    stop: str
     problems: dict[str, Mapping[str, object]]
     limited: dict[str, Limited]
     nearest: Distance | None
@@ -129,6 +131,7 @@ class _StatePart(msgspec.Struct, frozen=True):
     arms: dict[str, _ArmPart]
     reasons: tuple[Said, ...]
     causes: tuple[Said, ...]
+    stop: str
 
 
 class ShownLimits:
@@ -285,13 +288,14 @@ class LiveRobot:
             limited = shown.update({arm: place.limited for arm, place in arms.items()}, now)
             before, held = held, [(it.part, it.other) for it in limited.values()]
             if count % _STATES_PER_DISTANCE == 0 or held != before:
-                known = {side: arms[side.word].position for side in Side}
-                positions = {side: position for side, position in known.items() if position is not None}
+                places = {side: arms[side.word].position for side in Side}
+                positions = {side: position for side, position in places.items() if position is not None}
                 nearest = distances.nearest(positions, held) if len(positions) == len(Side) else None
             count += 1
             problems = {name: self._words(arm.problem) for name, arm in arms.items() if arm.problem is not None}
             words = tuple(map(self._words, part.reasons)), tuple(map(self._words, part.causes))
-            self._on_state(msgspec.json.encode(StateMessage(now, raw, *words, problems, limited, nearest)))
+            seen = StateMessage(now, raw, *words, part.stop, problems, limited, nearest)
+            self._on_state(msgspec.json.encode(seen))
             if not self._watched.is_set():
                 self._state, self.why_not, self.is_virtual = None, _LOOKED_FOR, False  # another one may run later
                 return

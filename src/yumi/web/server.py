@@ -55,11 +55,11 @@ from yumi.web.live import (
     TakeControl,
     failure_for_page,
 )
+from yumi.web.page_build import page_folder
 
 MAX_PAGES = 8
 """So many pages are served at once."""
 
-_STATIC = Path(__file__).parent / "static"
 _MESHES = Path(next(iter(yumi.robot.__path__))) / "meshes"
 _message_decoder = msgspec.json.Decoder(AnyMessage)
 _NO_TOKEN = "Open the page by the address with the token that `yumi view` printed."
@@ -116,6 +116,9 @@ class ViewServer:
     Args:
         settings: how.
 
+    Raises:
+        MissingPrerequisite: the page must be built first, and cannot be.
+
     Attributes:
         port: it listens on, once it has started.
     """
@@ -133,6 +136,7 @@ class ViewServer:
         self._pages: set[_Page] = set()
         self._operator: tuple[_Page, Operator] | None = None
         self._switching = asyncio.Lock()  # one change of control at a time
+        self._files = page_folder()
         self._model = msgspec.json.encode(robot_model() if reader is None else controller_model(reader))
         self._following: asyncio.Task[None] | None = None
         self._taking: asyncio.Task[None] | None = None
@@ -143,7 +147,7 @@ class ViewServer:
         application.router.add_get("/model.json", self._send_model)
         application.router.add_get("/recording.json", self._send_recording)
         application.router.add_get("/ws", self._serve_page)
-        application.router.add_static("/static", _STATIC)
+        application.router.add_static("/static", self._files)
         if _MESHES.is_dir():
             application.router.add_static("/meshes", _MESHES)
         self._runner = web.AppRunner(application, access_log=None, shutdown_timeout=0.5)
@@ -230,7 +234,7 @@ class ViewServer:
         return secrets.compare_digest(given, self._settings.token.encode()) or not self._settings.token
 
     async def _index(self, request: web.Request) -> web.StreamResponse:
-        return web.FileResponse(_STATIC / "index.html")
+        return web.FileResponse(self._files / "index.html")
 
     async def _send_model(self, request: web.Request) -> web.StreamResponse:
         return web.Response(body=self._model, content_type="application/json")

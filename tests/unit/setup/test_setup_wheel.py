@@ -96,9 +96,15 @@ def run(command: list[str], folder: Path, **variables: str) -> str:
     return done.stdout
 
 
-def test_installation_has_every_file_of_the_package(installed: Path) -> None:
+def test_installation_has_every_file_of_the_package(installed: Path, request: pytest.FixtureRequest) -> None:
     package = ROOT / "src" / "yumi"
     files = {path.relative_to(package) for path in package.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+    page = {path for path in files if path.is_relative_to("web/page")}
+    assert Path("web/page/src/main.ts") in page
+    if request.node.callspec.params["installed"] == "wheel":  # colcon's is built when it is first needed
+        built = {"index.html", "style.css", "app.js", "LICENSE-three"}
+        files = files - page | {Path("web/static") / name for name in built}
+        assert not (installed / "yumi" / "web" / "page").exists()
     assert {Path("rapid/grammar.lark"), Path("egm/egm.proto"), Path("virtual/controller/stock/EIO.cfg")} < files
     assert {Path("controller_files/TRobSG.mod"), Path("controller_files/TRobSystem.sys")} < files
     assert [str(path) for path in sorted(files) if not (installed / "yumi" / path).is_file()] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from math import degrees, radians
 from pathlib import Path
 from threading import Thread
@@ -15,7 +16,9 @@ import pytest
 from browser import browser
 from fake_driver import FakeDriver
 from yumi.control.controllers.joint_goal import JointGoal
+from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
+from yumi.rws.types import ControllerState
 from yumi.web import live, server
 from yumi.web.server import ViewServer, ViewSettings
 
@@ -99,30 +102,87 @@ def test_every_control_is_reached_by_tab_with_a_visible_focus(tmp_path: Path, mo
     errors: list[str] = []
     with browser() as chromium, running(), served() as url:
         page = operated(chromium, url, errors)
-        shown = page.evaluate(
-            """() => [...document.querySelectorAll("button, select, input, [tabindex]")]
-                .filter((each) => each.offsetParent && !each.disabled)
-                .map((each, index) => (each.dataset.stop = index))"""
-        )
-        assert len(shown) > 50
-        page.evaluate("document.activeElement.blur(); document.body.focus()")
-        reached, hidden = set(), set()
-        for _ in range(2 * len(shown)):
-            page.keyboard.press("Tab")
-            stop, outline = page.evaluate(
-                """() => [document.activeElement.dataset.stop ?? "",
-                    getComputedStyle(document.activeElement).outlineStyle]"""
+        counts = []
+        for tab in ("joints", "tool", "poses"):
+            page.click(f"#tab-{tab}")
+            shown = page.evaluate(
+                """() => [...document.querySelectorAll("button, select, input, [tabindex]")]
+                    .filter((each) => each.offsetParent && !each.disabled)
+                    .map((each, index) => (each.dataset.stop = index))"""
             )
-            reached.add(stop)
-            if stop and outline == "none":
-                hidden.add(stop)
-        assert {str(each) for each in shown} - reached == set()
-        assert hidden == set()
+            counts.append(len(shown))
+            page.evaluate("document.activeElement.blur(); document.body.focus()")
+            reached, hidden = set(), set()
+            for _ in range(2 * len(shown)):
+                page.keyboard.press("Tab")
+                stop, outline = page.evaluate(
+                    """() => [document.activeElement.dataset.stop ?? "",
+                        getComputedStyle(document.activeElement).outlineStyle]"""
+                )
+                reached.add(stop)
+                if stop and outline == "none":
+                    hidden.add(stop)
+            assert {str(each) for each in shown} - reached == set()
+            assert hidden == set()
+        assert min(counts) > 25
         # Between the arms by the arrow keys, as between tabs elsewhere.
         page.focus("#tab-right")
         page.keyboard.press("ArrowRight")
         assert page.get_attribute("#tab-left", "aria-selected") == "true"
         assert page.evaluate("document.activeElement.id") == "tab-left"
+        page.focus("#tab-poses")
+        page.keyboard.press("ArrowLeft")
+        assert page.evaluate("document.activeElement.id") == "tab-tool"
+        assert page.is_visible("#pad")
+    assert errors == []
+
+
+@pytest.mark.timeout(120)
+def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running() as driver, served() as url:
+        page = operated(chromium, url, errors)
+
+        def becomes(condition: str) -> None:
+            page.wait_for_function(f"() => {condition}", polling=50)
+
+        becomes("document.querySelector('#scene').dataset.held === 'right left'")
+        driver.fingers = GripperState(ServoState.ACTION_COMPLETED, 0, True, 0.02, 0.0, 10.0)
+        becomes("document.querySelector('#scene').dataset.held === ''")
+        assert "Fingertips" in page.inner_text("#tool-pose")
+        assert "(tool0: " in page.inner_text("#tool-pose")
+
+        # The robot ran EGM, and no controller commands the left arm any more.
+        egm = dict.fromkeys(Side, "running")
+        driver.manager.robot = replace(driver.manager.robot, egm=egm)
+        becomes("document.querySelector('#banner').dataset.level === 'good'")
+        assert page.get_attribute("#start:disabled", "title") == "EGM runs on both arms."
+        driver.robot.control.release(Side.LEFT)
+        becomes("document.querySelector('#banner').dataset.level === 'warn'")
+        assert "no controller commands the left arm" in page.inner_text("#verdict")
+        assert page.is_enabled("#start")
+
+        # An arm that does not follow ends a jog, and lets none begin.
+        snapshots = driver.robot.control.snapshots
+        snapshots[Side.RIGHT] = snapshots[Side.RIGHT]._replace(is_running=False, is_streaming=False)
+        becomes("document.querySelector('[data-jog=\"joint 0 1\"]').disabled")
+        assert "The right arm follows no commands" in page.get_attribute('[data-jog="joint 0 1"]', "title")
+        page.click("#tab-left")
+        becomes("!document.querySelector('[data-jog=\"joint 0 1\"]').disabled")
+
+        # A stop is confirmed; nothing is while the button is still pressed.
+        driver.manager.robot = replace(
+            driver.manager.robot,
+            controller_state=ControllerState.EMERGENCY_STOP,
+            reason="the emergency stop is pressed; a person must confirm the stop 10013-1-abc",
+            stop="10013-1-abc",
+        )
+        becomes("document.querySelector('#recover').disabled")
+        assert page.get_attribute("#recover", "title").startswith("The emergency stop is pressed")
+        assert page.is_hidden("#remedy-button")  # of a real robot: a person releases it
     assert errors == []
 
 
@@ -138,6 +198,7 @@ def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing
         snapshots[Side.LEFT] = snapshots[Side.LEFT]._replace(position=at_left)
         page = operated(chromium, url, errors)
         page.wait_for_function("() => document.querySelector('#tool-pose').innerText.includes('mm')", polling=50)
+        page.click("#tab-poses")
         page.select_option("#pose", "joint positions")
         page.click("#preview")
 
@@ -198,6 +259,7 @@ def test_tool_follows_the_handle_and_the_keys_on_the_picture(tmp_path: Path, mon
                 page.wait_for_timeout(20)
             raise AssertionError(f"the tool was asked for {newest}")
 
+        page.click("#tab-tool")
         page.select_option("#handle", "jog translate")
         page.wait_for_function(
             "() => (document.querySelector('#scene').dataset.handle ?? '').includes(',')", polling=50

@@ -52,7 +52,7 @@ def test_mesh_is_closed_and_its_triangles_look_outwards(file: Path) -> None:
     assert volume > 0.0
 
 
-def test_poses_and_limits_are_known_to_the_page() -> None:
+def test_poses_and_joints_are_known_to_the_page() -> None:
     model = robot_model()
     assert model["arms"]["left"]["joints"] == joint_names(Side.LEFT)
     assert model["arms"]["right"]["poses"]["home"] == named_pose(Side.RIGHT, "home")

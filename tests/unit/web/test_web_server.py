@@ -162,7 +162,14 @@ async def eventually(condition: Callable[[], object]) -> None:
 
 def test_page_gets_its_files_the_robot_and_thirty_states_a_second(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
-        for path in ("/", "/static/app.js", "/static/vendor/three.module.min.js", "/model.json", "/meshes/torso.stl"):
+        for path in (
+            "/",
+            "/static/app.js",
+            "/static/style.css",
+            "/static/LICENSE-three",
+            "/model.json",
+            "/meshes/torso.stl",
+        ):
             assert await site.status(path) == 200
         async with site.page() as page:
             first = await page.until("state")

@@ -1,0 +1,153 @@
+/** The arm that is shown: its joints, where its tool is, its gripper, and its controllers. */
+
+import type { Connection } from "./connection";
+import { readable } from "./band";
+import { at, choice, input, make, numberOf, press, text } from "./dom";
+import { seenFrom } from "./frames";
+import type { Jogging } from "./jogging";
+import type { GripperState, Vector } from "./messages";
+import { DEGREES, fixed, millimetres } from "./numbers";
+import type { Picture } from "./picture";
+import { frameOf, jointsOf, type Page, type Store } from "./store";
+import { toast } from "./toast";
+
+const NEAR = 0.09; // [rad] a joint that is nearer to an end of its range is marked
+
+interface Row {
+  marker: HTMLElement;
+  goal: HTMLElement;
+  value: HTMLElement;
+  error: HTMLElement;
+  short: HTMLElement;
+}
+
+export class ArmPanel {
+  private readonly rows: Row[];
+
+  constructor(private readonly store: Store, private readonly connection: Connection, jogging: Jogging, private readonly picture: Picture) {
+    this.rows = store.page.model.arms.right.axes.map((axis, index) => this.addRow(axis, index, jogging));
+    press("activate", (pressed) => this.activate(pressed));
+    this.bindGripper();
+    store.show((page) => this.show(page));
+  }
+
+  private addRow(axis: number, index: number, jogging: Jogging): Row {
+    const { lower, upper } = this.store.page.model.limits;
+    const [marker, goal] = [make("i", { className: "now" }), make("i", { className: "goal" })];
+    const [value, error] = [make("td", { className: "number" }), make("td", { className: "number error" })];
+    const bar = make("div", { className: "bar", title: `${(lower[index]! * DEGREES).toFixed(1)}° to ${(upper[index]! * DEGREES).toFixed(1)}°` }, goal, marker);
+    at("joints").append(
+      make("tr", {}, make("th", { scope: "row", textContent: String(axis) }), value, make("td", { className: "bar-cell" }, bar), error,
+        make("td", { className: "jog-cell" }, ...jogging.jointButtons(index, axis))),
+    );
+    const short = make("b");
+    at("joint-line").append(make("span", {}, `${axis}`, short));
+    return { marker, goal, value, error, short };
+  }
+
+  private show(page: Page): void {
+    if (!page.state) return;
+    this.showJoints(page);
+    this.showTool(page);
+    showGripper(page);
+    showControllers(page);
+  }
+
+  private showJoints(page: Page): void {
+    const arm = page.state!.arms[page.arm];
+    const now = jointsOf(page, page.arm);
+    const { lower, upper } = page.model.limits;
+    this.rows.forEach(({ marker, goal, value, error, short }, index) => {
+      const [least, most] = [lower[index]!, upper[index]!];
+      const share = (angle: number) => `${Math.min(100, Math.max(0, (100 * (angle - least)) / (most - least)))}%`;
+      const position = now?.[index];
+      text(value, position === undefined ? "–" : `${fixed(position * DEGREES, 2)}°`);
+      text(short, position === undefined ? "–" : `${fixed(position * DEGREES, 1)}°`);
+      marker.hidden = position === undefined;
+      if (position !== undefined) {
+        marker.style.left = share(position);
+        marker.classList.toggle("near", Math.min(position - least, most - position) < NEAR);
+      }
+      goal.hidden = !arm.goal;
+      if (arm.goal) goal.style.left = share(arm.goal[index]!);
+      const isRunning = arm.position && arm.sent && page.state!.egm[page.arm] === "running";
+      text(error, isRunning ? `${fixed((arm.sent![index]! - arm.position![index]!) * DEGREES, 2)}°` : "–");
+    });
+  }
+
+  private showTool(page: Page): void {
+    const { scene } = this.picture;
+    const isMeasured = Boolean(page.state!.arms[page.arm].position);
+    const isKnown = scene && jointsOf(page, page.arm);
+    const nothing = isMeasured ? "" : "No positions: EGM does not run on this arm.";
+    text(at("tool-pose"), isKnown ? this.whereTool(page) : nothing);
+  }
+
+  private whereTool(page: Page): string {
+    const scene = this.picture.scene!;
+    const frame = frameOf(page);
+    const told = (point: Vector): string =>
+      (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
+    const where = frame ? ` in ${choice("jog-frame").selectedOptions[0]?.text}` : "";
+    const source = page.state!.arms[page.arm].position ? "" : ", as the controller reports while EGM is off";
+    return `Fingertips ${told(scene.tipFrame(page.arm).position)} mm${where} (tool0: ${told(scene.flange(page.arm))})${source}`;
+  }
+
+  private activate(pressed: HTMLElement): void {
+    const { arm, state } = this.store.page;
+    if (!state) return;
+    const leading = state.controllers[arm].filter((each) => each.commands).map((each) => each.name);
+    const activate = choice("controller").value;
+    const deactivate = leading.filter((name) => name !== activate);
+    void this.connection.request("switch_controllers", { arm, activate: [activate], deactivate }, pressed);
+  }
+
+  private bindGripper(): void {
+    const grip = (asked: Record<string, unknown>, pressed: HTMLElement) =>
+      this.connection.request("grip", { arm: this.store.page.arm, ...asked }, pressed);
+    press("open", withNumber("open-width", "width", "mm", (width, pressed) => grip({ action: "open", width: width / 1000 }, pressed)));
+    press("close", withNumber("grip-force", "force", "N", (force, pressed) => grip({ action: "close", force }, pressed)));
+  }
+}
+
+/** An action that takes the number of a field; without one nothing is sent, and a person reads why. */
+export function withNumber(
+  id: string, what: string, unit: string, action: (value: number, pressed: HTMLElement) => unknown,
+): (pressed: HTMLElement) => void {
+  return (pressed) => {
+    const field = input(id);
+    const value = numberOf(field);
+    if (value !== null) action(value, pressed);
+    else toast(`Nothing was sent: the ${what} must be a number from ${field.min} to ${field.max} ${unit}.`);
+  };
+}
+
+/** A gripper in words. */
+export function gripperWords(gripper: GripperState | null): string {
+  if (!gripper) return "unknown";
+  const width = `${millimetres(gripper.width)} mm`;
+  return [
+    ...(gripper.is_holding ? [width, `holding with ${gripper.force.toFixed(0)} N`] : [gripper.state, width]),
+    ...(gripper.is_calibrated ? [] : ["not calibrated"]),
+    ...(gripper.error ? [`error ${gripper.error}`] : []),
+  ].join(", ");
+}
+
+function showGripper(page: Page): void {
+  const gripper = page.state!.grippers[page.arm];
+  text(at("gripper-text"), gripperWords(gripper));
+  const apart = gripper ? Math.min(1, gripper.width / (2 * page.model.gripper.travel)) : 0;
+  [...at("gripper-bar").children].forEach((finger, index) => {
+    (finger as HTMLElement).style.left = `${50 + (index ? 42 : -42) * apart}%`;
+  });
+  at("gripper-bar").classList.toggle("holding", Boolean(gripper?.is_holding));
+}
+
+function showControllers(page: Page): void {
+  const controllers = page.state!.controllers[page.arm].filter(({ name }) => !name.includes("broadcaster"));
+  const list = choice("controller");
+  if ([...list.options].map((each) => each.value).join() !== controllers.map(({ name }) => name).join()) {
+    list.replaceChildren(...controllers.map(({ name }) => new Option("", name)));
+  }
+  controllers.forEach(({ name, commands }, index) => text(list.options[index]!, `${readable(name)}${commands ? " ✓" : ""}`));
+}

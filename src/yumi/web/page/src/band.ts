@@ -1,0 +1,111 @@
+/** The band at the top: what the robot does and why not, its state in short, and who has control. */
+
+import { at, button, make, press, text } from "./dom";
+import { ARMS } from "./messages";
+import { permissions } from "./permissions";
+import { HANDLE_GOAL, hasControl, type Page, type Store } from "./store";
+import type { Connection } from "./connection";
+import { remedyButton, verdict } from "./verdict";
+
+const MOTORS: Record<string, string> = {
+  motoron: "on", motoroff: "off", emergencystop: "emergency stop", emergencystopreset: "off after emergency stop",
+  guardstop: "guard stop", sysfail: "system failure", init: "starting",
+};
+
+export function bindBand(store: Store, connection: Connection): void {
+  press("take", () => connection.send({ type: hasControl(store.page) ? "give_back" : "take_control" }));
+  press("remedy-button", () => button(remedyButton(store.page)).click());
+  store.show(showVerdict);
+  store.show(showChips);
+  store.show(showControl);
+  // Beside a picture that stays visible on a telephone, the band does, too: it says where the picture begins.
+  const measure = () => document.documentElement.style.setProperty("--band", `${at("banner").offsetHeight}px`);
+  new ResizeObserver(measure).observe(at("banner"));
+}
+
+function showVerdict(page: Page): void {
+  const { level, kind, head, lines } = verdict(page);
+  at("banner").dataset.level = level;
+  text(at("kind"), kind);
+  text(at("verdict"), head);
+  text(at("remedy"), lines.join(" "));
+  const id = remedyButton(page);
+  at("remedy-button").hidden = !id;
+  if (id) text(at("remedy-button"), button(id).textContent ?? "");
+}
+
+const chips = new Map<string, { box: HTMLElement; value: HTMLElement }>();
+
+function chip(name: string, value: string, level = ""): void {
+  let known = chips.get(name);
+  if (!known) {
+    const shown = make("b");
+    known = { box: make("span", { className: "chip" }, make("em", { textContent: name }), shown), value: shown };
+    at("chips").append(known.box);
+    chips.set(name, known);
+  }
+  text(known.value, value);
+  if (known.box.dataset.level !== level) known.box.dataset.level = level;
+}
+
+function showChips({ view, state, recording }: Page): void {
+  at("chips").hidden = !state;
+  if (!state) return;
+  const known = (name: string, value: string | null, good: string): void => {
+    if (value !== null || !recording) chip(name, value ?? "unknown", value === good ? "good" : "warn"); // a flight record has the cycles alone
+  };
+  chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
+  known("mode", state.operating_mode, "AUTO");
+  known("motors", state.motors === null ? null : (MOTORS[state.motors] ?? state.motors), "on");
+  known("program", state.program, "running");
+  for (const name of ARMS) {
+    const leading = state.controllers[name].filter((each) => each.commands).map((each) => readable(each.name));
+    const isRunning = state.egm[name] === "running";
+    const isIdle = isRunning && !leading.length && !recording;
+    chip(`EGM ${name}`, isIdle ? "running, no controller" : isRunning && leading.length ? leading.join(", ") : state.egm[name],
+      isIdle ? "warn" : isRunning ? "good" : "");
+  }
+  chip("speed", `${Math.round(state.speed_scale * 100)} %`, state.speed_scale < 1 ? "warn" : "");
+}
+
+/** A controller's name as a person reads it. */
+export function readable(controller: string): string {
+  return controller.replace("_controller", "").replaceAll("_", " ");
+}
+
+function showControl(page: Page): void {
+  const { view } = page;
+  const has = hasControl(page);
+  document.body.classList.toggle("operates", has);
+  document.body.classList.toggle("records", view.is_recording);
+  at("take").hidden = view.is_recording || Boolean(view.why_not_operated && !has);
+  text(at("take"), has ? "Give control back" : "Take control");
+  at("take").classList.toggle("primary", !has);
+  at("stop").hidden = at("take").hidden;
+  at("robot-panel").hidden = !has;
+  const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated || "View only.";
+  text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note);
+  showPermissions(page);
+}
+
+const OF_PERMISSION = {
+  start: ["start"], recover: ["recover"], calibrate: ["calibrate"], grip: ["open", "close"], move: ["plan", "execute"],
+} as const;
+
+/** Buttons that cannot work are disabled, with the reason as their title. */
+function showPermissions(page: Page): void {
+  const why = permissions(page);
+  const handle = page.goal === HANDLE_GOAL ? "A goal of the handle is reached by a plan." : "";
+  for (const [name, ids] of Object.entries(OF_PERMISSION) as [keyof typeof OF_PERMISSION, readonly string[]][]) {
+    for (const id of ids) disable(button(id), why[name]);
+  }
+  disable(button("move"), why.move || handle);
+  for (const each of document.querySelectorAll<HTMLButtonElement>("button[data-jog]")) disable(each, why.move);
+}
+
+function disable(target: HTMLButtonElement, why: string): void {
+  target.dataset.title ??= target.title; // what it does
+  const title = why || target.dataset.title;
+  if (target.title !== title) target.title = title;
+  if (target.disabled !== Boolean(why)) target.disabled = Boolean(why);
+}

@@ -1,0 +1,116 @@
+/** The page's state, in one place: messages and a person's choices change it, and views show all of it. */
+
+import { frameOfBox, type Frame } from "./frames";
+import { ARMS, type ArmName, type Distance, type DriverState, type Limited, type LogEvent, type Model, type PerArm,
+  type Plan, type Reason, type Recording, type StateMessage, type ViewMessage } from "./messages";
+
+export const TABS = ["joints", "tool", "poses", "virtual"] as const;
+export type Tab = (typeof TABS)[number];
+
+/** What the handle in the picture is for: nothing, to jog the tool, or a goal for a plan; and how it is dragged. */
+export type Handle = "none" | "jog translate" | "jog rotate" | "goal translate" | "goal rotate";
+
+export const JOINT_GOAL = "joint positions";
+export const HANDLE_GOAL = "the handle";
+
+const MOST_EVENTS = 100;
+
+export interface Page {
+  model: Model;
+  view: Omit<ViewMessage, "type" | "events">;
+  state: DriverState | null; // the newest, or that of a recording
+  stateTime: number; // of it, on the server's clock, or in the recording [s]
+  reasons: Reason[]; // why the arms do not move
+  causes: Reason[]; // what stopped the robot
+  stop: string; // id of the stop that a person has to confirm
+  limited: Partial<PerArm<Limited>>; // two parts of each arm that must not come nearer to each other
+  nearest: Distance | null; // those that limit an arm, else those nearest to each other
+  silentSince: number; // when the robot began to run EGM without its datagrams, on the server's clock [s]
+  arm: ArmName; // that the panel shows
+  tab: Tab;
+  jogSpeed: number; // a share
+  frame: string; // that the tool is jogged in: base, tool, work object, or "box NAME"
+  handle: Handle;
+  goal: string; // a pose's name, JOINT_GOAL or HANDLE_GOAL
+  isForBoth: boolean; // whether the goal is for both arms
+  isPreviewed: boolean; // whether the goal that is chosen is shown as a ghost
+  plan: (Plan & { time: number }) | null; // and the time of it that is shown [s]
+  workObject: Frame | null;
+  events: readonly LogEvent[]; // the newest first
+  recording: Recording | null;
+}
+
+export function initialPage(model: Model, workObject: Frame | null): Page {
+  return {
+    model,
+    view: {
+      is_recording: false, why_no_robot: "The page is connecting.", is_virtual: false, why_not_operated: "",
+      control: "none", surroundings: { boxes: [] }, faults: [],
+    },
+    state: null, stateTime: 0, reasons: [], causes: [], stop: "", limited: {}, nearest: null, silentSince: Infinity,
+    arm: "right", tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
+    goal: Object.keys(model.arms.right.poses)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
+    workObject, events: [], recording: null,
+  };
+}
+
+/** What a state of the driver changes. */
+export function ofState(page: Page, message: StateMessage): Partial<Page> {
+  const { state, time: stateTime, reasons, causes, stop, limited, nearest } = message;
+  const silentSince = silentArms(state).length ? Math.min(page.silentSince, stateTime) : Infinity;
+  return { state, stateTime, reasons, causes, stop, limited, nearest, silentSince };
+}
+
+/** What the server's words on control and robot change. */
+export function ofView(page: Page, { type: _, events, ...view }: ViewMessage): Partial<Page> {
+  const isControlLost = page.view.control === "here" && view.control !== "here";
+  return {
+    view, ...ofEvents([], events), ...(isControlLost ? { plan: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
+  };
+}
+
+/** What new lines of the log change. */
+export function ofEvents(known: readonly LogEvent[], events: readonly LogEvent[]): Partial<Page> {
+  return { events: [...[...events].reverse(), ...known].slice(0, MOST_EVENTS) };
+}
+
+/** What the loss of the connection changes. */
+export function ofLoss(page: Page, sentence: string): Partial<Page> {
+  return { view: { ...page.view, control: "none", why_no_robot: sentence }, plan: null };
+}
+
+/** The arms that the robot runs EGM on while its datagrams do not arrive. */
+export function silentArms(state: DriverState): ArmName[] {
+  return ARMS.filter((name) => state.egm[name] !== "running" && state.machines[name] === "RUN_EGM_ROUTINE");
+}
+
+export const hasControl = ({ view }: Page): boolean => view.control === "here";
+
+/** Where an arm is [rad], as EGM measures or the controller reports it; null where neither does. */
+export function jointsOf({ state }: Page, name: ArmName): number[] | null {
+  return state?.arms[name].position ?? state?.arms[name].resting ?? null;
+}
+
+/** The frame that the tool is jogged in; null for base and tool, and for a work object that was not set. */
+export function frameOf(page: Page): Frame | null {
+  if (page.frame === "work object") return page.workObject;
+  const box = page.view.surroundings.boxes.find((each) => page.frame === `box ${each.name}`);
+  return box ? frameOfBox(box) : null;
+}
+
+/** The page's state, with the views that show it. */
+export class Store {
+  private readonly views: ((page: Page) => void)[] = [];
+
+  constructor(public page: Page) {}
+
+  /** Call a view after each change. */
+  show(view: (page: Page) => void): void {
+    this.views.push(view);
+  }
+
+  change(part: Partial<Page>): void {
+    this.page = { ...this.page, ...part };
+    for (const view of this.views) view(this.page);
+  }
+}

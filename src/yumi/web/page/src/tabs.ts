@@ -1,0 +1,47 @@
+/** Tabs: the arm that is shown, and what it is operated with, so that what is used together is seen together. */
+
+import { at, button } from "./dom";
+import { ARMS } from "./messages";
+import { hasControl, TABS, type Page, type Store } from "./store";
+
+function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => string, choose: (name: T) => void): void {
+  for (const name of names) {
+    const tab = button(idOf(name));
+    tab.addEventListener("click", () => choose(name));
+    tab.addEventListener("keydown", (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (!step) return;
+      const shown = names.filter((each) => !button(idOf(each)).hidden);
+      const next = shown[(shown.indexOf(name) + step + shown.length) % shown.length]!;
+      choose(next);
+      button(idOf(next)).focus();
+    });
+  }
+}
+
+export function bindAllTabs(store: Store, endJog: () => void): void {
+  bindTabs(ARMS, (name) => `tab-${name}`, (arm) => {
+    endJog();
+    store.change({ arm, isPreviewed: false });
+  });
+  bindTabs(TABS, (name) => `tab-${name}`, (tab) => {
+    endJog();
+    store.change({ tab });
+  });
+  store.show(showTabs);
+}
+
+function showTabs(page: Page): void {
+  for (const name of ARMS) at(`tab-${name}`).setAttribute("aria-selected", String(name === page.arm));
+  at("arm-panel").setAttribute("aria-labelledby", `tab-${page.arm}`);
+  at("tab-virtual").hidden = !page.view.is_virtual;
+  const wanted = page.tab === "virtual" && !page.view.is_virtual ? "joints" : page.tab;
+  const tab = hasControl(page) ? wanted : "joints"; // who only looks sees the joints
+  for (const name of TABS) {
+    at(`tab-${name}`).setAttribute("aria-selected", String(name === tab));
+    at(`${name}-panel`).hidden = name !== tab;
+  }
+  at("joint-line").hidden = tab === "joints";
+  at("jog-speed-row").hidden = tab !== "joints" && tab !== "tool";
+  for (const each of document.querySelectorAll<HTMLElement>(".of-virtual")) each.hidden = !page.view.is_virtual;
+}

@@ -1,0 +1,102 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { permissions } from "../src/permissions";
+import { ofTime } from "../src/recording";
+import { inTheWay, remedyButton, verdict } from "../src/verdict";
+import { arm, driverState, off, page, reason } from "./page";
+
+const PRESSED = reason("The emergency stop is pressed.");
+const CONFIRM = reason("A person must confirm the stop.", "recover");
+
+test("band is green while controllers command both arms", () => {
+  const { level, head, lines } = verdict(page());
+  assert.deepEqual([level, head, lines], ["good", "Ready: EGM holds both arms", []]);
+  assert.equal(remedyButton(page()), "");
+});
+
+test("band is yellow while no controller commands an arm that EGM holds", () => {
+  const controllers = { right: [{ name: "joint_goal_controller", commands: true }], left: [{ name: "joint_goal_controller", commands: false }] };
+  const { level, head, lines } = verdict(page({ state: driverState({ controllers }) }));
+  assert.equal(level, "warn");
+  assert.equal(head, "EGM holds both arms, but no controller commands the left arm");
+  assert.match(lines.join(" "), /“Activate”/);
+});
+
+test("cause comes first, then what is in the way, once", () => {
+  const stopped = page({ causes: [reason("Emergency stop.")], reasons: [PRESSED, CONFIRM], stop: "10013-1" });
+  const { level, head, lines } = verdict(stopped);
+  assert.deepEqual([level, head, lines], ["error", "Stopped: Emergency stop.", [PRESSED.sentence, CONFIRM.sentence]]);
+});
+
+test("recover is offered when nothing is left that only a person can end", () => {
+  const pressed = page({ reasons: [PRESSED, CONFIRM], stop: "10013-1" });
+  assert.deepEqual(inTheWay(pressed), [PRESSED]);
+  assert.equal(remedyButton(pressed), "");
+  assert.equal(permissions(pressed).recover, PRESSED.sentence);
+  assert.equal(permissions(pressed).start, PRESSED.sentence);
+  const released = page({ reasons: [CONFIRM], stop: "10013-1" });
+  assert.equal(remedyButton(released), "recover");
+  assert.equal(permissions(released).recover, "");
+  assert.match(permissions(released).start, /“Recover…”/);
+});
+
+test("virtual robot has the buttons that a FlexPendant has", () => {
+  const view = { is_virtual: true } as const;
+  const stopped = (changes: object) => page({ view, reasons: [PRESSED], state: driverState(changes) });
+  assert.equal(remedyButton(stopped({ motors: "emergencystop" })), "release-stop");
+  assert.equal(remedyButton(stopped({ operating_mode: "MANR" })), "key");
+  assert.equal(remedyButton(page({ reasons: [PRESSED], state: driverState({ motors: "emergencystop" }) })), "");
+});
+
+test("page without control is told to take it first, and has no button for the remedy", () => {
+  const looking = page({ view: { control: "none" }, state: driverState({ egm: off() }) });
+  assert.deepEqual(verdict(looking).lines, ["Take control first.", "Press “Start EGM”."]);
+  assert.equal(remedyButton(looking), "");
+  const real = page({ view: { control: "none", why_not_operated: "No." }, state: driverState({ egm: off() }) });
+  assert.deepEqual(verdict(real).lines, []);
+});
+
+test("EGM whose datagrams do not arrive is named after a second", () => {
+  const silent = driverState({ egm: { right: "streaming", left: "running" } });
+  const begun = page({ state: silent, reasons: [reason("Not idle.", "recover")] });
+  assert.match(verdict(begun).head, /Not idle/);
+  assert.match(verdict({ ...begun, stateTime: 11.5 }).head, /runs EGM on the right arm, but its datagrams do not arrive/);
+  assert.match(verdict({ ...begun, stateTime: 11.5 }).lines.join(" "), /firewall/);
+});
+
+test("arms that move, hold for a problem, or are kept apart are named", () => {
+  const moving = driverState({ arms: { right: arm({ mode: "moving" }), left: arm({ mode: "moving" }) } });
+  assert.equal(verdict(page({ state: moving })).head, "The right and the left arm move");
+  const held = driverState({ arms: { right: arm({ problem: "late feedback" }), left: arm() } });
+  assert.equal(verdict(page({ state: held })).head, "The right arm holds: late feedback");
+  const limited = { right: { part: "right gripper", other: "body" } };
+  assert.equal(verdict(page({ limited })).head, "The right arm is kept apart: right gripper – body");
+});
+
+test("buttons that cannot work have the reason", () => {
+  assert.equal(permissions(page()).start, "EGM runs on both arms.");
+  assert.match(permissions(page()).calibrate, /EGM must not run/);
+  assert.match(permissions(page()).recover, /Nothing is stopped/);
+  assert.equal(permissions(page()).move, "");
+  const ended = page({ state: driverState({ egm: off(), arms: { right: arm({ mode: "no_egm" }), left: arm() } }) });
+  assert.match(permissions(ended).move, /The right arm follows no commands/);
+  assert.equal(permissions(ended).start, "");
+  assert.equal(permissions({ ...ended, arm: "left" }).move, "");
+  const uncommanded = page({ state: driverState({ controllers: { right: [], left: [] } }) });
+  assert.equal(permissions(uncommanded).start, "");
+});
+
+test("band of a recording says what was so at its time, and asks for nothing", () => {
+  const cycles = (running: boolean) => ({
+    time: [0, 1], position: [[0], [1]], velocity: [[0], [0.5]], sent: [[0], [1]], reference: [[0], [1]], is_running: [running, running],
+  });
+  const recording = {
+    name: "x.mcap", duration: 3, grippers: { right: [], left: [] }, arms: { right: cycles(true), left: cycles(false) },
+    states: [{ time: 0, egm: { r: "running", l: "off" } }], events: [{ time: 2.5, sentence: "Feedback was lost.", is_fault: true }],
+  };
+  const at = (time: number) => verdict({ ...page({ view: { is_recording: true, control: "none" } }), recording, ...ofTime(recording, time) });
+  assert.deepEqual(at(0), { level: "good", kind: "Recording x.mcap at 0.00 s", head: "EGM held the right arm", lines: [] });
+  assert.equal(at(1).head, "The right arm moved");
+  assert.deepEqual([at(2.6).level, at(2.6).head], ["error", "Stopped: Feedback was lost."]);
+});
