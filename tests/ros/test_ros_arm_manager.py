@@ -29,6 +29,7 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import PerfectArm
+from yumi.catalogue import message
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
@@ -46,8 +47,8 @@ from yumi.control.shared_state import (
     SessionResumed,
     SessionStarted,
 )
-from yumi.driver.readiness import Cause, explained
 from yumi.driver.settings import ControllerSettings
+from yumi.driver.stops import Cause, explained
 from yumi.errors import RobotNotReady
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, ArmState, Side, home, joint_names
@@ -300,7 +301,7 @@ def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_ag
     rig: SimpleNamespace, watcher: Watcher, manager: Manager
 ) -> None:
     assert manager.switch(["watcher"], []).ok
-    rig.arm.on_event(ControllerFailed(Side.RIGHT, "Controller 'watcher' failed."))
+    rig.arm.on_event(ControllerFailed(Side.RIGHT, message("text", text="Controller 'watcher' failed.")))
     manager.client.until(manager.client.hears("Right arm: Controller 'watcher' failed."))
     assert not manager.switch(["watcher"], []).ok
     assert manager.switch([], ["watcher"]).ok
@@ -309,7 +310,7 @@ def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_ag
 def test_begin_and_end_of_egm_are_logged_when_they_happen_and_a_fault_once_its_cause_is_known(
     rig: SimpleNamespace, manager: Manager
 ) -> None:
-    cause = Cause("50204 Motion supervision", "")
+    cause = Cause((message("event_50204", number=50204, title="Motion supervision"),))
     waiting: list[Callable[[Cause], None]] = []
     lost = SessionLost(Side.RIGHT, 0.09, ("joint_position_controller",))
     ordinary = [
@@ -331,7 +332,9 @@ def test_begin_and_end_of_egm_are_logged_when_they_happen_and_a_fault_once_its_c
     assert str(lost) not in "".join(line.msg for line in logged)
     (explain,) = waiting
     explain(cause)
-    manager.client.until(lambda: explained(lost, cause) in [line.msg for line in logged if line.level == logging.ERROR])
+    manager.client.until(
+        lambda: str(explained(lost, cause)) in [line.msg for line in logged if line.level == logging.ERROR]
+    )
     manager.client.node.destroy_subscription(subscription)
 
 
@@ -418,7 +421,7 @@ def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
     rig.line.may_answer.clear()
     Timer(1.0, rig.line.may_answer.set).start()  # what comes after the answer asks the line, too
     answer = manager.switch([], [], timeout=0.3)
-    assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds!")
+    assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds.")
 
 
 def test_manager_without_the_control_process_lists_nothing_refuses_all_and_is_finalized(

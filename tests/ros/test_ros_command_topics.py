@@ -11,9 +11,10 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.controller import GoalKind, MemoryBuffer, SessionGoal, read_goal
-from yumi.control.shared_state import CAUSES, Problem, Snapshot, read_snapshot
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.messages import RefusalLog
 from yumi.ros.topics import CommandTopic, ForwardTopic, JointCommandTopic, JointVelocityTopic
@@ -154,7 +155,7 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
         ([NAMES[1]], [pi], "yumi_joint_2_r is 180.0°; its range is -143.5° to 43.5°."),
         (["yumi_joint_1_l"], [0.0], "'yumi_joint_1_l' is not a joint of the right arm; it has yumi_joint_1_r, "),
         ([NAMES[0], NAMES[0]], [0.0, 0.1], "yumi_joint_1_r is named twice; give each joint once."),
-        ([NAMES[0]], [], "name has 1 entry, position has 0; give one position for each name."),
+        ([NAMES[0]], [], "name has 1 entries, position has 0; give one position for each name."),
         ([], [], "name has 0 entries, position has 0; give one position for each name."),
         ([], [0.0] * 7, "name has 0 entries, position has 7; give one position for each name."),
         (
@@ -175,29 +176,33 @@ def test_topic_refuses_a_goal_with_a_sentence_and_changes_nothing(
 
 
 @pytest.mark.parametrize(
-    ("snapshot", "sentence"),
+    ("snapshot", "reason"),
     [
-        (Snapshot(), "EGM is not running on the right arm; call start_egm first."),
-        (Snapshot(is_streaming=True), "EGM is not running on the right arm; call start_egm first."),
+        (Snapshot(), message("arm_without_egm", arm="right")),
+        (Snapshot(is_streaming=True), message("arm_without_egm", arm="right")),
         (
             Snapshot(is_running=True),
-            "no position controller is active on the right arm; activate one first: yumi switch right "
-            "joint_position_controller (in ROS: ros2 control switch_controllers -c /r/controller_manager --activate "
-            "joint_position_controller).",
+            message(
+                "no_controller_for_topic",
+                taker="position controller",
+                arm="right",
+                how="yumi switch right joint_position_controller (in ROS: ros2 control switch_controllers -c "
+                "/r/controller_manager --activate joint_position_controller)",
+            ),
         ),
         (
             Snapshot(is_running=True, activation=1, goal_kind=GoalKind.POSITION),
-            "the right arm has no reference yet; send the goal again.",
+            message("no_reference_yet", arm="right"),
         ),
     ],
 )
 def test_topic_refuses_goals_before_the_arm_can_take_them(
-    topic: JointCommandTopic, node: Node, buffers: Boxes, snapshot: Snapshot, sentence: str
+    topic: JointCommandTopic, node: Node, buffers: Boxes, snapshot: Snapshot, reason: Message
 ) -> None:
     buffers.snapshots.write(snapshot)
     topic.take(goal(list(NAMES), [0.0] * 7))
     assert buffers.goals.read() is None
-    assert node.warnings == [f"Goal refused: {sentence}"]
+    assert node.warnings == [str(message("command_refused", noun="Goal", reason=reason))]
 
 
 @pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
@@ -217,7 +222,8 @@ def test_topics_refuse_with_the_cause_what_an_arm_with_a_problem_cannot_do(
         topic.take(JointState(name=list(NAMES), position=[0.0] * 7, velocity=[0.0] * 7))
     assert buffers.goals.read() is None
     assert buffers.speeds.read() is None
-    assert node.warnings == [f"{topic.noun} refused: right arm: {CAUSES[problem]}."]
+    reason = message(PROBLEMS[problem], arm="right")
+    assert node.warnings == [str(message("command_refused", noun=topic.noun, reason=reason))]
 
 
 def test_topic_passes_on_when_a_goal_arrived_and_how_fast_it_moves(node: Node, buffers: Boxes) -> None:
@@ -317,7 +323,7 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
 
 
 @pytest.mark.parametrize(
-    ("kind", "message", "sentence"),
+    ("kind", "command", "sentence"),
     [
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[nan]), "yumi_joint_1_r is nan; a speed is a finite"),
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; it reaches 180°/s."),
@@ -326,13 +332,13 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
             JointState(name=[NAMES[0]], velocity=[30.0]),
             "is 1718.9°/s; it reaches 180°/s; 30 looks like degrees: speeds are in radians a second.",
         ),
-        (JointVelocityTopic, JointState(name=[NAMES[0]]), "name has 1 entry, velocity has 0; give one velocity for"),
+        (JointVelocityTopic, JointState(name=[NAMES[0]]), "name has 1 entries, velocity has 0; give one velocity for"),
     ],
 )
 def test_other_topics_refuse_with_a_sentence_and_change_nothing(
-    kind: type[CommandTopic], message: Any, sentence: str, node: Node, buffers: Boxes, middle: Joints
+    kind: type[CommandTopic], command: Any, sentence: str, node: Node, buffers: Boxes, middle: Joints
 ) -> None:
-    commanding(kind, node, buffers, middle).take(message)
+    commanding(kind, node, buffers, middle).take(command)
     assert buffers.goals.read() is None
     (warning,) = node.warnings
     assert re.fullmatch(r"(Goal|Speed) refused: .*", warning)
@@ -365,8 +371,8 @@ def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
         goal([], [0.0] * 7),
         goal([NAMES[0]], [0.0, 0.1]),
     ]
-    for message in bad:
-        topic.take(message)
+    for each in bad:
+        topic.take(each)
         clock.advance(0.6)
     assert [re.search(r"refused: (.{18})", warning)[1] for warning in node.warnings] == [  # type: ignore[index]
         "yumi_joint_2_r is ",

@@ -124,21 +124,22 @@ class Done:
 
 
 @pytest.mark.parametrize(
-    ("message", "stop", "offered"),
+    ("message", "offered"),
     [
-        ("The stop 10013-1-aaaaaa is open. It did not become idle.", "50204-3-bbbbbb", ""),
-        ("Call recover with the id 50204-3-bbbbbb.", "50204-3-bbbbbb", "50204-3-bbbbbb"),
+        ("The stop 10013-1-aaaaaa is open. It did not become idle.", ""),
+        ("Call recover with the id 50204-3-bbbbbb.", "50204-3-bbbbbb"),
     ],
 )
-def test_stop_is_offered_for_confirmation_only_with_its_own_text(message: str, stop: str, offered: str) -> None:
+def test_stop_is_offered_for_confirmation_only_with_its_own_text(message: str, offered: str) -> None:
     """The state in the result is newer than the message: a stop that it alone knows was not shown to a person."""
-    result = SimpleNamespace(success=False, message=message, state=SimpleNamespace(stop=stop))
+    state = SimpleNamespace(stop="50204-3-bbbbbb")
+    result = SimpleNamespace(success=False, message=message, stop=offered, state=state)
     handle = SimpleNamespace(get_result_async=lambda: Done(SimpleNamespace(result=result)))
     application = MoveAndGrab.__new__(MoveAndGrab)
     application._recover_client = SimpleNamespace(
         server_is_ready=lambda: True, send_goal_async=lambda *_, **__: Done(handle)
     )
-    with pytest.raises(RobotNotReady, match=stop if offered else "10013-1-aaaaaa") as refused:
+    with pytest.raises(RobotNotReady, match=offered or "10013-1-aaaaaa") as refused:
         application._request_recovery("")
     assert refused.value.stop == offered
     assert isinstance(refused.value, StopNotConfirmed) is bool(offered)

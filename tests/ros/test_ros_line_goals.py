@@ -14,10 +14,12 @@ import pytest
 from geometry_msgs.msg import PoseStamped
 from yumi_interfaces.action import MoveLinear
 
+from refusals import assert_says, refused
+from yumi.catalogue import message
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import INTERRUPTED, ControlProcessEnded, ReportsDropped, Snapshot
+from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Snapshot
 from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
 from yumi.driver.control_process import ENDED
 from yumi.errors import CommandRefused
@@ -32,6 +34,8 @@ HOME = home(Side.RIGHT)
 STANDS = Snapshot(
     session=1, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.TOOL, sent=HOME, reference=HOME
 )
+
+LATE = message("arm_moved_after_trajectory", late=2.0)
 
 
 class Node:
@@ -118,7 +122,7 @@ class Bench:
         assert command is Commands.send_commands
         for each in commands:
             if each.activation not in (0, self.snapshot.activation):  # as the control process has it
-                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
+                raise CommandRefused(message("interrupted_while_planned", arm=each.side.word))
         self.target.commands += [each.message for each in commands]
         self.is_followed.set()
 
@@ -142,7 +146,7 @@ def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, c
         bench.action.destroy()
         worker.shutdown()
     assert handle.end == "aborted"
-    assert "the right arm was stopped, or another controller took it over" in result.message
+    assert result.code == "line_ended_unreported"
     follow, cancel = bench.target.commands
     assert isinstance(follow, FollowTrajectory)
     assert cancel == CancelTrajectory(follow.goal)
@@ -176,14 +180,16 @@ def test_line_that_the_limiter_holds_says_which_parts(bench: Bench) -> None:
         (follow,) = bench.target.commands
         assert isinstance(follow, FollowTrajectory)
         bench.snapshot = STANDS._replace(limited_part="right gripper", limited_other="body")
-        late = TrajectoryEnded(follow.goal, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
+        late = TrajectoryEnded(follow.goal, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, LATE)
         assert bench.action.on_arm_event(Side.RIGHT, late)
         result = ended.result(WAIT)
     finally:
         bench.action.destroy()
         worker.shutdown()
     assert handle.end == "aborted"
-    assert result.message == "It is late. The arm is limited by right gripper - body, 0 mm."
+    limited = message("parts_near", part="right gripper", other="body", distance=0.0)
+    said = message("goal_not_reached_limited", arm="right", reason=LATE, limited=limited)
+    assert (result.code, result.message) == ("goal_not_reached_limited", str(said))
 
 
 def test_line_that_is_cancelled_while_it_waits_stops_nobody_elses_motion(bench: Bench) -> None:
@@ -230,7 +236,7 @@ def test_line_does_not_move_an_arm_that_was_stopped_and_follows_again_meanwhile(
     handle = Handle()
     result = bench.action._execute(handle)
     assert handle.end == "aborted"
-    assert result.message == f"Goal refused: {INTERRUPTED.format('right')}"
+    assert result.code == "interrupted_while_planned"
     assert bench.target.commands == []
 
 
@@ -242,5 +248,8 @@ def test_line_is_refused_where_the_arm_is_held_elsewhere_than_it_is_commanded() 
         call=lambda *_: {Side.RIGHT: HOME},
     )
     target = TargetPoseTopic(Node(), Side.RIGHT, control, lambda: 0.0, "cartesian_controller", None)  # type: ignore[arg-type]
-    with pytest.raises(CommandRefused, match=r"the right arm is held 0\.30 rad .* \(right fingers - table, 0 mm\)"):
+    with refused(CommandRefused, "command_refused") as refusal:
         target.plan(LineGoal((PoseStamped(),)))
+    limited = message("parts_near", part="right fingers", other="table", distance=0.0)
+    reason = refusal.value.said.values["reason"]
+    assert_says(reason, "arm_held_from_command_by", arm="right", distance=0.3, limited=limited)

@@ -9,8 +9,9 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
+from yumi.catalogue import message
 from yumi.control.controller import ControllerInfo, HardwareInfo, State, Statistics
-from yumi.control.shared_state import CAUSES, Problem, Snapshot
+from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Side
 from yumi.ros import messages
@@ -131,7 +132,10 @@ def test_egm_that_nobody_asked_for_is_ok(snapshot: Snapshot, is_desired: bool, l
 def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: Problem, is_running: bool) -> None:
     snapshot = Snapshot(is_streaming=True, is_running=is_running, problem=problem, implausible=7)
     status = messages.egm_status(Side.RIGHT, snapshot, is_desired=True)
-    assert (status.level, status.message) == (DiagnosticStatus.ERROR, CAUSES[problem])
+    assert (status.level, status.message) == (
+        DiagnosticStatus.ERROR,
+        str(message(PROBLEMS[problem], arm="right")),
+    )
     values = {pair.key: pair.value for pair in status.values}
     assert (values["problem"], values["implausible"]) == (problem.name.lower(), "7")
 

@@ -32,6 +32,7 @@ from yumi_interfaces.srv import (
     WriteVariable,
 )
 
+from yumi.catalogue import message
 from yumi.driver.readiness import Mode
 from yumi.robot.description import Mass
 from yumi.robot.joints import Pose, Side
@@ -43,6 +44,8 @@ pytestmark = pytest.mark.ros
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ROUTINE = {"arm": "left", "routine": "wave"}
 MODULE = {"arm": "right", "file_name": "wave.mod", "text": "MODULE wave ENDMODULE"}
+
+PRESSED = message("emergency_stop_pressed")
 
 
 @pytest.mark.parametrize(
@@ -313,9 +316,9 @@ def test_state_is_there_for_late_comers_and_comes_again_when_it_changes(rig: Rob
     topic = rig.client.node.create_subscription(RobotState, "yumi_robot_manager/state", got.append, LATCHED)
     rig.client.until(lambda: bool(got) and got[-1].is_ready)
     event = Event(7, EventType.ERROR, 10013, "2026-11-21 T 10:00:00", "Emergency stop state", "")
-    rig.know(controller_state=ControllerState.EMERGENCY_STOP, reason="the emergency stop is pressed", last_event=event)
+    rig.know(controller_state=ControllerState.EMERGENCY_STOP, reasons=(PRESSED,), last_event=event)
     rig.client.until(lambda: not got[-1].is_ready)
-    assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", "the emergency stop is pressed")
+    assert (got[-1].controller_state, got[-1].reason) == ("emergencystop", str(PRESSED))
     assert (got[-1].last_event.number, got[-1].last_event.type) == (10013, "error")
     rig.client.node.destroy_subscription(topic)
 

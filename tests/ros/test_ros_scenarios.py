@@ -153,7 +153,7 @@ def test_robot_is_recovered_as_soon_as_web_services_answer_again(stage: Stage) -
         stage.inject_fault(Fault.RWS_BUSY, duration=1.5)
         stage.reach_new_goals()
         stage.inject_fault(Fault.PROGRAM_STOP)
-        assert stage.application.manager.recover().startswith("The robot was stopped by 10125 Program stopped")
+        assert stage.application.manager.recover().startswith("Recovered after 10125 Program stopped")
         stage.reach_new_goals()
 
 

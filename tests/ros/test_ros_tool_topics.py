@@ -11,10 +11,10 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from test_ros_command_topics import Node, commanded
 
 from unit.robot.test_robot_kinematics import rad
+from yumi.catalogue import message
 from yumi.control.controller import GoalKind, MemoryBuffer, ParameterInfo
 from yumi.control.controllers.cartesian import CartesianController
 from yumi.control.loop import Commands, ControllerCommand
-from yumi.control.shared_state import INTERRUPTED
 from yumi.errors import CommandRefused
 from yumi.robot.description import robot_description
 from yumi.robot.joints import YUMI_LIMITS, Pose, Side
@@ -49,7 +49,7 @@ class Control:
             return {Side.RIGHT: POSTURE}
         for each in args:
             if each.activation not in (0, self.now.activation):  # as the control process has it
-                raise CommandRefused(f"Goal refused: {INTERRUPTED.format(each.side.word)}")
+                raise CommandRefused(message("interrupted_while_planned", arm=each.side.word))
         self.commands += args
         return None
 
@@ -72,12 +72,12 @@ def make(kind: Any, node: Node, control: Control) -> Any:
 
 def pose(up: float = 0.0) -> Any:
     """Where the tool is, or higher."""
-    here, message = tool0_to_body(Side.RIGHT, POSTURE), PoseStamped()
-    place, turn = message.pose.position, message.pose.orientation
+    here, stamped = tool0_to_body(Side.RIGHT, POSTURE), PoseStamped()
+    place, turn = stamped.pose.position, stamped.pose.orientation
     place.x, place.y, place.z = here.position
     place.z += up
     turn.w, turn.x, turn.y, turn.z = here.orientation
-    return message
+    return stamped
 
 
 @pytest.mark.parametrize("is_stopped", [False, True])
@@ -87,7 +87,7 @@ def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, contr
     control.is_stopped_meanwhile = is_stopped
     topic.take(pose(0.02))
     assert len(control.commands) == (not is_stopped)
-    assert all(each.startswith("Goal refused: the right arm was stopped, or") for each in node.warnings)
+    assert node.warnings == [str(message("interrupted_while_planned", arm="right"))] * is_stopped
 
 
 @pytest.mark.parametrize(("kind", "noun"), [(ServoPoseTopic, "Pose"), (ServoTwistTopic, "Velocity")])
@@ -98,9 +98,9 @@ def test_a_line_planned_before_a_stop_is_not_followed_after_it(node: Node, contr
 def test_what_comes_too_late_on_a_stream_is_refused(
     node: Node, control: Control, kind: Any, noun: str, sec: int, nanosec: int, is_old: bool
 ) -> None:
-    message = pose() if kind is ServoPoseTopic else TwistStamped()
-    message.header.stamp = Time(sec=sec, nanosec=nanosec)  # it is 1000.050 s
-    make(kind, node, control).take(message)
+    command = pose() if kind is ServoPoseTopic else TwistStamped()
+    command.header.stamp = Time(sec=sec, nanosec=nanosec)  # it is 1000.050 s
+    make(kind, node, control).take(command)
     assert (control.buffers[Side.RIGHT].tool_goals.read() is None) is is_old
-    sentence = f"{noun} refused: its stamp is 0.11 s old, and twist.timeout is 0.1 s; compare the clocks"
-    assert [each[: len(sentence)] for each in node.warnings] == ([sentence] if is_old else [])
+    reason = message("stamp_too_old", age=0.11, longest=0.1)
+    assert node.warnings == [str(message("command_refused", noun=noun, reason=reason))] * is_old

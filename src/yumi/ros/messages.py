@@ -599,10 +599,12 @@ def mass_of(message: Any) -> Mass:
 
 
 def say_why(answer: Any, error: YumiError) -> None:
-    """Why a request was refused or failed, into the fields ``message`` and, where the type has it, ``code``."""
+    """Why a request was refused or failed, into ``message`` and, where the type has them, ``code`` and ``stop``."""
     answer.message = str(error)
     if hasattr(answer, "code"):  # the types of std_srvs have none
         answer.code = error.said.code
+    if hasattr(answer, "stop"):
+        answer.stop = getattr(error, "stop", "")
 
 
 def pose_of(message: Any) -> Pose:

@@ -72,13 +72,6 @@ _DISCOVERY = 10.0  # [s]
 _ANSWER = 30.0  # [s]
 _STATE = 5.0  # [s]
 _RECOVERY = 120.0  # [s]; a controller that restarts does not answer for some twenty
-_NAMING_A_STOP = {
-    "stopped_by",
-    "stopped_by_and_active",
-    "another_stop_open",
-    "still_stopped",
-    "not_brought_back_after_stop",
-}
 _EXPLAINED = 1.5  # [s] after EGM's end the driver knows what stopped the robot
 _FAILURE = 1.0  # [s] for the reason of a gripper's failure, which is on another topic than the result
 
@@ -499,8 +492,8 @@ class MoveAndGrab:
             raise
         if result.success:
             return str(result.message)
-        if result.code in _NAMING_A_STOP:  # a stop that only the newer state has was not shown to a person
-            raise StopNotConfirmed(str(result.message), str(result.state.stop))
+        if result.stop:  # a stop that only the newer state has was not shown to a person
+            raise StopNotConfirmed(str(result.message), str(result.stop))
         raise RobotNotReady(str(result.message))
 
     def _is_stopped(self) -> bool:
