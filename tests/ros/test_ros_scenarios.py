@@ -19,7 +19,7 @@ from ros_clients import RobotManagerClient
 from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.control.cycle import Frame
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.recording.mcap import read_recording
@@ -34,44 +34,52 @@ NO_JUMP = 1.001
 BACK = "EGM runs on both arms, the controllers are active."
 UNANSWERED = "no EGM answer reached the robot in time; check the network"
 
+IN_EGM = tuple(message("machine", arm=side.word, machine="RUN_EGM_ROUTINE") for side in Side)
+
+
+def not_ready(code: str, **values: object) -> str:
+    """What the robot's state says of the first thing that it needs; the driver words it for ROS."""
+    return f"not ready: {sentence(message(code, **values), FrontEnd.ROS)}"
+
+
 STOPS = [
     Scenario(Fault.EGM_SILENCE, STOOD_STILL, BACK, duration=1.0),
     Scenario(
         Fault.EGM_SILENCE,
-        "not ready: the state machines are not idle (right arm: RUN_EGM_ROUTINE, left arm: RUN_EGM_ROUTINE)",
+        not_ready("neither_idle_nor_in_egm", machines=IN_EGM),
         BACK,
-        "no datagram came for the right and left arm; check the remote address",
+        "ROB_R, ROB_L",
         Fault.EGM_REPAIR,
     ),
     Scenario(Fault.COMM_TIMEOUT, UNANSWERED, "41822 No data from the UdpUc device"),
     Scenario(Fault.COMM_TIMEOUT, UNANSWERED, "41822 No data from the UdpUc device", side=Side.RIGHT),
     Scenario(Fault.EGM_CONVERGENCE, "EGM: right off, left off", BACK),
-    Scenario(Fault.PROGRAM_STOP, "not ready: the RAPID program is stopped", "10125 Program stopped"),
-    Scenario(Fault.MOTORS_OFF, "not ready: the motors are off", "10010 Motors OFF: the motors were switched off"),
+    Scenario(Fault.PROGRAM_STOP, not_ready("program_stopped"), "10125 Program stopped"),
+    Scenario(Fault.MOTORS_OFF, not_ready("motors_off"), "10010 Motors OFF"),
     Scenario(
         Fault.EMERGENCY_STOP,
-        "not ready: the emergency stop is pressed",
+        not_ready("emergency_stop_pressed"),
         BACK,
-        "10013 Emergency stop: .* Now the emergency stop is pressed; release it .* call recover with the id 10013-",
+        "10013 Emergency stop.* 10013-",
         Fault.EMERGENCY_STOP_RESET,
     ),
     Scenario(
         Fault.MANUAL_MODE,
-        "not ready: the controller is in MANR",
+        not_ready("not_in_auto", mode="MANR"),
         BACK,
-        "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the FlexPendant",
+        "10015 Manual mode selected.*MANR",
         Fault.AUTO_MODE,
     ),
-    Scenario(Fault.COLLISION, "see what it touched and free it, then recover", "50204 Motion supervision"),
+    Scenario(Fault.COLLISION, "see what it touched and free it", "50204 Motion supervision"),
     Scenario(Fault.DYNAMIC_LOAD, "lower acceleration, or set the tool's load", "50375 Dynamic load too high"),
     Scenario(
         Fault.WRONG_PROGRAM,
-        "not ready: the RAPID program is stopped",
+        not_ready("program_stopped"),
         BACK,
-        r"Task T_ROB_R has no state machine \(TRobMain\); load the RAPID modules",
+        "T_ROB_R.*TRobMain",
         Fault.RIGHT_PROGRAM,
     ),
-    Scenario(Fault.WARM_RESTART, "not ready: the controller does not answer", BACK, duration=4.0),
+    Scenario(Fault.WARM_RESTART, not_ready("controller_does_not_answer"), BACK, duration=4.0),
 ]
 DISTURBANCES = [Fault.RWS_RESET, Fault.RWS_SESSIONS_EXPIRED, Fault.WEB_SOCKET_DROP]
 SHORT, BUSY, LOST, UNCALIBRATED = "egm-silence-0.05s", "rws-busy", "object-lost", "gripper-not-calibrated"
