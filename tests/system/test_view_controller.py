@@ -106,7 +106,7 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
         before = place()
         page.wait_for_function("was => document.querySelector('#tool-pose').innerText !== was", arg=before[1])
         assert page.locator("#joints tr").count() == 6
-        assert re.fullmatch(r"tool0 at x -?\d+\.\d, y -?\d+\.\d, z -?\d+\.\d mm", place()[1])
+        assert re.fullmatch(r"tool0 x\s-?\d+\.\d, y\s-?\d+\.\d, z\s-?\d+\.\d mm", place()[1])
 
         # Nothing of a YuMi or of a driver is on the page.
         for hidden in ("#take", "#stop", "#tab-ROB_1", ".gripper", "#health-panel", "#events-panel", "#robot-panel"):

@@ -262,7 +262,9 @@ def _decode_object(data: bytes) -> Mapping[str, Any]:
 
 
 def plain(value: object) -> Any:
-    """``value`` as JSON has it: a value class becomes an object, an enum its name or text."""
+    """``value`` as JSON has it: a message becomes its sentence, a value class an object, an enum its name or text."""
+    if isinstance(value, Message):
+        return str(value)
     if is_dataclass(value):
         value = {each.name: getattr(value, each.name) for each in fields(value)}
     if isinstance(value, Mapping):

@@ -16,6 +16,7 @@ import pytest
 from numpy.typing import NDArray
 
 from memory_http import MemoryHttp
+from yumi.catalogue import Message
 from yumi.clock import ManualClock
 from yumi.robot.arms import Arm, irb120, irb14050
 from yumi.robot.joints import Joints, Side, home
@@ -221,7 +222,7 @@ def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_aga
 ) -> None:
     monkeypatch.setattr("yumi.web.controller._RECONNECT", 0.01)
     cell = Cell("irb120", tmp_path)
-    changes: list[str] = []
+    changes: list[Message | None] = []
     view = ControllerView(cell.reader, lambda state: None, lambda log: None, lambda: changes.append(view.why_not))
 
     async def until(condition: Callable[[], bool]) -> None:
@@ -245,7 +246,7 @@ def test_nothing_is_known_of_a_controller_that_does_not_answer_until_it_does_aga
         await asyncio.wait([running])
 
     asyncio.run(main())
-    assert changes == ["Nothing answers in this memory.", ""]
+    assert [each and str(each) for each in changes] == ["Nothing answers in this memory.", None]
 
 
 def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from time import localtime, strftime
 import pytest
 
 from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
+from yumi.catalogue import message
 from yumi.driver.readiness import RobotState
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import RecordingWriter, recorded_event
@@ -94,6 +95,15 @@ def test_recording_of_a_robot_that_never_answered_shows_that(tmp_path: Path) -> 
         writer.add_value("state", 100.0, RobotState(is_connected=False))
     shown = page_recording(tmp_path / "session.mcap")
     assert [(each["time"], each["is_connected"]) for each in shown["states"]] == [(0.0, False)]
+
+
+def test_why_the_robot_did_not_move_and_what_stopped_it_are_sentences(tmp_path: Path) -> None:
+    stop = message("event_10013", number=10013, title="Emergency stop")
+    pressed = message("emergency_stop_pressed")
+    write_session(tmp_path / "session.mcap", RobotState(is_connected=True, reasons=(pressed,), causes=(stop,)))
+    (state,) = page_recording(tmp_path / "session.mcap")["states"]
+    assert (state["reasons"], state["causes"]) == ([str(pressed)], [str(stop)])
+    assert state["reasons"][0].startswith("The emergency stop is pressed")
 
 
 def test_recording_has_its_name_and_its_date_on_this_machine_s_clock(tmp_path: Path) -> None:

@@ -25,7 +25,9 @@ export class ArmPanel {
   private readonly rows: Row[];
 
   constructor(private readonly store: Store, private readonly connection: Connection, jogging: Jogging, private readonly picture: Picture) {
-    this.rows = store.page.model.arms.right.axes.map((axis, index) => this.addRow(axis, index, jogging));
+    const { arms } = store.page.model;
+    const longest = Object.values(arms).map(({ axes }) => axes).reduce((one, other) => (other.length > one.length ? other : one));
+    this.rows = longest.map((axis, index) => this.addRow(axis, index, jogging));
     press("activate", (pressed) => this.activate(pressed));
     this.bindGripper();
     store.show((page) => this.show(page));
@@ -35,7 +37,8 @@ export class ArmPanel {
     const { lower, upper } = this.store.page.model.limits;
     const [marker, goal] = [make("i", { className: "now" }), make("i", { className: "goal" })];
     const [value, error] = [make("td", { className: "number" }), make("td", { className: "number error" })];
-    const bar = make("div", { className: "bar", title: `${(lower[index]! * DEGREES).toFixed(1)}° to ${(upper[index]! * DEGREES).toFixed(1)}°` }, goal, marker);
+    const title = lower.length ? `${(lower[index]! * DEGREES).toFixed(1)}° to ${(upper[index]! * DEGREES).toFixed(1)}°` : "";
+    const bar = make("div", { className: "bar", title }, goal, marker);
     at("joints").append(
       make("tr", {}, make("th", { scope: "row", textContent: String(axis) }), value, make("td", { className: "bar-cell" }, bar), error,
         make("td", { className: "jog-cell" }, ...jogging.jointButtons(index, axis))),
@@ -54,16 +57,16 @@ export class ArmPanel {
   }
 
   private showJoints(page: Page): void {
-    const arm = page.state!.arms[page.arm];
+    const arm = page.state!.arms[page.arm]!;
     const now = jointsOf(page, page.arm);
     const { lower, upper } = page.model.limits;
     this.rows.forEach(({ marker, goal, value, error, short }, index) => {
-      const [least, most] = [lower[index]!, upper[index]!];
+      const [least, most] = [lower[index] ?? 0, upper[index] ?? 0];
       const share = (angle: number) => `${Math.min(100, Math.max(0, (100 * (angle - least)) / (most - least)))}%`;
       const position = now?.[index];
       text(value, position === undefined ? "–" : `${fixed(position * DEGREES, 2)}°`);
       text(short, position === undefined ? "–" : `${fixed(position * DEGREES, 1)}°`);
-      marker.hidden = position === undefined;
+      marker.hidden = position === undefined || !lower.length;
       if (position !== undefined) {
         marker.style.left = share(position);
         marker.classList.toggle("near", Math.min(position - least, most - position) < NEAR);
@@ -77,9 +80,9 @@ export class ArmPanel {
 
   private showTool(page: Page): void {
     const { scene } = this.picture;
-    const isMeasured = Boolean(page.state!.arms[page.arm].position);
+    const isMeasured = Boolean(page.state!.arms[page.arm]!.position);
     const isKnown = scene && jointsOf(page, page.arm);
-    const nothing = isMeasured ? "" : "No positions: EGM does not run on this arm.";
+    const nothing = isMeasured || page.view.controller ? "" : "No positions: EGM does not run on this arm.";
     text(at("tool-pose"), isKnown ? this.whereTool(page) : nothing);
   }
 
@@ -89,14 +92,16 @@ export class ArmPanel {
     const told = (point: Vector): string =>
       (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
     const where = frame ? ` in ${choice("jog-frame").selectedOptions[0]?.text}` : "";
-    const source = page.state!.arms[page.arm].position ? "" : ", as the controller reports while EGM is off";
-    return `Fingertips ${told(scene.tipFrame(page.arm).position)} mm${where} (tool0: ${told(scene.flange(page.arm))})${source}`;
+    const source = page.state!.arms[page.arm]!.position ? "" : ", as the controller reports while EGM is off";
+    const { tip } = page.model;
+    const tool0 = tip === "tool0" ? "" : ` (tool0: ${told(scene.flange(page.arm))})`;
+    return `${tip ?? "Fingertips"} ${told(scene.tipFrame(page.arm).position)} mm${where}${tool0}${source}`;
   }
 
   private activate(pressed: HTMLElement): void {
     const { arm, state } = this.store.page;
     if (!state) return;
-    const leading = state.controllers[arm].filter((each) => each.commands).map((each) => each.name);
+    const leading = state.controllers[arm]!.filter((each) => each.commands).map((each) => each.name);
     const activate = choice("controller").value;
     const deactivate = leading.filter((name) => name !== activate);
     void this.connection.request("switch_controllers", { arm, activate: [activate], deactivate }, pressed);
@@ -134,7 +139,7 @@ export function gripperWords(gripper: GripperState | null): string {
 }
 
 function showGripper(page: Page): void {
-  const gripper = page.state!.grippers[page.arm];
+  const gripper = page.state!.grippers[page.arm] ?? null;
   text(at("gripper-text"), gripperWords(gripper));
   const apart = gripper ? Math.min(1, gripper.width / (2 * page.model.gripper.travel)) : 0;
   [...at("gripper-bar").children].forEach((finger, index) => {
@@ -144,7 +149,7 @@ function showGripper(page: Page): void {
 }
 
 function showControllers(page: Page): void {
-  const controllers = page.state!.controllers[page.arm].filter(({ name }) => !name.includes("broadcaster"));
+  const controllers = page.state!.controllers[page.arm]!.filter(({ name }) => !name.includes("broadcaster"));
   const list = choice("controller");
   if ([...list.options].map((each) => each.value).join() !== controllers.map(({ name }) => name).join()) {
     list.replaceChildren(...controllers.map(({ name }) => new Option("", name)));

@@ -1,7 +1,7 @@
 /** The band at the top: what the robot does and why not, its state in short, and who has control. */
 
 import { at, button, make, press, text } from "./dom";
-import { ARMS } from "./messages";
+import { armsOf } from "./messages";
 import { permissions } from "./permissions";
 import { HANDLE_GOAL, hasControl, type Page, type Store } from "./store";
 import type { Connection } from "./connection";
@@ -58,11 +58,11 @@ function showChips({ view, state, recording }: Page): void {
   known("mode", state.operating_mode, "AUTO");
   known("motors", state.motors === null ? null : (MOTORS[state.motors] ?? state.motors), "on");
   known("program", state.program, "running");
-  for (const name of ARMS) {
-    const leading = state.controllers[name].filter((each) => each.commands).map((each) => readable(each.name));
+  for (const name of view.controller ? [] : armsOf(state)) {
+    const leading = state.controllers[name]!.filter((each) => each.commands).map((each) => readable(each.name));
     const isRunning = state.egm[name] === "running";
     const isIdle = isRunning && !leading.length && !recording;
-    chip(`EGM ${name}`, isIdle ? "running, no controller" : isRunning && leading.length ? leading.join(", ") : state.egm[name],
+    chip(`EGM ${name}`, isIdle ? "running, no controller" : isRunning && leading.length ? leading.join(", ") : state.egm[name]!,
       isIdle ? "warn" : isRunning ? "good" : "");
   }
   chip("speed", `${Math.round(state.speed_scale * 100)} %`, state.speed_scale < 1 ? "warn" : "");
@@ -84,7 +84,7 @@ function showControl(page: Page): void {
   at("stop").hidden = at("take").hidden;
   at("robot-panel").hidden = !has;
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated || "View only.";
-  text(at("control-note"), has || view.is_recording || view.why_no_robot ? "" : note);
+  text(at("control-note"), has || view.is_recording || view.controller || view.why_no_robot ? "" : note);
   showPermissions(page);
 }
 

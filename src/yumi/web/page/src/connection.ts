@@ -1,6 +1,6 @@
 /** The WebSocket to yumi view: messages come in, requests go out and end. */
 
-import type { PageMessage, ServerMessage } from "./messages";
+import type { Failure, PageMessage, ServerMessage } from "./messages";
 import { toast } from "./toast";
 
 const LOST = "The connection to yumi view is lost; is it still running? Where it was started anew, open the address that it has printed.";
@@ -20,7 +20,7 @@ export function withToken(path: string): string {
 
 interface Waiting {
   resolve: (result: unknown) => void;
-  reject: (error: { message: string }) => void;
+  reject: (error: Pick<Failure, "sentence">) => void;
 }
 
 export class Connection {
@@ -38,7 +38,7 @@ export class Connection {
     this.socket = new WebSocket(withToken(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`));
     this.socket.onmessage = ({ data }: MessageEvent<string>) => this.receive(JSON.parse(data) as ServerMessage);
     this.socket.onclose = ({ reason }) => {
-      for (const { reject } of this.pending.values()) reject({ message: "The connection to yumi view is lost." });
+      for (const { reject } of this.pending.values()) reject({ sentence: "The connection to yumi view is lost." });
       this.pending.clear();
       this.onLoss(reason || LOST);
       setTimeout(() => this.open(), AGAIN);
@@ -69,7 +69,7 @@ export class Connection {
       if (outcome) toast(outcome, "info");
       return result;
     } catch (error) {
-      toast((error as { message: string }).message);
+      toast((error as Pick<Failure, "sentence">).sentence);
       return null;
     } finally {
       pressed?.removeAttribute("aria-busy");

@@ -2,10 +2,10 @@
 
 import type { Connection } from "./connection";
 import { at, button, choice, input, make, numberOf, press, text } from "./dom";
-import { ARMS, type ArmName, type Joints, type Plan } from "./messages";
+import { armsOf, type ArmName, type Joints, type Plan } from "./messages";
 import { DEGREES } from "./numbers";
 import type { Picture } from "./picture";
-import { HANDLE_GOAL, JOINT_GOAL, jointsOf, type Handle, type Page, type Store } from "./store";
+import { HANDLE_GOAL, JOINT_GOAL, jointsOf, posesOf, type Handle, type Page, type Store } from "./store";
 import { toast } from "./toast";
 
 const SHOWN_ON = 0.6; // [s] the end of a plan, before it is shown again
@@ -15,7 +15,7 @@ const fields = (): HTMLInputElement[] => [...at("joint-goal").querySelectorAll("
 /** Where the goal of an arm is [rad]; null where it is not known here, or a field has no number. */
 export function goalJoints(page: Page, name: ArmName): Joints | null {
   if (page.goal === HANDLE_GOAL) return null;
-  if (page.goal !== JOINT_GOAL) return page.model.arms[name].poses[page.goal] ?? null;
+  if (page.goal !== JOINT_GOAL) return page.model.arms[name]!.poses[page.goal] ?? null;
   const angles = fields().map(numberOf);
   return angles.some((angle) => angle === null) ? null : angles.map((angle) => angle! / DEGREES);
 }
@@ -25,13 +25,13 @@ export function ofGoal(page: Page, goal: string): Partial<Page> {
   const isHandle = goal === HANDLE_GOAL;
   const isGoalHandle = page.handle.startsWith("goal");
   const handle: Handle = isHandle && !isGoalHandle ? "goal translate" : !isHandle && isGoalHandle ? "none" : page.handle;
-  const isForBoth = page.isForBoth && goal in page.model.arms.right.poses;
+  const isForBoth = page.isForBoth && posesOf(page.model).includes(goal);
   return { goal, handle, isForBoth, isPreviewed: page.isPreviewed && !isHandle };
 }
 
 /** What choosing a handle changes: that of a goal chooses the goal, too. */
 export function ofHandle(page: Page, handle: Handle): Partial<Page> {
-  const first = Object.keys(page.model.arms.right.poses)[0] ?? JOINT_GOAL;
+  const first = posesOf(page.model)[0] ?? JOINT_GOAL;
   const goal = handle.startsWith("goal") ? HANDLE_GOAL : page.goal === HANDLE_GOAL ? first : page.goal;
   return { ...ofGoal({ ...page, handle }, goal), handle };
 }
@@ -41,9 +41,9 @@ export class Goals {
 
   constructor(private readonly store: Store, private readonly connection: Connection, private readonly picture: Picture) {
     const { model } = store.page;
-    const goals = [...Object.keys(model.arms.right.poses), JOINT_GOAL, HANDLE_GOAL];
+    const goals = [...posesOf(model), JOINT_GOAL, HANDLE_GOAL];
     choice("pose").replaceChildren(...goals.map((name) => new Option(name, name)));
-    model.arms.right.axes.forEach((axis, index) => this.addField(axis, index));
+    if (model.limits.lower.length) model.arms[store.page.arm]!.axes.forEach((axis, index) => this.addField(axis, index));
     choice("pose").addEventListener("change", () => store.change(ofGoal(store.page, choice("pose").value)));
     choice("handle").addEventListener("change", () => store.change(ofHandle(store.page, choice("handle").value as Handle)));
     input("both").addEventListener("change", () => store.change({ isForBoth: input("both").checked }));
@@ -72,7 +72,7 @@ export class Goals {
     const isHandle = page.goal === HANDLE_GOAL;
     if (choice("pose").value !== page.goal) choice("pose").value = page.goal;
     input("both").checked = page.isForBoth;
-    input("both").disabled = !(page.goal in page.model.arms.right.poses);
+    input("both").disabled = !posesOf(page.model).includes(page.goal);
     button("preview").disabled = isHandle;
     at("preview").setAttribute("aria-pressed", String(page.isPreviewed));
     at("joint-goal").hidden = page.goal !== JOINT_GOAL;
@@ -94,7 +94,7 @@ export class Goals {
     const goalOf = (name: ArmName): string | number[] | null =>
       page.goal === HANDLE_GOAL ? this.picture.handleGoal(page) : page.goal === JOINT_GOAL ? goalJoints(page, name) : page.goal;
     const goals: Partial<Record<ArmName, string | number[]>> = {};
-    for (const name of page.isForBoth ? ARMS : [page.arm]) {
+    for (const name of page.isForBoth ? armsOf(page.model) : [page.arm]) {
       const goal = goalOf(name);
       if (goal === null) {
         const wrong = fields().find((field) => numberOf(field) === null);

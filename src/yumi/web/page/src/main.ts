@@ -10,8 +10,9 @@ import { Jogging } from "./jogging";
 import type { Model, ServerMessage } from "./messages";
 import { Picture } from "./picture";
 import { Player } from "./player";
+import { bindRapid } from "./rapid_panel";
 import { bindRobot } from "./robot_panel";
-import { initialPage, ofEvents, ofLoss, ofState, ofView, Store } from "./store";
+import { initialPage, ofController, ofEvents, ofLog, ofLoss, ofState, ofView, Store } from "./store";
 import { bindStrips } from "./strips";
 import { bindAllTabs } from "./tabs";
 import { toast } from "./toast";
@@ -31,6 +32,11 @@ async function begin(): Promise<void> {
     if (message.type === "state") {
       store.change(ofState(store.page, message));
       setTimeout(() => connection.send({ type: "seen" }), 0); // after what is drawn
+    } else if (message.type === "controller") {
+      store.change(ofController(store.page, message));
+      setTimeout(() => connection.send({ type: "seen" }), 0);
+    } else if (message.type === "log") {
+      store.change(ofLog(store.page.log, message.lines));
     } else if (message.type === "events") {
       store.change(ofEvents(store.page.events, message.events));
     } else if (message.type === "view") {
@@ -43,7 +49,7 @@ async function begin(): Promise<void> {
       endJog(); // control may be lost
       toast(message.sentence);
     } else if (message.type === "jog_refused") {
-      if (jogging.end(message.hold)) toast(message.error.message); // else it has ended already
+      if (jogging.end(message.hold)) toast(message.error.sentence); // else it has ended already
     }
   }
 
@@ -55,6 +61,7 @@ async function begin(): Promise<void> {
   new VirtualPanel(store, connection);
   bindStrips(store);
   bindEvents(store);
+  bindRapid(store);
   store.change({});
   await picture.load();
   connection.open();

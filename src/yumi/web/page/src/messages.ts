@@ -1,8 +1,9 @@
 /** What the server and the page send each other, as JSON. SI units; arms and joints by the names of the driver. */
 
-export type ArmName = "right" | "left";
-export const ARMS: readonly ArmName[] = ["right", "left"];
+/** right or left of a YuMi; of another robot the name of its mechanical unit. */
+export type ArmName = string;
 export type PerArm<T> = Record<ArmName, T>;
+export const armsOf = ({ arms }: { arms: PerArm<unknown> }): ArmName[] => Object.keys(arms);
 export type Vector = [number, number, number];
 export type Joints = number[];
 
@@ -38,22 +39,45 @@ export interface ArmModel {
   poses: Record<string, Joints>;
 }
 
+export interface Camera {
+  position: Vector;
+  target: Vector;
+  floor: number;
+}
+
 export interface Model {
   links: Record<string, Visual[]>;
   joints: JointModel[];
-  arms: PerArm<ArmModel>;
-  limits: { lower: Joints; upper: Joints; velocity: Joints };
+  arms: PerArm<ArmModel>; // of a robot without a description, an arm has no joints
+  limits: { lower: Joints; upper: Joints; velocity: Joints }; // empty without a description
+  camera?: Camera; // where it is not that of a YuMi
+  tip?: string; // what a person calls the tip, where it is not the fingertips
   gripper: { travel: number; force: number };
 }
 
-// ---- the driver's state
+// ---- what the server says
 
-/** Why the arms do not move, or what stopped the robot: its code, a sentence, and what ends it, where a button does. */
-export interface Reason {
+/** A message in the page's words: its code, a sentence, and the first thing that a person can do, by a name of yumi.catalogue. */
+export interface Said {
   code: string;
   sentence: string;
   action: string | null;
 }
+
+/** Why a request failed: the kind of error, and the id of the stop that a person has to confirm, empty where there is none. */
+export interface Failure extends Said {
+  kind: string;
+  stop: string;
+}
+
+/** A line of the driver's log: its number from 1, UNIX time [s], level (info, warning, error), and what it says. */
+export interface LogEvent extends Said {
+  number: number;
+  time: number;
+  level: string;
+}
+
+// ---- the driver's state; its reasons, causes, problems and events come beside it, in the page's words
 
 export interface CycleCounts {
   missed: number;
@@ -70,7 +94,6 @@ export interface ArmState {
   velocity: Joints | null;
   sent: Joints | null;
   goal: Joints | null;
-  problem: string;
   cycles: CycleCounts | null;
 }
 
@@ -128,10 +151,42 @@ export interface Fault {
   default: number | null;
 }
 
-export interface LogEvent {
-  time: number;
+// ---- a controller without a driver
+
+/** What does not change of it: its address, ABB's name of the robot or nothing, its robots' units, and whether it is drawn. */
+export interface ControllerKind {
+  address: string;
+  robot: string;
+  units: string[];
+  is_drawn: boolean;
+}
+
+/** Where a program pointer stands, with the lines around it, the first of which has a number, too. */
+export interface Pointer {
+  module: string;
+  routine: string;
+  line: number;
+  first_line: number;
+  text: string[];
+}
+
+export interface RapidTask {
+  name: string;
+  execution: string;
+  is_active: boolean;
+  is_motion_task: boolean;
+  pointer: Pointer | null;
+}
+
+/** A line of the event log, or one that a program wrote to the FlexPendant. */
+export interface LogLine {
+  source: "event log" | "TPWrite";
+  text: string;
   level: string;
-  sentence: string;
+  clock: string; // empty where it is not known
+  task: string; // that wrote it; empty in the event log
+  code: number; // ABB's number of the event; 0 of TPWrite
+  detail: string;
 }
 
 // ---- from the server
@@ -140,16 +195,31 @@ export interface StateMessage {
   type: "state";
   time: number;
   state: DriverState;
-  limited: Partial<PerArm<Limited>>;
+  limited: PerArm<Limited>; // of the arms that something limits
   nearest: Distance | null;
-  reasons: Reason[];
-  causes: Reason[];
+  reasons: Said[];
+  causes: Said[];
   stop: string;
+  problems: PerArm<Said>; // of the arms that have one
+}
+
+export interface ControllerMessage {
+  type: "controller";
+  time: number;
+  operating_mode: string | null;
+  motors: string | null;
+  program: string | null;
+  speed_ratio: number | null; // [%]
+  arms: PerArm<Joints | null>;
+  tasks: RapidTask[];
+  missing: string[];
 }
 
 export interface ViewMessage {
   type: "view";
   is_recording: boolean;
+  controller: ControllerKind | null; // where no driver can run for it
+  log: LogLine[]; // of the controller, oldest first
   why_no_robot: string;
   is_virtual: boolean;
   why_not_operated: string;
@@ -159,14 +229,12 @@ export interface ViewMessage {
   faults: Fault[];
 }
 
-export interface Failure {
-  message: string;
-}
-
 export type ServerMessage =
   | StateMessage
   | ViewMessage
+  | ControllerMessage
   | { type: "events"; events: LogEvent[] }
+  | { type: "log"; lines: LogLine[] }
   | { type: "refused"; sentence: string }
   | { type: "jog_refused"; hold: number; error: Failure }
   | { type: "step"; id: number; step: string }
@@ -188,7 +256,7 @@ export interface Plan {
   duration: number;
   planning_time: number;
   clearance: number;
-  arms: Partial<PerArm<PlanPoint[]>>;
+  arms: PerArm<PlanPoint[]>; // of those that move
 }
 
 export type PlanPoint = [time: number, position: Joints];
@@ -220,8 +288,8 @@ export interface RecordedState {
   execution?: string | null;
   egm?: Record<string, string>;
   speed_scale?: number;
-  reason?: string;
-  cause?: string;
+  reasons?: string[]; // sentences
+  causes?: string[];
   stop?: string;
 }
 

@@ -1,6 +1,6 @@
 /** Which buttons cannot work now, and why: they are disabled, with the reason as their title. */
 
-import { ARMS } from "./messages";
+import { armsOf } from "./messages";
 import { inTheWay, uncommanded } from "./verdict";
 import type { Page } from "./store";
 
@@ -19,16 +19,17 @@ export interface Permissions {
 export function permissions(page: Page): Permissions {
   const { state, stop, reasons, arm } = page;
   if (!state) return { start: NO_STATE, recover: NO_STATE, calibrate: NO_STATE, grip: NO_STATE, move: NO_STATE };
-  const running = ARMS.filter((name) => state.egm[name] === "running");
+  const arms = armsOf(page.model);
+  const running = arms.filter((name) => state.egm[name] === "running");
   const [blocked] = inTheWay(page).map(({ sentence }) => sentence);
   const unconfirmed = stop ? "A stop has to be confirmed first: press “Recover…”." : "";
-  const isWhole = running.length === ARMS.length;
+  const isWhole = running.length === arms.length;
   const nothing = isWhole && !reasons.length ? "Nothing is stopped: EGM runs on both arms." : "";
   return {
     start: blocked ?? (unconfirmed || (isWhole && !uncommanded(page).length ? "EGM runs on both arms." : "")),
     recover: blocked ?? (stop ? "" : nothing),
     calibrate: blocked ?? (unconfirmed || (running.length ? "EGM must not run: press “Stop (ends EGM)” first." : "")),
     grip: unconfirmed,
-    move: FOLLOWS.includes(state.arms[arm].mode) ? "" : `The ${arm} arm follows no commands: press “Start EGM”.`,
+    move: FOLLOWS.includes(state.arms[arm]!.mode) ? "" : `The ${arm} arm follows no commands: press “Start EGM”.`,
   };
 }

@@ -1,7 +1,7 @@
 /** The picture: what the scene draws of the page's state, with the labels on it. */
 
 import { at, input, press, text } from "./dom";
-import { ARMS, type ArmName, type Joints } from "./messages";
+import { armsOf, type ArmName, type Joints } from "./messages";
 import { difference } from "./numbers";
 import { Scene, type HandleMode } from "./scene";
 import { HANDLE_GOAL, hasControl, jointsOf, type Page, type Store } from "./store";
@@ -50,7 +50,7 @@ export class Picture {
     }
     if (before.plan?.plan !== page.plan?.plan) scene.showPath(page.plan?.arms ?? null);
     if (page.state) {
-      for (const name of ARMS) this.showArm(scene, page, name);
+      for (const name of armsOf(page.model)) this.showArm(scene, page, name);
     }
     at("scene").dataset.held = scene.heldParts().join(" ");
     this.showHandle(scene, page, before);
@@ -58,11 +58,11 @@ export class Picture {
 
   private showArm(scene: Scene, page: Page, name: ArmName): void {
     const gripper = page.state?.grippers[name] ?? null;
-    const home = page.model.arms[name].poses.home ?? null;
+    const home = page.model.arms[name]!.poses.home ?? null;
     const position = jointsOf(page, name) ?? (scene.isPlaced(name) ? null : home);
     scene.showArm(name, position, gripper ? gripper.width / 2 : null, Boolean(gripper?.is_holding));
     scene.showGhost(name, this.ghostOf(page, name));
-    if (page.state?.arms[name].position && !page.recording) scene.addTrace(name);
+    if (page.state?.arms[name]?.position && !page.recording) scene.addTrace(name);
   }
 
   /** The plan or goal that is previewed, or the goal of the active controller where it is not where the arm is. */
@@ -94,7 +94,7 @@ export class Picture {
     if (!nearest) return;
     const distance = nearest.distance > 0 ? `${(nearest.distance * 1000).toFixed(0)} mm` : "at the limit";
     text(label, `${nearest.part} – ${nearest.other}: ${distance}`);
-    label.classList.toggle("limited", ARMS.some((name) => limited[name]));
+    label.classList.toggle("limited", Object.keys(limited).length > 0);
     if (!place) return;
     const { clientWidth, clientHeight } = at("scene");
     const within = (value: number, most: number) => Math.min(Math.max(value, 8), most);
@@ -103,7 +103,7 @@ export class Picture {
   }
 
   private showUnmeasured(page: Page): void {
-    const unmeasured = page.state ? ARMS.filter((name) => !jointsOf(page, name)) : [];
+    const unmeasured = page.state ? armsOf(page.model).filter((name) => !jointsOf(page, name)) : [];
     at("not-measured").hidden = !unmeasured.length;
     const known = unmeasured.length > 1
       ? "The positions of both arms are not known: they are"

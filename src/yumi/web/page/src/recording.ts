@@ -1,6 +1,6 @@
 /** A recording as the page shows it: what the driver would have reported at a time of it. */
 
-import { ARMS, type ArmState, type DriverState, type GripperState, type PerArm, type Reason, type Recording } from "./messages";
+import { armsOf, type ArmName, type ArmState, type DriverState, type GripperState, type PerArm, type Recording, type Said } from "./messages";
 import { indexAt } from "./numbers";
 import type { Page } from "./store";
 
@@ -8,7 +8,7 @@ const LIVES = 1; // [s] an arm without a cycle for so long ran no EGM
 const MOVES = 0.01; // [rad/s]
 const SHOWN_FOR = 2; // [s] after a fault
 
-const byArm = <T>(value: (name: "right" | "left") => T): PerArm<T> => ({ right: value("right"), left: value("left") });
+const byArm = <T>(value: (name: ArmName) => T): PerArm<T> => ({ right: value("right"), left: value("left") });
 
 function newest<T extends { time: number }>(items: readonly T[], time: number): T | null {
   return items[indexAt(items.map((each) => each.time), time)] ?? null;
@@ -18,13 +18,13 @@ function newest<T extends { time: number }>(items: readonly T[], time: number): 
 export function ofTime(recording: Recording, time: number): Partial<Page> {
   const robot = newest(recording.states, time);
   const isRunning = byArm((name) => {
-    const cycles = recording.arms[name];
+    const cycles = recording.arms[name]!;
     const index = indexAt(cycles.time, time);
     return index >= 0 && Boolean(cycles.is_running[index]) && time - cycles.time[index]! < LIVES;
   });
   const event = newest(recording.events, time);
-  const fault = event?.is_fault && time - event.time < SHOWN_FOR ? event.sentence : "";
-  const told = (sentence: string | undefined): Reason[] => (sentence ? [{ code: "", sentence, action: null }] : []);
+  const fault = event?.is_fault && time - event.time < SHOWN_FOR ? [event.sentence] : [];
+  const told = (sentences: readonly string[] = []): Said[] => sentences.map((sentence) => ({ code: "text", sentence, action: null }));
   const state: DriverState = {
     robot: recording.name,
     operating_mode: robot?.operating_mode ?? null,
@@ -33,32 +33,32 @@ export function ofTime(recording: Recording, time: number): Partial<Page> {
     machines: { right: null, left: null },
     egm: byArm((name) => (isRunning[name] || robot?.egm?.[name.charAt(0)] === "running" ? "running" : "off")),
     speed_scale: robot?.speed_scale ?? 1,
-    arms: byArm((name) => recordedArm(recording, name, time, isRunning[name])),
+    arms: byArm((name) => recordedArm(recording, name, time, Boolean(isRunning[name]))),
     controllers: { right: [], left: [] },
     grippers: byArm((name) => recordedGripper(recording, name, time)),
   };
   return {
-    state, stateTime: time, reasons: told(robot?.reason), causes: told(robot?.cause || fault), stop: robot?.stop ?? "",
-    limited: {}, nearest: null,
+    state, stateTime: time, reasons: told(robot?.reasons), causes: told(robot?.causes?.length ? robot.causes : fault), stop: robot?.stop ?? "",
+    problems: {}, limited: {}, nearest: null,
   };
 }
 
-function recordedArm(recording: Recording, name: "right" | "left", time: number, isRunning: boolean): ArmState {
-  const cycles = recording.arms[name];
+function recordedArm(recording: Recording, name: ArmName, time: number, isRunning: boolean): ArmState {
+  const cycles = recording.arms[name]!;
   const index = indexAt(cycles.time, time);
   const velocity = cycles.velocity[Math.max(index, 0)] ?? null;
   const isMoving = isRunning && velocity !== null && Math.max(...velocity.map(Math.abs)) > MOVES;
   return {
     mode: isMoving ? "moving" : isRunning ? "holding" : "no_egm",
-    session: 0, problem: "", cycles: null, velocity,
+    session: 0, cycles: null, velocity,
     position: cycles.position[Math.max(index, 0)] ?? null,
     sent: cycles.sent[index] ?? null,
     goal: cycles.reference[index] ?? null,
   };
 }
 
-function recordedGripper(recording: Recording, name: "right" | "left", time: number): GripperState | null {
-  const gripper = newest(recording.grippers[name], time);
+function recordedGripper(recording: Recording, name: ArmName, time: number): GripperState | null {
+  const gripper = newest(recording.grippers[name]!, time);
   return gripper && {
     state: String(gripper.state).toLowerCase().replaceAll("_", " "), width: 2 * gripper.position, force: gripper.force,
     is_holding: gripper.state === "KEEP_OBJECT", is_calibrated: gripper.is_calibrated, error: gripper.error,
@@ -66,6 +66,6 @@ function recordedGripper(recording: Recording, name: "right" | "left", time: num
 }
 
 /** The arm to show first: a flight record has one alone. */
-export function recordedArmName(recording: Recording): "right" | "left" {
-  return ARMS.find((name) => recording.arms[name].time.length) ?? "right";
+export function recordedArmName(recording: Recording): ArmName {
+  return armsOf(recording).find((name) => recording.arms[name]!.time.length) ?? "right";
 }

@@ -5,7 +5,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { TransformControls } from "three/addons/controls/TransformControls.js";
 
 import type { Frame } from "./frames";
-import { ARMS, type ArmName, type Box, type JointModel, type Joints, type Model, type PerArm, type PlanPoint, type Vector,
+import { armsOf, type ArmModel, type ArmName, type Box, type Camera, type JointModel, type Joints, type Model, type PerArm, type PlanPoint, type Vector,
   type Visual } from "./messages";
 import { readStl } from "./stl";
 
@@ -13,7 +13,9 @@ const TRACE = 400; // points of a trace
 const STILL = 2e-4; // [rad] a smaller change is not drawn
 const SLOW = 50; // [ms] a picture that takes longer, as without a graphics card, is drawn with fewer points
 const PART: [number, number] = [0.022, 0.032]; // [m] of a part that is held, beside its width, which is measured
-const OF_ARM: PerArm<number> = { right: 0xe8590c, left: 0x7048e8 };
+const COLOR = 0xe8590c; // of a trace
+const LEFT_COLOR = 0x7048e8;
+const CAMERA: Camera = { position: [1.45, -1.05, 0.86], target: [0.05, -0.07, 0.22], floor: -0.101 };
 
 export type HandleMode = "translate" | "rotate";
 
@@ -94,7 +96,7 @@ class DrawnArm {
     const line = new THREE.BufferGeometry();
     line.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * TRACE), 3));
     line.setDrawRange(0, 0);
-    this.trace = new THREE.Line(line, new THREE.LineBasicMaterial({ color: OF_ARM[name] }));
+    this.trace = new THREE.Line(line, new THREE.LineBasicMaterial({ color: name === "left" ? LEFT_COLOR : COLOR }));
     this.trace.frustumCulled = false;
     const material = new THREE.MeshStandardMaterial({ color: 0x2f9e44, roughness: 0.6 });
     this.part = new THREE.Mesh(new THREE.BoxGeometry(1, 1, 1), material);
@@ -131,7 +133,7 @@ export class Scene {
   private readonly nearest = line([new THREE.Vector3(), new THREE.Vector3()], 0xd6336c);
   private readonly path = new THREE.Group(); // of the fingertips on a plan
   private readonly workObject = new THREE.AxesHelper(0.12);
-  private readonly arms: PerArm<DrawnArm> = { right: new DrawnArm("right"), left: new DrawnArm("left") };
+  private readonly arms: PerArm<DrawnArm> = {};
   private readonly gl: WebGLRenderingContext | WebGL2RenderingContext;
   private robot!: Robot;
   private ghost!: Robot;
@@ -140,6 +142,7 @@ export class Scene {
 
   /** @param canvas where it is drawn. @param model of the robot, as /model.json has it. */
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
+    for (const name of armsOf(model)) this.arms[name] = new DrawnArm(name);
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
     this.renderer.toneMapping = THREE.ACESFilmicToneMapping;
@@ -151,7 +154,7 @@ export class Scene {
     withSun(this.scene);
     const grid = new THREE.GridHelper(2.4, 24, 0x888888, 0x888888);
     grid.rotation.x = Math.PI / 2;
-    grid.position.z = -0.101;
+    grid.position.z = (model.camera ?? CAMERA).floor;
     Object.assign(grid.material, { transparent: true, opacity: 0.28 });
     this.nearest.frustumCulled = false;
     this.nearest.renderOrder = 3;
@@ -188,9 +191,9 @@ export class Scene {
     const ofArms = new Map([...geometries].filter(([visual]) => !this.isOfBody(visual)));
     this.ghost = new Robot(this.model, ofArms, () => glass);
     this.scene.add(this.robot.root, this.ghost.root);
-    for (const name of ARMS) {
-      const { frame, trace, part } = this.arms[name];
-      this.robot.link(this.model.arms[name].tip).add(frame, part);
+    for (const name of armsOf(this.model)) {
+      const { frame, trace, part } = this.drawn(name);
+      this.robot.link(this.arm(name).tip).add(frame, part);
       this.scene.add(trace);
       this.showGhost(name, null);
     }
@@ -220,7 +223,7 @@ export class Scene {
 
   /** Whether a shape is of no arm: the ghost has none of these. */
   private isOfBody(visual: Visual): boolean {
-    const firsts = new Set(ARMS.map((name) => this.joint(this.model.arms[name].joints[0]!).child));
+    const firsts = new Set(armsOf(this.model).map((name) => this.firstLink(name)));
     const isOfArm = (link: string): boolean => {
       const joint = this.model.joints.find((each) => each.child === link);
       return firsts.has(link) || (joint !== undefined && isOfArm(joint.parent));
@@ -229,8 +232,17 @@ export class Scene {
     return !isOfArm(link);
   }
 
-  private joint(name: string): JointModel {
-    return this.model.joints.find((each) => each.name === name)!;
+  /** That an arm begins with; nothing where the robot has no description. */
+  private firstLink(name: ArmName): string | undefined {
+    return this.model.joints.find((each) => each.name === this.arm(name).joints[0])?.child;
+  }
+
+  private arm(name: ArmName): ArmModel {
+    return this.model.arms[name]!;
+  }
+
+  private drawn(name: ArmName): DrawnArm {
+    return this.arms[name]!;
   }
 
   /** Show boxes around the robot: their poses (position [m], orientation w, x, y, z) and edges [m]. */
@@ -275,14 +287,14 @@ export class Scene {
   }
 
   /** Draw the paths of the fingertips on a plan; null removes them. */
-  showPath(arms: Partial<PerArm<PlanPoint[]>> | null): void {
+  showPath(arms: PerArm<PlanPoint[]> | null): void {
     for (const each of this.path.children) (each as THREE.Line).geometry.dispose();
     this.path.clear();
-    for (const name of ARMS) {
+    for (const name of armsOf(this.model)) {
       const tips = (arms?.[name] ?? []).map(([, position]) => {
-        this.ghost.setAll(this.model.arms[name].joints, position);
+        this.ghost.setAll(this.arm(name).joints, position);
         this.ghost.root.updateMatrixWorld(true);
-        return new THREE.Vector3().setFromMatrixPosition(this.ghost.link(this.model.arms[name].tip).matrixWorld);
+        return new THREE.Vector3().setFromMatrixPosition(this.ghost.link(this.arm(name).tip).matrixWorld);
       });
       if (!tips.length) continue;
       const path = line(tips, 0x2f7ff0);
@@ -300,11 +312,11 @@ export class Scene {
 
   /** Where tool0 of an arm is [m]. */
   flange(name: ArmName): Vector {
-    return this.placeOf(this.model.arms[name].tool0).toArray();
+    return this.placeOf(this.arm(name).tool0).toArray();
   }
 
   private tipPose(name: ArmName): { position: THREE.Vector3; quaternion: THREE.Quaternion } {
-    const { tip } = this.model.arms[name];
+    const { tip } = this.arm(name);
     return { position: this.placeOf(tip), quaternion: this.robot.link(tip).getWorldQuaternion(new THREE.Quaternion()) };
   }
 
@@ -372,20 +384,21 @@ export class Scene {
   }
 
   resetCamera(): void {
-    this.camera.position.set(1.45, -1.05, 0.86);
-    this.controls.target.set(0.05, -0.07, 0.22);
+    const { position, target } = this.model.camera ?? CAMERA;
+    this.camera.position.set(...position);
+    this.controls.target.set(...target);
     this.controls.update();
   }
 
   /** Whether an arm was drawn where it is known to be. */
   isPlaced(name: ArmName): boolean {
-    return this.arms[name].position !== null;
+    return this.drawn(name).position !== null;
   }
 
   /** Show an arm at joint positions [rad], its fingers at a distance from the middle [m], and a part that they hold. */
   showArm(name: ArmName, position: Joints | null, finger: number | null, isHolding: boolean): void {
-    const { joints, fingers } = this.model.arms[name];
-    const drawn = this.arms[name];
+    const { joints, fingers } = this.arm(name);
+    const drawn = this.drawn(name);
     const isAway = position !== null && !drawn.position?.every((value, index) => Math.abs(position[index]! - value) <= STILL);
     const isOpened = finger !== null && !(drawn.finger !== null && Math.abs(finger - drawn.finger) < 2e-5);
     if (!isAway && !isOpened && drawn.part.visible === isHolding) return;
@@ -408,24 +421,25 @@ export class Scene {
 
   /** The arms between whose fingers a part is drawn. */
   heldParts(): ArmName[] {
-    return ARMS.filter((name) => this.arms[name].part.visible);
+    return armsOf(this.model).filter((name) => this.drawn(name).part.visible);
   }
 
   /** Show a goal of an arm [rad]; null removes it. */
   showGhost(name: ArmName, goal: Joints | null): void {
-    const drawn = this.arms[name];
+    const drawn = this.drawn(name);
     if (drawn.goal !== undefined && String(drawn.goal) === String(goal)) return;
     drawn.goal = goal;
-    const { joints } = this.model.arms[name];
-    this.ghost.link(this.joint(joints[0]!).child).visible = goal !== null;
-    if (goal) this.ghost.setAll(joints, goal);
+    const first = this.firstLink(name);
+    if (!first) return;
+    this.ghost.link(first).visible = goal !== null;
+    if (goal) this.ghost.setAll(this.arm(name).joints, goal);
     this.draw();
   }
 
   /** Append where the fingertips are to the trace of an arm. */
   addTrace(name: ArmName): void {
-    const { points, trace } = this.arms[name];
-    const tip = this.placeOf(this.model.arms[name].tip);
+    const { points, trace } = this.drawn(name);
+    const tip = this.placeOf(this.arm(name).tip);
     if (points.length && points[points.length - 1]!.distanceTo(tip) < 0.002) return;
     points.push(tip);
     if (points.length > TRACE) points.shift();

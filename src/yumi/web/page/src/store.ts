@@ -1,8 +1,9 @@
 /** The page's state, in one place: messages and a person's choices change it, and views show all of it. */
 
 import { frameOfBox, type Frame } from "./frames";
-import { ARMS, type ArmName, type Distance, type DriverState, type Limited, type LogEvent, type Model, type PerArm,
-  type Plan, type Reason, type Recording, type StateMessage, type ViewMessage } from "./messages";
+import { armsOf, type ArmName, type ControllerKind, type ControllerMessage, type Distance, type DriverState, type Limited,
+  type LogEvent, type LogLine, type Model, type PerArm, type Plan, type RapidTask, type Recording, type Said, type StateMessage,
+  type ViewMessage } from "./messages";
 
 export const TABS = ["joints", "tool", "poses", "virtual"] as const;
 export type Tab = (typeof TABS)[number];
@@ -13,17 +14,18 @@ export type Handle = "none" | "jog translate" | "jog rotate" | "goal translate" 
 export const JOINT_GOAL = "joint positions";
 export const HANDLE_GOAL = "the handle";
 
-const MOST_EVENTS = 100;
+const MOST_LINES = 100; // of a log
 
 export interface Page {
   model: Model;
-  view: Omit<ViewMessage, "type" | "events">;
-  state: DriverState | null; // the newest, or that of a recording
+  view: Omit<ViewMessage, "type" | "events" | "log">;
+  state: DriverState | null; // the newest, that of a recording, or what is known of a controller
   stateTime: number; // of it, on the server's clock, or in the recording [s]
-  reasons: Reason[]; // why the arms do not move
-  causes: Reason[]; // what stopped the robot
+  reasons: Said[]; // why the arms do not move
+  causes: Said[]; // what stopped the robot
   stop: string; // id of the stop that a person has to confirm
-  limited: Partial<PerArm<Limited>>; // two parts of each arm that must not come nearer to each other
+  problems: PerArm<Said>; // why an arm holds, of those that do
+  limited: PerArm<Limited>; // two parts of each arm that must not come nearer to each other
   nearest: Distance | null; // those that limit an arm, else those nearest to each other
   silentSince: number; // when the robot began to run EGM without its datagrams, on the server's clock [s]
   arm: ArmName; // that the panel shows
@@ -38,40 +40,76 @@ export interface Page {
   workObject: Frame | null;
   events: readonly LogEvent[]; // the newest first
   recording: Recording | null;
+  tasks: readonly RapidTask[]; // of a controller without a driver
+  missing: readonly string[]; // what is not shown of it and why
+  log: readonly LogLine[]; // of it, the newest first
 }
 
 export function initialPage(model: Model, workObject: Frame | null): Page {
+  const arm = armsOf(model)[0]!;
   return {
     model,
     view: {
-      is_recording: false, why_no_robot: "The page is connecting.", is_virtual: false, why_not_operated: "",
+      is_recording: false, controller: null, why_no_robot: "The page is connecting.", is_virtual: false, why_not_operated: "",
       control: "none", surroundings: { boxes: [] }, faults: [],
     },
-    state: null, stateTime: 0, reasons: [], causes: [], stop: "", limited: {}, nearest: null, silentSince: Infinity,
-    arm: "right", tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
-    goal: Object.keys(model.arms.right.poses)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
-    workObject, events: [], recording: null,
+    state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, limited: {}, nearest: null,
+    silentSince: Infinity, arm, tab: "joints", jogSpeed: 0.6, frame: "base", handle: "none",
+    goal: posesOf(model)[0] ?? JOINT_GOAL, isForBoth: false, isPreviewed: false, plan: null,
+    workObject, events: [], recording: null, tasks: [], missing: [], log: [],
   };
+}
+
+/** The poses that have names, of every arm. */
+export function posesOf(model: Model): string[] {
+  return Object.keys(model.arms[armsOf(model)[0]!]!.poses);
 }
 
 /** What a state of the driver changes. */
 export function ofState(page: Page, message: StateMessage): Partial<Page> {
-  const { state, time: stateTime, reasons, causes, stop, limited, nearest } = message;
+  const { state, time: stateTime, reasons, causes, stop, problems, limited, nearest } = message;
   const silentSince = silentArms(state).length ? Math.min(page.silentSince, stateTime) : Infinity;
-  return { state, stateTime, reasons, causes, stop, limited, nearest, silentSince };
+  return { state, stateTime, reasons, causes, stop, problems, limited, nearest, silentSince };
+}
+
+/** What is known of a controller without a driver, in the shape of a driver's state as far as there is one. */
+export function ofController(page: Page, message: ControllerMessage): Partial<Page> {
+  const { arms, missing, motors, operating_mode, program, speed_ratio, tasks, time: stateTime } = message;
+  const each = <T>(value: (name: ArmName) => T): PerArm<T> => Object.fromEntries(armsOf(message).map((name) => [name, value(name)]));
+  const state: DriverState = {
+    robot: nameOf(page.view.controller!), operating_mode, motors, program, speed_scale: (speed_ratio ?? 100) / 100,
+    machines: each(() => null), egm: each(() => "off"), controllers: each(() => []), grippers: each(() => null),
+    arms: each((name) => ({
+      mode: "no_egm", session: 0, position: arms[name] ?? null, velocity: null, sent: null, goal: null, cycles: null,
+    })),
+  };
+  return { state, stateTime, tasks, missing };
+}
+
+function nameOf({ robot, address }: ControllerKind): string {
+  return robot ? `${robot} at ${address}` : address;
 }
 
 /** What the server's words on control and robot change. */
-export function ofView(page: Page, { type: _, events, ...view }: ViewMessage): Partial<Page> {
+export function ofView(page: Page, { type: _, events, log, ...view }: ViewMessage): Partial<Page> {
   const isControlLost = page.view.control === "here" && view.control !== "here";
   return {
-    view, ...ofEvents([], events), ...(isControlLost ? { plan: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
+    view, ...ofEvents([], events), ...ofLog([], log), ...(isControlLost ? { plan: null } : {}), ...(view.why_no_robot ? { state: null } : {}),
   };
 }
 
 /** What new lines of the log change. */
 export function ofEvents(known: readonly LogEvent[], events: readonly LogEvent[]): Partial<Page> {
-  return { events: [...[...events].reverse(), ...known].slice(0, MOST_EVENTS) };
+  return { events: newestFirst(known, events) };
+}
+
+/** What new lines of a controller's log change. */
+export function ofLog(known: readonly LogLine[], lines: readonly LogLine[]): Partial<Page> {
+  return { log: newestFirst(known, lines) };
+}
+
+function newestFirst<T>(known: readonly T[], added: readonly T[]): T[] {
+  return [...[...added].reverse(), ...known].slice(0, MOST_LINES);
 }
 
 /** What the loss of the connection changes. */
@@ -81,14 +119,14 @@ export function ofLoss(page: Page, sentence: string): Partial<Page> {
 
 /** The arms that the robot runs EGM on while its datagrams do not arrive. */
 export function silentArms(state: DriverState): ArmName[] {
-  return ARMS.filter((name) => state.egm[name] !== "running" && state.machines[name] === "RUN_EGM_ROUTINE");
+  return armsOf(state).filter((name) => state.egm[name] !== "running" && state.machines[name] === "RUN_EGM_ROUTINE");
 }
 
 export const hasControl = ({ view }: Page): boolean => view.control === "here";
 
 /** Where an arm is [rad], as EGM measures or the controller reports it; null where neither does. */
 export function jointsOf({ state }: Page, name: ArmName): number[] | null {
-  return state?.arms[name].position ?? state?.arms[name].resting ?? null;
+  return state?.arms[name]?.position ?? state?.arms[name]?.resting ?? null;
 }
 
 /** The frame that the tool is jogged in; null for base and tool, and for a work object that was not set. */

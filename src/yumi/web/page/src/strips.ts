@@ -1,7 +1,7 @@
 /** Cycle health: the last ten seconds of some numbers, of both arms. */
 
 import { at, make, text } from "./dom";
-import { ARMS, type ArmName, type ArmState, type DriverState, type PerArm } from "./messages";
+import { armsOf, type ArmName, type ArmState, type DriverState, type PerArm } from "./messages";
 import { DEGREES, difference, indexAt } from "./numbers";
 import type { Page, Store } from "./store";
 
@@ -32,21 +32,23 @@ const KINDS: Kind[] = [
 ];
 
 class Strip {
-  private readonly values: PerArm<(number | null)[]> = { right: [], left: [] };
+  private readonly values: PerArm<(number | null)[]>;
   private readonly canvas = make("canvas", { width: 300, height: 40, className: "strip", role: "img" });
   private readonly label = make("span", { className: "strip-value" });
   private readonly row: HTMLElement;
 
-  constructor(private readonly kind: Kind) {
+  constructor(private readonly kind: Kind, private readonly arms: readonly ArmName[]) {
+    this.values = Object.fromEntries(arms.map((name) => [name, []]));
     this.canvas.setAttribute("aria-label", kind.name);
     this.row = make("div", { className: "strip-row" }, make("span", { className: "strip-name", textContent: kind.name }), this.canvas, this.label);
     at("strips").append(this.row);
   }
 
   sample(state: DriverState, before: DriverState | null): void {
-    for (const name of ARMS) {
-      this.values[name].push(this.kind.of(state.arms[name], before?.arms[name]));
-      if (this.values[name].length > SAMPLES) this.values[name].shift();
+    for (const name of this.arms) {
+      const values = this.values[name]!;
+      values.push(this.kind.of(state.arms[name]!, before?.arms[name]));
+      if (values.length > SAMPLES) values.shift();
     }
   }
 
@@ -62,30 +64,31 @@ class Strip {
     if (!context) return;
     const { width, height } = this.canvas;
     context.clearRect(0, 0, width, height);
-    const all = ARMS.flatMap((name) => this.values[name]).filter((value) => value !== null);
+    const all = this.arms.flatMap((name) => this.values[name]!).filter((value) => value !== null);
     const top = Math.max(1e-3, ...all) * 1.15;
-    for (const name of ARMS) {
+    for (const name of this.arms) {
       context.strokeStyle = style.getPropertyValue(`--${name}`);
       context.lineWidth = 1.5;
       context.beginPath();
-      this.values[name].forEach((value, index) => {
+      const values = this.values[name]!;
+      values.forEach((value, index) => {
         if (value === null) return;
-        const x = width - (this.values[name].length - index) * (width / SAMPLES);
+        const x = width - (values.length - index) * (width / SAMPLES);
         context.lineTo(x, height - 2 - ((height - 4) * value) / top);
       });
       context.stroke();
     }
     const shown = (name: ArmName): string => {
       const { total } = this.kind;
-      const value = total && state ? total(state.arms[name]) : this.values[name].at(-1);
+      const value = total && state ? total(state.arms[name]!) : this.values[name]!.at(-1);
       return `${name} ${value === null || value === undefined ? "–" : `${value.toFixed(this.kind.digits)}${this.kind.unit}`}`;
     };
-    text(this.label, ARMS.map(shown).join("\n"));
+    text(this.label, this.arms.map(shown).join("\n"));
   }
 }
 
 export function bindStrips(store: Store): void {
-  const strips = KINDS.map((kind) => new Strip(kind));
+  const strips = KINDS.map((kind) => new Strip(kind, armsOf(store.page.model)));
   let [before, count, isFilled] = [null as DriverState | null, 0, false];
   store.show((page) => {
     if (page.recording) {
@@ -103,8 +106,9 @@ export function bindStrips(store: Store): void {
 function fill([error, ...others]: Strip[], { recording, state }: Page): void {
   const { arms, duration } = recording!;
   const ofArm = (name: ArmName) => Array.from({ length: SAMPLES }, (_, index) => {
-    const found = indexAt(arms[name].time, (duration * index) / (SAMPLES - 1));
-    const [position, sent] = [arms[name].position[found], arms[name].sent[found]];
+    const { time, position: positions, sent: references } = arms[name]!;
+    const found = indexAt(time, (duration * index) / (SAMPLES - 1));
+    const [position, sent] = [positions[found], references[found]];
     return position && sent ? difference(sent, position) * DEGREES : null;
   });
   error?.fill({ right: ofArm("right"), left: ofArm("left") });

@@ -1,7 +1,7 @@
 /** Tabs: the arm that is shown, and what it is operated with, so that what is used together is seen together. */
 
-import { at, button } from "./dom";
-import { ARMS } from "./messages";
+import { at, button, make } from "./dom";
+import { armsOf, type ArmName } from "./messages";
 import { hasControl, TABS, type Page, type Store } from "./store";
 
 function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => string, choose: (name: T) => void): void {
@@ -19,8 +19,22 @@ function bindTabs<T extends string>(names: readonly T[], idOf: (name: T) => stri
   }
 }
 
+/** One tab for each robot where these are not a YuMi's arms; none where there is one robot alone. */
+function buildArmTabs(arms: readonly ArmName[]): void {
+  if (arms.includes("right")) return;
+  const list = at("tab-right").parentElement!;
+  list.hidden = arms.length < 2;
+  list.replaceChildren(...arms.map((name) => {
+    const tab = make("button", { id: `tab-${name}`, textContent: name, role: "tab" });
+    tab.setAttribute("aria-controls", "arm-panel");
+    return tab;
+  }));
+}
+
 export function bindAllTabs(store: Store, endJog: () => void): void {
-  bindTabs(ARMS, (name) => `tab-${name}`, (arm) => {
+  const arms = armsOf(store.page.model);
+  buildArmTabs(arms);
+  bindTabs(arms, (name) => `tab-${name}`, (arm) => {
     endJog();
     store.change({ arm, isPreviewed: false });
   });
@@ -32,7 +46,7 @@ export function bindAllTabs(store: Store, endJog: () => void): void {
 }
 
 function showTabs(page: Page): void {
-  for (const name of ARMS) at(`tab-${name}`).setAttribute("aria-selected", String(name === page.arm));
+  for (const name of armsOf(page.model)) at(`tab-${name}`).setAttribute("aria-selected", String(name === page.arm));
   at("arm-panel").setAttribute("aria-labelledby", `tab-${page.arm}`);
   at("tab-virtual").hidden = !page.view.is_virtual;
   const wanted = page.tab === "virtual" && !page.view.is_virtual ? "joints" : page.tab;

@@ -1,6 +1,6 @@
 /** The band: whether the robot moves, else why not and what to do, and the button that does it. */
 
-import { ARMS, type ArmName, type Reason } from "./messages";
+import { armsOf, type ArmName, type Said } from "./messages";
 import { silentArms, type Page } from "./store";
 
 export type Level = "good" | "warn" | "error" | "wait";
@@ -14,42 +14,40 @@ export interface Verdict {
 
 const BEGINNING = 1; // [s] EGM that begins may be without datagrams for so long
 
-/** What the page's buttons do, by the action that a reason names. */
-const BUTTONS: Record<string, string> = { recover: "recover", start_egm: "start", stop_egm: "stop" };
+/** The buttons that ask the driver for what a message says that a person can do. */
+const BUTTONS: Record<string, string> = {
+  recover: "recover", confirm_stop: "recover", motors_on: "recover", start_egm: "start", stop_egm: "stop", restart_egm: "stop",
+  calibrate: "calibrate",
+};
+
+/** Those for what is done at a robot itself; a virtual one has no FlexPendant to go to. */
+const VIRTUAL_BUTTONS: Record<string, string> = { release_stop: "release-stop", turn_to_auto: "key" };
 
 const both = (names: readonly ArmName[]): string => (names.length > 1 ? "both arms" : `the ${names[0]} arm`);
-const running = ({ state }: Page): ArmName[] => ARMS.filter((name) => state?.egm[name] === "running");
-const moving = ({ state }: Page): ArmName[] => ARMS.filter((name) => state?.arms[name].mode === "moving");
+const running = ({ model, state }: Page): ArmName[] => armsOf(model).filter((name) => state?.egm[name] === "running");
+const moving = ({ model, state }: Page): ArmName[] => armsOf(model).filter((name) => state?.arms[name]?.mode === "moving");
+const isWhole = (page: Page): boolean => running(page).length === armsOf(page.model).length;
+const sentencesOf = (said: readonly Said[]): string[] => said.map(({ sentence }) => sentence);
 const canTakeControl = ({ view }: Page): boolean => view.control === "none" && !view.why_not_operated;
 
 /** The arms that EGM holds and no controller commands. */
 export function uncommanded(page: Page): ArmName[] {
-  return running(page).filter((name) => !page.state?.controllers[name].some((each) => each.commands));
+  return running(page).filter((name) => !page.state?.controllers[name]?.some((each) => each.commands));
 }
 
-const isPressed = ({ state }: Page): boolean => state?.motors === "emergencystop";
-const isManual = ({ state }: Page): boolean => Boolean(state?.operating_mode) && state?.operating_mode !== "AUTO";
-
-/** The button of the virtual robot, which has no FlexPendant to go to, that ends what a person would end there. */
-function virtualButton(page: Page): string {
-  if (!page.view.is_virtual) return "";
-  return isPressed(page) ? "release-stop" : isManual(page) ? "key" : "";
-}
-
-/** What no button of the page ends: a person does so at the robot or its controller, before anything else. */
-export function inTheWay(page: Page): Reason[] {
+/** What nothing that the driver is asked for ends: a person does so at the robot or its controller, before anything else. */
+export function inTheWay(page: Page): Said[] {
   return page.reasons.filter(({ action }) => !action || !(action in BUTTONS));
 }
 
 /** The id of the button that brings the robot nearer to motion; empty where there is none. */
 export function remedyButton(page: Page): string {
   if (page.view.control !== "here" || !page.state || page.view.why_no_robot) return "";
-  if (virtualButton(page)) return virtualButton(page);
-  if (inTheWay(page).length) return "";
+  const [blocking] = inTheWay(page);
+  if (blocking) return (page.view.is_virtual && VIRTUAL_BUTTONS[blocking.action ?? ""]) || "";
   if (page.stop) return "recover"; // it confirms the stop, and does the rest
-  const [first] = page.reasons;
-  if (first?.action) return BUTTONS[first.action] ?? "";
-  return running(page).length < ARMS.length ? "start" : "";
+  const known = [...page.reasons, ...Object.values(page.problems)].map(({ action }) => BUTTONS[action ?? ""]).find(Boolean);
+  return known ?? (isWhole(page) ? "" : "start");
 }
 
 function isSilent(page: Page): boolean {
@@ -57,7 +55,14 @@ function isSilent(page: Page): boolean {
 }
 
 export function verdict(page: Page): Verdict {
-  return page.recording ? recorded(page) : live(page);
+  if (page.recording) return recorded(page);
+  return page.view.controller && page.state && !page.view.why_no_robot ? ofRapid(page) : live(page);
+}
+
+/** Of a controller without a driver: whether its program runs, and what is not shown. */
+function ofRapid({ state, missing }: Page): Verdict {
+  const runs = state?.program === "running" ? "RAPID runs" : state?.program ? "RAPID is stopped" : "RAPID is being read";
+  return { level: state?.program === "running" ? "good" : "wait", kind: "", head: `View only: ${runs}`, lines: [...missing] };
 }
 
 function live(page: Page): Verdict {
@@ -75,16 +80,15 @@ function live(page: Page): Verdict {
     return say("error", `Cannot move: the robot runs EGM on the ${silent} arm, but its datagrams do not arrive`,
       check, ...first, "Then press “Recover…”.");
   }
-  const sentences = page.reasons.map(({ sentence }) => sentence);
+  const sentences = sentencesOf(page.reasons);
   if (page.causes.length) {
-    return say("error", `Stopped: ${page.causes.map(({ sentence }) => sentence).join(" ")}`, ...sentences, ...todo);
+    return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences, ...todo);
   }
   if (page.stop) return say("error", `Stopped: ${sentences[0] ?? page.stop}`, ...sentences.slice(1), ...todo);
   if (sentences.length) return say("warn", `Cannot move: ${sentences[0]}`, ...sentences.slice(1), ...todo);
-  for (const name of ARMS) {
-    if (state.arms[name].problem) return say("warn", `The ${name} arm holds: ${state.arms[name].problem}`);
-  }
-  const limited = ARMS.filter((name) => page.limited[name]);
+  const [problem, ...others] = sentencesOf(Object.values(page.problems));
+  if (problem) return say("warn", problem, ...others);
+  const limited = armsOf(page.model).filter((name) => page.limited[name]);
   if (limited.length) {
     const pairs = limited.map((name) => `The ${name} arm is kept apart: ${page.limited[name]!.part} – ${page.limited[name]!.other}`);
     return say("warn", pairs.join(". "), `Move ${limited.length > 1 ? "them" : "it"} away from there.`);
@@ -102,8 +106,8 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
     const activate = page.view.why_not_operated ? [] : [...first, "Choose a controller under Poses and press “Activate”, or jog."];
     return say("warn", `EGM holds ${both(arms)}, but no controller commands ${free.length > 1 ? "them" : both(free)}`, ...activate);
   }
-  if (arms.length === ARMS.length) return say("good", "Ready: EGM holds both arms");
-  const other = ARMS.find((name) => name !== arms[0]);
+  if (isWhole(page)) return say("good", "Ready: EGM holds both arms");
+  const other = armsOf(page.model).find((name) => name !== arms[0]);
   return say("good", `Ready: EGM holds ${both(arms)}`, `The ${other} arm follows no commands.`, ...start);
 }
 
@@ -111,8 +115,8 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
 function recorded(page: Page): Verdict {
   const say = (level: Level, head: string, ...lines: string[]): Verdict =>
     ({ level, kind: `Recording ${page.recording?.name} at ${page.stateTime.toFixed(2)} s`, head, lines });
-  const sentences = page.reasons.map(({ sentence }) => sentence);
-  if (page.causes.length) return say("error", `Stopped: ${page.causes.map(({ sentence }) => sentence).join(" ")}`, ...sentences);
+  const sentences = sentencesOf(page.reasons);
+  if (page.causes.length) return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences);
   if (sentences.length) return say("warn", `The arms could not move: ${sentences[0]}`, ...sentences.slice(1));
   if (moving(page).length) return say("good", `The ${moving(page).join(" and the ")} arm moved`);
   const arms = running(page);

@@ -4,10 +4,13 @@ import { test } from "node:test";
 import { permissions } from "../src/permissions";
 import { ofTime } from "../src/recording";
 import { inTheWay, remedyButton, verdict } from "../src/verdict";
-import { arm, driverState, off, page, reason } from "./page";
+import type { Said } from "../src/messages";
+import { ofController } from "../src/store";
+import { arm, CONTROLLER, controllerMessage, driverState, off, page, reason } from "./page";
 
-const PRESSED = reason("The emergency stop is pressed.");
-const CONFIRM = reason("A person must confirm the stop.", "recover");
+const PRESSED = reason("The emergency stop is pressed.", "release_stop");
+const MANUAL = reason("The controller is in MANR.", "turn_to_auto");
+const CONFIRM = reason("A person must confirm the stop.", "confirm_stop");
 
 test("band is green while controllers command both arms", () => {
   const { level, head, lines } = verdict(page());
@@ -42,11 +45,17 @@ test("recover is offered when nothing is left that only a person can end", () =>
 });
 
 test("virtual robot has the buttons that a FlexPendant has", () => {
-  const view = { is_virtual: true } as const;
-  const stopped = (changes: object) => page({ view, reasons: [PRESSED], state: driverState(changes) });
-  assert.equal(remedyButton(stopped({ motors: "emergencystop" })), "release-stop");
-  assert.equal(remedyButton(stopped({ operating_mode: "MANR" })), "key");
-  assert.equal(remedyButton(page({ reasons: [PRESSED], state: driverState({ motors: "emergencystop" }) })), "");
+  const offered = (said: Said, isVirtual = true) => remedyButton(page({ view: { is_virtual: isVirtual }, reasons: [said, CONFIRM], stop: "10013-1" }));
+  assert.deepEqual([offered(PRESSED), offered(MANUAL), offered(reason("The guard is open."))], ["release-stop", "key", ""]);
+  assert.deepEqual([offered(PRESSED, false), offered(MANUAL, false)], ["", ""]);
+  assert.equal(permissions(page({ view: { is_virtual: true }, reasons: [PRESSED, CONFIRM] })).recover, PRESSED.sentence);
+});
+
+test("what a message says that a person can do is the button that does it", () => {
+  const offered = (action: string) => remedyButton(page({ reasons: [reason("Something.", action)] }));
+  const buttons = ["recover", "confirm_stop", "motors_on", "start_egm", "stop_egm", "restart_egm", "calibrate"].map(offered);
+  assert.deepEqual(buttons, ["recover", "recover", "recover", "start", "stop", "stop", "calibrate"]);
+  assert.deepEqual(["retreat", "switch", "give_radians"].map(offered), ["", "", ""]);
 });
 
 test("page without control is told to take it first, and has no button for the remedy", () => {
@@ -68,8 +77,10 @@ test("EGM whose datagrams do not arrive is named after a second", () => {
 test("arms that move, hold for a problem, or are kept apart are named", () => {
   const moving = driverState({ arms: { right: arm({ mode: "moving" }), left: arm({ mode: "moving" }) } });
   assert.equal(verdict(page({ state: moving })).head, "The right and the left arm move");
-  const held = driverState({ arms: { right: arm({ problem: "late feedback" }), left: arm() } });
-  assert.equal(verdict(page({ state: held })).head, "The right arm holds: late feedback");
+  const held = page({ problems: { right: reason("Right arm: the replies are lost.") }, state: driverState({ egm: { right: "running", left: "off" } }) });
+  assert.equal(verdict(held).head, "Right arm: the replies are lost.");
+  assert.equal(remedyButton(held), "start");
+  assert.equal(remedyButton({ ...held, problems: { right: reason("It waits.", "recover") } }), "recover");
   const limited = { right: { part: "right gripper", other: "body" } };
   assert.equal(verdict(page({ limited })).head, "The right arm is kept apart: right gripper – body");
 });
@@ -99,4 +110,18 @@ test("band of a recording says what was so at its time, and asks for nothing", (
   assert.deepEqual(at(0), { level: "good", kind: "Recording x.mcap at 0.00 s", head: "EGM held the right arm", lines: [] });
   assert.equal(at(1).head, "The right arm moved");
   assert.deepEqual([at(2.6).level, at(2.6).head], ["error", "Stopped: Feedback was lost."]);
+  const stopped = { ...recording, states: [{ time: 0, reasons: [CONFIRM.sentence], causes: ["Emergency stop."] }] };
+  const { head, lines } = verdict({ ...page(), recording: stopped, ...ofTime(stopped, 0) });
+  assert.deepEqual([head, lines], ["Stopped: Emergency stop.", [CONFIRM.sentence]]);
+});
+
+test("band of a controller without a driver says whether RAPID runs, and what is not shown", () => {
+  const seen = page({ view: { controller: CONTROLLER, control: "none", why_not_operated: "No driver." } });
+  const at = (program: string | null) => verdict({ ...seen, ...ofController(seen, controllerMessage({ program })) });
+  assert.deepEqual(at("running"), { level: "good", kind: "", head: "View only: RAPID runs", lines: ["No driver runs for it."] });
+  assert.deepEqual([at("stopped").level, at("stopped").head], ["wait", "View only: RAPID is stopped"]);
+  assert.equal(at(null).head, "View only: RAPID is being read");
+  assert.equal(verdict({ ...seen, state: null }).head, "Waiting for the robot");
+  const gone = page({ view: { controller: CONTROLLER, why_no_robot: "It does not answer." } });
+  assert.deepEqual([verdict(gone).head, verdict(gone).lines], ["No robot", ["It does not answer."]]);
 });
