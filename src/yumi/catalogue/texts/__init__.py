@@ -22,6 +22,7 @@ from yumi.catalogue.texts.robot import ROBOT
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 from yumi.catalogue.texts.ros import ROS
 from yumi.catalogue.texts.rws import RWS
+from yumi.catalogue.texts.script import SCRIPT
 from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
@@ -45,6 +46,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "EGM": EGM,
     "Model of the robot": ROBOT,
     "Robot Web Services": RWS,
+    "Scripts": SCRIPT,
 }
 """All texts by subject, as the documentation lists them."""
 
