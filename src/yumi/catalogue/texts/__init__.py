@@ -12,6 +12,7 @@ from yumi.catalogue.texts.controller import CONTROLLER
 from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.endpoint import ENDPOINT
+from yumi.catalogue.texts.evaluation import EVALUATION
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
 from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
@@ -47,6 +48,7 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "Model of the robot": ROBOT,
     "Robot Web Services": RWS,
     "Scripts": SCRIPT,
+    "Evaluation": EVALUATION,
 }
 """All texts by subject, as the documentation lists them."""
 
