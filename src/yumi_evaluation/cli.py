@@ -111,7 +111,7 @@ def evaluate(
       yumi evaluate --robot 192.168.125.1                 on a real robot; the workspace has to be free
     """
     if virtual_time and robot:
-        raise CommandRefused("A real robot has no virtual time; give either --robot or --virtual-time.")
+        raise CommandRefused(message("real_robot_in_virtual_time"))
     _demand_extra()
     if robot and not yes:
         click.confirm(
@@ -174,7 +174,7 @@ def evaluate(
             raise
     _finish(results, console, output, json_output)
     if results.failures:
-        raise RobotNotReady(f"{len(results.failures)} experiments could not be run; the report says why.")
+        raise RobotNotReady(message("experiments_failed", count=len(results.failures)))
     if not results.is_complete:
         sys.exit(_INTERRUPTED)
 
@@ -215,7 +215,7 @@ def tune(
       yumi param r/joint_position_controller p 1.6     to use what it recommends
     """
     if lowest >= highest:
-        raise CommandRefused(f"The gains go from {lowest:g} to {highest:g}; --from must be below --to.")
+        raise CommandRefused(message("gains_not_in_order", lowest=lowest, highest=highest))
     _demand_extra()
     from yumi_evaluation.experiments import Mode, System, proportional, step  # noqa: PLC0415 - a quick --help
     from yumi_evaluation.gain_sweep import Task, recommend  # noqa: PLC0415
@@ -364,7 +364,7 @@ def measure(
     settings = measurement.settings_for_measuring(settings_of(config, options))
     folder = output or Path("build") / f"measure_{datetime.now():%Y-%m-%d_%H-%M-%S}"
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsError(f"{folder} is there already; give the folder of a new measurement with --output.")
+        raise SettingsError(message("measurement_exists", folder=str(folder)))
     console = Console(highlight=False, stderr=json_output.is_printed)
     console.width = max(console.width, _TABLE_WIDTH)
     before = {each: signal.signal(each, signal.default_int_handler) for each in (signal.SIGTERM, signal.SIGHUP)}
@@ -393,7 +393,7 @@ def _measured(
     def confirm(question: str) -> None:
         console.print(question)
         if not yes and not _is_confirmed("Is no person near the robot, and may it do that?"):
-            raise CommandRefused("Not confirmed: nothing more moves.")
+            raise CommandRefused(message("motion_not_confirmed"))
 
     sides = tuple(side for side in Side if arms in (side.word, "both"))
     evidence = measurement.Evidence(folder, examined, settings, arms)
@@ -404,12 +404,12 @@ def _measured(
         with _ends_on_interrupt() as check, _compare_progress(console, RUNS, check) as tick:
             found = comparison.compare(logs, EGM_GAIN * motion.pos_corr_gain, motion.lp_filter, tick)
     except (YumiError, KeyboardInterrupt, click.Abort, _Ended) as error:
-        sentence = str(error) if isinstance(error, YumiError) else "Ended by Ctrl-C or a signal."
-        kept = f"What was recorded until then is in {evidence.close(sentence)}."
+        why = error.said if isinstance(error, YumiError) else message("ended_by_signal")
+        said = message("measurement_ended", error=why, file=str(evidence.close(str(why))))
         if isinstance(error, YumiError):
-            error.args = (f"{sentence.rstrip('.')}. {kept}", *error.args[1:])
+            error.said = said
             raise
-        click.echo(f"{sentence} {kept}", err=True)
+        click.echo(str(said), err=True)
         sys.exit(_INTERRUPTED)
     files = [("Recordings", evidence.recordings)]
     files += _write_comparison(found, folder, motion.pos_corr_gain, folder.name)
@@ -427,13 +427,9 @@ def _check_confirmable(address: str, is_virtual: bool, yes: bool) -> None:
         SettingsError: it cannot be.
     """
     if yes and not is_virtual:
-        raise SettingsError(
-            f"--yes is for virtual robots, on this machine or in RobotStudio, and {address} is not one: each motion "
-            "is confirmed at a terminal. Leave --yes out."
-        )
+        raise SettingsError(message("yes_for_virtual_robots", address=address))
     if not yes and not _is_at_a_terminal():
-        remedy = "add --yes" if is_virtual else "run the command in a terminal, beside the robot"
-        raise SettingsError(f"Each motion has to be confirmed at a terminal, and standard input is none; {remedy}.")
+        raise SettingsError(message("no_terminal_for_virtual" if is_virtual else "no_terminal"))
 
 
 def _is_at_a_terminal() -> bool:
@@ -509,7 +505,7 @@ def bench(
 
     for mode in wake:
         if mode not in WAKE_MODES:
-            raise SettingsError(f"There is no wake mode {mode!r}; there are: {', '.join(WAKE_MODES)}.")
+            raise SettingsError(message("wake_mode_unknown", mode=mode, known=tuple(WAKE_MODES)))
     chosen = _chosen(contenders(wake or (WAKE_MODES[:1] if quick else WAKE_MODES)), only)
     workshop = Workshop(Path("build/bench"))
     console = Console(highlight=False, stderr=json_output.is_printed)
@@ -557,7 +553,7 @@ def _chosen(everything: tuple[Contender, ...], only: tuple[str, ...]) -> list[Co
     names = [each.name for each in everything]
     for name in only:
         if name not in names:
-            raise SettingsError(f"There is no contender {name!r}; there are: {', '.join(names)}.")
+            raise SettingsError(message("contender_unknown", name=name, known=tuple(names)))
     return [each for each in everything if not only or each.name in only]
 
 
@@ -611,9 +607,7 @@ def _demand_extra() -> None:
 
 def _demand_ros() -> None:
     if find_spec("rclpy") is None or find_spec("yumi_interfaces") is None:
-        raise MissingPrerequisite(
-            "ROS 2 is missing: install yumi-ros2[ros], run `make setup` in a clone of yumi-ros2, or add --virtual-time."
-        )
+        raise MissingPrerequisite(message("ros_missing_for_evaluation"))
     if find_spec("mcap") is None:
         raise missing_extra(message("recordings_need_mcap"), "record")
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from yumi.catalogue import Message, clause
 from yumi.robot.joints import CHAIN_AXES, JOINT_COUNT
 from yumi.virtual.mechanics.motion import MODELS, unlimited
 from yumi.virtual.mechanics.parameters import EgmParameters, write_egm_parameters
@@ -104,7 +105,8 @@ class ComparedRobot:
     def verdict(self) -> str:
         """One sentence: whether the virtual robot moves so, and what to do when it does not."""
         now, best = (_mean(getattr(each, name) for each in self.records) for name in ("rms_deg", "fitted_deg"))
-        if self.identified.lag.value is None and self.identified.lag.reason == "no joint moves":
+        reason = self.identified.lag.reason
+        if reason is not None and reason.code == "no_joint_moves":
             return f"No joint of the {self.name} moves in the log: nothing can be said of how it follows."
         if now is None or best is None:
             return f"Every row of the {self.name} is limited: record a slower motion to compare."
@@ -302,7 +304,8 @@ def _of_robot(robot: ComparedRobot) -> dict[str, Any]:
 
 def _of_estimate(estimate: Estimate, scale: float = 1.0) -> Mapping[str, Any]:
     if estimate.value is None:
-        return {"value": None, "why": f"not determined: {estimate.reason}"}
+        why = f"not determined: {clause(estimate.reason)}" if estimate.reason else "not determined"
+        return {"value": None, "why": why}
     return {
         "value": scale * estimate.value,
         "error": scale * estimate.error,
@@ -358,13 +361,14 @@ def tables(robot: ComparedRobot) -> tuple[Table, Table]:
     )
     parameters.add_row("lag on a ramp", f"{1e3 * dynamics.lag(first.cycle):.4g} ms", shown(found.lag, "ms", 1e3))
     parameters.add_row("noise", "none", shown(found.noise, "°", degrees(1.0)))
-    for reason in dict.fromkeys(each.reason for each in found.limits):
-        names = [name for name, each in zip(first.joints, found.limits, strict=True) if each.reason == reason]
-        for name, each in zip(first.joints, found.limits, strict=True):
-            if not reason and not each.reason:
-                parameters.add_row(f"limit of {name}", "", shown(each, "°/s", degrees(1.0)))
-        if reason:
-            parameters.add_row(f"limit of {', '.join(names)}", "", f"not determined ({reason})")
+    without: dict[Message, list[str]] = {}
+    for name, each in zip(first.joints, found.limits, strict=True):
+        if each.reason is None:
+            parameters.add_row(f"limit of {name}", "", shown(each, "°/s", degrees(1.0)))
+        else:
+            without.setdefault(each.reason, []).append(name)
+    for reason, names in without.items():
+        parameters.add_row(f"limit of {', '.join(names)}", "", f"not determined ({clause(reason)})")
     return records, parameters
 
 

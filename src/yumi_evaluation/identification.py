@@ -26,6 +26,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import Message, clause, message
 from yumi.robot.joints import Joints
 from yumi.virtual.mechanics.arm import follow_references
 from yumi.virtual.mechanics.motion import ArmModel, EgmSettings, unlimited
@@ -233,14 +234,14 @@ class Estimate:
         error: standard error of the value.
         spread: standard deviation over the joints and records that determine it alone; None where fewer than two do.
         count: so many do.
-        reason: why there is no value; empty where there is one.
+        reason: why there is no value; None where there is one.
     """
 
     value: float | None
     error: float = nan
     spread: float | None = None
     count: int = 0
-    reason: str = ""
+    reason: Message | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +276,7 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
     cycle, count = float(np.mean([log.cycle for log in logs])), len(logs[0].joints)
     parts = [_excerpt(log) for log in logs if not log.section_of and has_motion(log)]
     if not parts:
-        nothing = Estimate(None, reason="no joint moves")
+        nothing = Estimate(None, reason=message("no_joint_moves"))
         noise = _noise(logs, [log.measured - log.measured.mean(axis=0) for log in logs])
         return Identified(prior, nothing, nothing, nothing, noise, (nothing,) * count)
     # Joints that stand say nothing of the loop, and the virtual robot is quicker without them.
@@ -313,7 +314,7 @@ def identify(logs: Sequence[RobotLog], prior: Dynamics, tick: Tick = lambda: Non
             fit, found = held, replace(held.dynamics, gain=prior.gain)
     late = found.lag(cycle)
     velocity = list(prior.velocity)
-    every = [Estimate(None, reason="it does not move")] * count
+    every = [Estimate(None, reason=message("joint_does_not_move"))] * count
     for place, joint in enumerate(moving.tolist()):
         velocity[joint], every[joint] = found.velocity[place], limits[place]
     return Identified(
@@ -412,7 +413,7 @@ class _Fit:
         spread = float(np.std(alone, ddof=1)) if len(alone) > 1 else None
         error = max(own, (spread or 0.0) / sqrt(max(1, len(alone))))
         if error > most:
-            return Estimate(None, error, spread, len(alone), "the motion does not show it")
+            return Estimate(None, error, spread, len(alone), message("not_shown_by_motion"))
         return Estimate(value, error, spread, len(alone))
 
 
@@ -629,7 +630,7 @@ def _noise(logs: Sequence[RobotLog], residuals: Sequence[Array]) -> Estimate:
                 alone.append(float(np.sqrt(np.square(own).mean())))
     values = np.concatenate(kept) if kept else np.zeros(0)
     if len(values) < _LEAST_NOISE_ROWS:
-        return Estimate(None, reason="there are too few rows without a gap")
+        return Estimate(None, reason=message("too_few_rows"))
     value = float(np.sqrt(np.square(values).mean()))
     spread = float(np.std(alone, ddof=1)) if len(alone) > 1 else None
     return Estimate(value, value * sqrt(1.94 / (2.0 * len(values))) * sqrt(2.0), spread, len(alone))
@@ -740,15 +741,15 @@ def _limits(logs: Sequence[RobotLog], behind: Sequence[Mask]) -> tuple[Estimate,
             spread = float(np.std(flat, ddof=1)) if len(flat) > 1 else None
             found.append(Estimate(float(np.mean(flat)), (spread or 0.0) / sqrt(len(flat)), spread, len(flat)))
         elif varies:
-            found.append(Estimate(None, reason="it is slower than asked, but not at one speed"))
+            found.append(Estimate(None, reason=message("slower_at_several_speeds")))
         else:
-            found.append(Estimate(None, reason="it was never asked for more than it did"))
+            found.append(Estimate(None, reason=message("never_asked_for_more")))
     return tuple(found)
 
 
 def shown(estimate: Estimate, unit: str, scale: float = 1.0) -> str:
     """An estimate for people: ``4.98 ± 0.03 1/s``, or that it is not determined and why."""
     if estimate.value is None:
-        return f"not determined ({estimate.reason})"
+        return f"not determined ({clause(estimate.reason)})" if estimate.reason else "not determined"
     spread = estimate.spread if estimate.spread is not None else estimate.error
     return f"{scale * estimate.value:.4g} ± {scale * spread:.2g} {unit}"

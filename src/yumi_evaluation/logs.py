@@ -29,7 +29,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.catalogue import quoted
+from yumi.catalogue import message, said_by
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, ProtocolError
 from yumi.recording.mcap import JointMessage, joint_messages, read_recording
@@ -114,25 +114,20 @@ def read_logs(path: Path, commands: Path | None = None) -> Logs:
         MissingPrerequisite: mcap is not installed.
     """
     if not path.exists():
-        raise CommandRefused(f"There is no {path}; give a recording, an MCAP or CSV file, or a folder of records.")
+        raise CommandRefused(message("log_missing", file=str(path)))
     if commands is not None and path.suffix.lower() != ".csv":
-        raise CommandRefused(f"--commands belongs to a CSV file; {path.name} brings its own commands. Leave it out.")
+        raise CommandRefused(message("commands_beside_other_log", file=path.name))
     if path.is_dir():
         return _folder(path)
     if path.stat().st_size == 0:
-        raise CommandRefused(f"{path} is empty: nothing was recorded. Give a file with a motion in it.")
+        raise CommandRefused(message("log_empty", file=str(path)))
     if path.suffix.lower() == ".mcap":
         return _mcap(path)
     if path.suffix.lower() == ".csv":
         if commands is None:
-            raise CommandRefused(
-                f"{path} has no commands: give the file with them, --commands FILE.csv, with columns of the same names."
-            )
+            raise CommandRefused(message("table_without_commands", file=str(path)))
         return Logs((_table_with_commands(path, commands),))
-    raise CommandRefused(
-        f"{path} is not a log: allowed are a recording or other MCAP file (.mcap), a table (.csv) with --commands, and "
-        "a folder with records.json."
-    )
+    raise CommandRefused(message("no_log", file=str(path)))
 
 
 # ---- tables
@@ -162,15 +157,12 @@ def _read_table(path: Path, first: Sequence[str] = tuple(_TIMES)) -> _Table:
         with path.open(encoding="utf-8-sig", newline="") as stream:
             lines = [line for line in csv.reader(stream) if line]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not text"
-        raise CommandRefused(f"Cannot read {path}: {reason}. Give a CSV file in UTF-8.") from error
+        reason = error.strerror or str(error) if isinstance(error, OSError) else message("not_text")
+        raise CommandRefused(message("table_unreadable", file=str(path), reason=reason)) from error
     header = [name.strip() for name in lines[0]] if lines else []
     suffixes = [max((unit for unit in _UNITS if name.endswith(unit)), key=len, default="") for name in header[1:]]
     if not header or header[0] not in first or not suffixes or not all(suffixes) or len({*header}) < len(header):
-        raise CommandRefused(
-            f"{path} begins with {quoted(','.join(header))}; needed is a header {first[0]},NAME_rad,… (or _deg), each "
-            "name once."
-        )
+        raise CommandRefused(message("table_header_wrong", file=str(path), header=",".join(header), first=first[0]))
     names = tuple(
         name.removesuffix(unit) + _SPEED * unit.endswith("_s") for name, unit in zip(header[1:], suffixes, strict=True)
     )
@@ -180,14 +172,13 @@ def _read_table(path: Path, first: Sequence[str] = tuple(_TIMES)) -> _Table:
             values[number] = [float(each) for each in line]
         except ValueError as error:
             raise CommandRefused(
-                f"{path} line {number + 2}: needed are {len(header)} numbers; the file is cut, or not a table of "
-                "numbers."
+                message("table_line_incomplete", file=str(path), line=number + 2, count=len(header))
             ) from error
     if not np.isfinite(values).all():
-        raise CommandRefused(f"{path} has values that are not finite numbers; leave out the rows where nothing was.")
+        raise CommandRefused(message("table_not_finite", file=str(path)))
     if len(values) > 1 and not (np.diff(values[:, 0]) > 0.0).all():
         place = int(np.argmin(np.diff(values[:, 0]))) + 3
-        raise CommandRefused(f"{path} line {place}: its time is not after the one before; sort the rows by time.")
+        raise CommandRefused(message("table_times_not_increasing", file=str(path), line=place))
     scale = np.array([_UNITS[unit] for unit in suffixes])
     return _Table(names, values[:, 0] * _TIMES.get(header[0], 1.0), values[:, 1:] * scale)
 
@@ -197,7 +188,7 @@ def _table_with_commands(path: Path, commands: Path) -> RobotLog:
     names = tuple(name for name in measured.names if not name.endswith(_SPEED))
     missing = [name for name in names if name not in sent.names]
     if missing:
-        raise CommandRefused(f"{commands} has no commands of {', '.join(missing)}; both files need the same joints.")
+        raise CommandRefused(message("commands_of_other_joints", file=str(commands), missing=tuple(missing)))
     speeds = [f"{name}{_SPEED}" for name in names]
     return _timed(
         path.stem,
@@ -217,7 +208,8 @@ def _timed(
 ) -> RobotLog:
     """A motion of positions and commands that have times on one clock."""
     times, positions = measured
-    _demand(len(times) >= _SHORTEST, f"{name} has {len(times)} rows; needed are at least {_SHORTEST}.")
+    if len(times) < _SHORTEST:
+        raise CommandRefused(message("log_too_short", log=name, rows=len(times), least=_SHORTEST))
     begin = times[0]
     period = float(np.median(np.diff(times)))
     if _PERIODS[0] < period < _PERIODS[1]:  # a row in each cycle: the robot's own cycles count, not when each was noted
@@ -238,13 +230,9 @@ def _timed(
             commands[place] = sent[1][number]
             if given is not None and speeds is not None:
                 given[place] = speeds[number]
-    _demand(bool(np.isfinite(commands).any()), f"No command of {name} is within the time of its rows: {begin:g} s on.")
+    if not np.isfinite(commands).any():
+        raise CommandRefused(message("commands_at_other_times", log=name, begin=float(begin)))
     return RobotLog(name, "", joints, cycle, cycles, positions, commands, given, positions[0])
-
-
-def _demand(holds: bool, sentence: str) -> None:
-    if not holds:
-        raise CommandRefused(sentence)
 
 
 # ---- MCAP
@@ -259,9 +247,7 @@ def _mcap(path: Path) -> Logs:
     else:
         motions = tuple(each for side, frames in recording.frames.items() for each in _of_frames(side, frames))
     if not motions:
-        raise CommandRefused(
-            f"{path} has no motion under EGM: no arm followed commands for {_SHORTEST} cycles. Record while it moves."
-        )
+        raise CommandRefused(message("log_without_motion", file=str(path), least=_SHORTEST))
     return Logs(motions)
 
 
@@ -303,11 +289,11 @@ def _of_topics(path: Path, otherwise: ProtocolError) -> tuple[RobotLog, ...]:
     """The motions of topics with states and commands, which belong together by the begin of their names."""
     states: dict[str, list[JointMessage]] = {}
     commands: dict[str, list[JointMessage]] = {}
-    for message in joint_messages(path):
-        if "command" in message.topic:
-            commands.setdefault(message.topic, []).append(message)
-        elif "joint_state" in message.topic and message.names:
-            states.setdefault(message.topic, []).append(message)
+    for each in joint_messages(path):
+        if "command" in each.topic:
+            commands.setdefault(each.topic, []).append(each)
+        elif "joint_state" in each.topic and each.names:
+            states.setdefault(each.topic, []).append(each)
     if not states:
         raise otherwise
     found = []
@@ -324,7 +310,7 @@ def _of_topics(path: Path, otherwise: ProtocolError) -> tuple[RobotLog, ...]:
         near = max(fitting, key=partial(_nearness, topic))
         sent = commands[near]
         order = [(sent[0].names or names).index(name) for name in names]
-        rows = [message for message in messages if message.names == names and len(message.position) == len(names)]
+        rows = [one for one in messages if one.names == names and len(one.position) == len(names)]
         found.append(
             _timed(
                 topic,
@@ -334,11 +320,7 @@ def _of_topics(path: Path, otherwise: ProtocolError) -> tuple[RobotLog, ...]:
             )
         )
     if not found:
-        some = ", ".join(quoted(topic) for topic in [*states][:3])
-        raise CommandRefused(
-            f"{path} has joint states on {some}, but no commands of the same joints: needed are JointState or "
-            "Float64MultiArray messages on a topic with 'command' in its name."
-        )
+        raise CommandRefused(message("topics_without_commands", file=str(path), topics=tuple(states)[:3]))
     return tuple(found)
 
 
@@ -381,11 +363,12 @@ def _folder(path: Path) -> Logs:
         described = msgspec.json.decode((path / _RECORDS).read_bytes(), type=list[_Record])
     except OSError as error:
         raise CommandRefused(
-            f"{path} is not a folder of records: it needs recordings (.mcap), or {_RECORDS}, which cannot be read "
-            f"({error.strerror})."
+            message("no_folder_of_records", folder=str(path), file=_RECORDS, reason=error.strerror)
         ) from error
     except msgspec.DecodeError as error:
-        raise CommandRefused(f"{path / _RECORDS} does not describe records: {error}.") from error
+        raise CommandRefused(
+            message("records_not_described", file=str(path / _RECORDS), error=said_by(error))
+        ) from error
     knots = _read_table(path / _KNOTS, ("curve_index",))
     by_name = {each.record: each for each in described}
     tables: dict[str, _Table] = {}
@@ -402,26 +385,34 @@ def _folder(path: Path) -> Logs:
             continue
         motions.append(_of_record(path, record, tables, whole, knots))
     if not motions:
-        raise CommandRefused(f"{path} has none of the records that {_RECORDS} describes; put their CSV files there.")
+        raise CommandRefused(message("no_record_there", folder=str(path), file=_RECORDS))
     return Logs(tuple(motions), tuple(left_out))
 
 
 def _of_record(path: Path, record: _Record, tables: dict[str, _Table], whole: _Record, knots: _Table) -> RobotLog:
     table, begin = tables[record.record], tables[whole.record]
     for each in (table, begin):
-        _demand(
-            each.names == knots.names and len(each.times) >= _AT_REST,
-            f"{path / record.record}.csv needs at least {_AT_REST} rows of {', '.join(knots.names)}.",
+        if each.names != knots.names or len(each.times) < _AT_REST:
+            file = f"{path / record.record}.csv"
+            raise CommandRefused(message("record_too_short", file=file, least=_AT_REST, joints=knots.names))
+    if not (1 < record.points_sent <= knots.times[-1] and len(knots.times) > _DEGREE and record.cycle_s > 0.0):
+        raise CommandRefused(
+            message(
+                "record_out_of_range",
+                record=record.record,
+                file=str(path / _RECORDS),
+                points=record.points_sent,
+                most=float(knots.times[-1]),
+                knots=_DEGREE + 1,
+                cycle=record.cycle_s,
+            )
         )
-    _demand(
-        1 < record.points_sent <= knots.times[-1] and len(knots.times) > _DEGREE and record.cycle_s > 0.0,
-        f"{record.record} in {path / _RECORDS}: points_sent is {record.points_sent}, allowed is 2 to "
-        f"{knots.times[-1]:g}, of at least {_DEGREE + 1} knots; cycle_s is {record.cycle_s:g}, which must be above 0.",
-    )
     first = record.first_row
     if first is None:
         first = round((table.times[0] - begin.times[0]) / record.cycle_s)
-    _demand(first >= 0, f"{record.record} in {path / _RECORDS}: its first row is {first}; a row cannot be below 0.")
+    if first < 0:
+        file = str(path / _RECORDS)
+        raise CommandRefused(message("record_row_negative", record=record.record, file=file, row=first))
     rows = first + np.arange(len(table.times), dtype=float)
     start = begin.values[:_AT_REST].mean(axis=0)
     points = _curve(knots, np.linspace(0.0, knots.times[-1] - 1.0, record.points_sent).astype(int))

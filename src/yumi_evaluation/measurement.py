@@ -23,6 +23,7 @@ from yumi import __version__
 from yumi.api.connect import controllers_for
 from yumi.api.motion import TRAJECTORY_CONTROLLER, TimedPosition
 from yumi.api.robot import Robot
+from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN
 from yumi.driver.bringup import EgmAddress
 from yumi.driver.commissioning.doctor import examine_controller, examine_machine
@@ -125,10 +126,7 @@ def settings_for_measuring(settings: Settings) -> Settings:
     """
     motion = settings.egm_motion
     if motion.pos_corr_gain <= 0.0:
-        raise CommandRefused(
-            "egm_motion.pos_corr_gain is 0: the robot would follow speeds alone. Set it above 0 up to 1, or leave it "
-            "out."
-        )
+        raise CommandRefused(message("follows_speeds_alone"))
     return replace(
         settings,
         robot=replace(settings.robot, speed_scale=1.0),
@@ -159,9 +157,15 @@ def check_room(side: Side, position: Joints) -> None:
     for axis, value, lower, upper in ranges:
         if not lower + LARGEST <= value <= upper - LARGEST:
             raise CommandRefused(
-                f"Joint {axis} of the {side.word} arm is at {degrees(value):.1f}°, allowed is {degrees(lower):.1f}° to "
-                f"{degrees(upper):.1f}°, and {degrees(LARGEST):g}° are needed on both sides. Move the arm away from "
-                f"there, e.g. yumi move {side.word} ready."
+                message(
+                    "joint_without_room",
+                    axis=axis,
+                    arm=side.word,
+                    position=value,
+                    lower=lower,
+                    upper=upper,
+                    room=LARGEST,
+                )
             )
 
 
@@ -204,10 +208,7 @@ def clear_directions(
         found[side] = next((ways for ways in tried if nearest({side: ways}) is None), joints(_ALTERNATELY))
     near = nearest(found)
     if near is not None:
-        raise CommandRefused(
-            f"The {near.part} is too near to the {near.other}: within the motions {1e3 * near.distance:.0f} mm are "
-            "between their covers and paddings. Move the arm away from there, e.g. yumi move both ready."
-        )
+        raise CommandRefused(message("part_too_near", part=near.part, other=near.other, distance=near.distance))
     return found
 
 

@@ -27,6 +27,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from yumi_interfaces.srv import LoadModule
 
+from yumi.catalogue import message
 from yumi.control.motion import DELAY
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.driver.settings import PASSWORD_VARIABLE, address_values, override, read_settings
@@ -159,7 +160,7 @@ class EvaluationNode:
         answer = self._call(SetParameters, f"{self.side.value}/{POSITION_CONTROLLER}/set_parameters", request)
         for result in answer.results:
             if not result.successful:
-                raise RobotNotReady(f"The controller's parameters could not be set: {result.reason}")
+                raise RobotNotReady(message("parameters_not_taken", reason=result.reason))
 
     def switch(self, activate: str, deactivate: str) -> None:
         """Let another controller command the arm.
@@ -171,7 +172,7 @@ class EvaluationNode:
         request.activate_controllers, request.deactivate_controllers = [activate], [deactivate]
         answer = self._call(SwitchController, f"{self.side.value}/controller_manager/switch_controller", request)
         if not answer.ok:
-            raise RobotNotReady(f"The controllers could not be switched: {getattr(answer, 'message', '')}")
+            raise RobotNotReady(message("controllers_not_switched", reason=getattr(answer, "message", "")))
 
     def send_trajectory(self, points: Sequence[TrajectoryPoint], begin: float) -> None:
         """Publish a trajectory that begins at that time [s]."""
@@ -250,13 +251,13 @@ class EvaluationNode:
         while not is_so():
             self.check()
             if time.monotonic() > end:
-                raise RobotNotReady(f"{what} did not happen within {timeout:g} s.")
+                raise RobotNotReady(message("did_not_happen", what=what, longest=timeout))
             self._executor.spin_once(timeout_sec=0.05)
 
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         answer = self._ask(kind, name, request)
         if not getattr(answer, "success", True):
-            raise RobotNotReady(answer.message)
+            raise RobotNotReady(message("text", text=answer.message))
         return answer
 
     def _ask(self, kind: Any, name: str, request: Any) -> Any:
@@ -362,7 +363,9 @@ def evaluate_networked(results: Results, plan: NetworkedPlan, on_step: OnStep, c
                 def watch(driver: Command = driver) -> None:
                     check()
                     if driver.exit_code is not None:
-                        raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+                        raise RobotNotReady(
+                            message("driver_program_ended", exit_code=driver.exit_code, log=str(driver.log))
+                        )
 
                 _run_mode(results, mode, on_step, watch)
                 if mode is Mode.FULLSPEED:
@@ -494,10 +497,7 @@ def _measured(
     times = [0.0, *(state.stamp - states[0].stamp for state in states), duration]
     gap = float(np.diff(times).max())
     if gap > _LONGEST_GAP:
-        raise RobotNotReady(
-            f"No joint state came for {1e3 * gap:.0f} ms: the machine is too busy, or the robot was lost; "
-            "try again when it is idle."
-        )
+        raise RobotNotReady(message("joint_states_missed", gap=gap))
     return {
         joint: series([(each.stamp - begin, each.position[joint] - start[joint]) for each in states]) for joint in which
     }

@@ -22,6 +22,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
+from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, SessionGoal, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
@@ -200,7 +201,7 @@ def _wait_until(is_so: Callable[[], bool], now: Callable[[], float], pause: Call
     pause()
     while not is_so():
         if now() > end:
-            raise RobotNotReady(f"The state machine of the {SIDE.word} arm did not answer within {_LONGEST:g} s.")
+            raise RobotNotReady(message("state_machine_silent", arm=SIDE.word, timeout=_LONGEST))
         pause()
 
 

@@ -19,11 +19,12 @@ from script_bench import TIMEOUT, VirtualRobot
 
 import yumi
 from refusals import refused
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli import robot as robot_commands
 from yumi.cli.main import main
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
-from yumi.robot.joints import Side, named_pose
+from yumi.robot.joints import YUMI_LIMITS, Side, named_pose
 from yumi.virtual.faults import Fault
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(180)]
@@ -72,6 +73,11 @@ def refusal(*arguments: str) -> str:
     return result.stderr
 
 
+def in_shell(code: str, **values: Any) -> str:
+    """What the shell says of a message."""
+    return sentence(message(code, **values), FrontEnd.SHELL)
+
+
 def state() -> Mapping[str, Any]:
     found: Mapping[str, Any] = json.loads(run("state", "--json"))
     return found
@@ -84,7 +90,8 @@ def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
         assert "right arm: EGM running, holding" in run("state")
         motion = connected.right.move_to("ready", wait=False)
         shown = (motion.progress, motion.remaining)
-        assert "moves, commanded by joint_goal_controller" in refusal("move", "right", "home")
+        said = in_shell("arm_moves_commanded_by", arm="right", controllers=("joint_goal_controller",))
+        assert said in refusal("move", "right", "home")
         motion.wait(TIMEOUT)
         assert "stands at the goal" in run("move", "right", "home")
         report = connected.right.state
@@ -98,12 +105,13 @@ def test_script_is_seen_and_asked_while_it_drives(robot: VirtualRobot) -> None:
     assert report.egm is not None
     assert report.planned is not None
     assert (report.egm.motion, report.egm.rapid) == ("running", "running")
-    assert "No driver runs" in refusal("state")
+    assert in_shell("no_driver_runs") in refusal("state")
 
 
 def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRobot) -> None:
     assert "can move" in run("state")
-    assert "yumi recover" in refusal("move", "right", "home")
+    without_egm = message("arm_without_egm", arm="right")
+    assert in_shell("goal_refused", reason=without_egm) in refusal("move", "right", "home")
     assert "EGM runs on both arms" in run("start")
     before = state()
     assert before["robot"] == robot.address
@@ -113,7 +121,9 @@ def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRo
     assert moved == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.003)
     run("move", "right", "j1=0", "--degrees")
     assert state()["arms"]["right"]["position"][0] == pytest.approx(0.0, abs=0.003)
-    assert "its range is" in refusal("move", "left", "j2=4")
+    values = {"position": 4.0, "lower": YUMI_LIMITS.lower[1], "upper": YUMI_LIMITS.upper[1]}
+    said = in_shell("goal_joint_out_of_range", joint="yumi_joint_2_l", **values)
+    assert said in refusal("move", "left", "j2=4")
     run("grip", "left", "open")
     assert json.loads(run("grip", "left", "close", "--json")) == {
         "arm": "left",
@@ -216,9 +226,9 @@ def test_commands_see_the_ros_graph_and_the_driver(driver: Command) -> None:
     results = apart(*right, *wrong, *examples)
     done, refused = [*results[:4], *results[7:]], results[4:7]
     assert [each for each in done if each[0] != 0] == []
-    topics, message, ready, gain = (output for _, output, _ in done[:4])
+    topics, states, ready, gain = (output for _, output, _ in done[:4])
     assert "/r/joint_states" in topics
-    assert json.loads(message)["name"][0] == "yumi_joint_1_r"
+    assert json.loads(states)["name"][0] == "yumi_joint_1_r"
     assert json.loads(ready)["success"] is True
     assert json.loads(gain) == {"p": 1.3}
     for (code, _, error), words in zip(

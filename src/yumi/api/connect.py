@@ -28,6 +28,7 @@ from yumi.api.motion import (
 )
 from yumi.api.robot import Arm, Robot
 from yumi.api.tool import Gripper, PoseLike
+from yumi.catalogue import message
 from yumi.driver.endpoint import ArmMode, ArmReport
 from yumi.driver.readiness import RobotState
 from yumi.driver.settings import (
@@ -160,7 +161,13 @@ def controllers_for(
     """
     for name, value in (("default_speed_scale", default_speed_scale), ("acceleration", acceleration)):
         if not 0.0 < value <= 1.0:  # NaN too
-            raise SettingsError(f"connect: {name} is {value}; allowed is above 0 up to 1.")
+            raise SettingsError(
+                message(
+                    "setting_refused",
+                    place="connect",
+                    reason=message("fraction_out_of_range", parameter=name, value=value),
+                )
+            )
     scales = {
         "speed_scale": float(default_speed_scale),
         "acceleration_scale": float(acceleration),
@@ -172,7 +179,7 @@ def controllers_for(
         entries = read_controllers(side, Path(file) if file else None)
         missing = {GOAL_CONTROLLER, STREAM_CONTROLLER, TRAJECTORY_CONTROLLER} - {entry.name for entry in entries}
         if missing:
-            raise SettingsError(f"The controllers of the {side.word} arm lack {', '.join(sorted(missing))}; add them.")
+            raise SettingsError(message("controllers_missing", arm=side.word, missing=tuple(sorted(missing))))
         chosen[side] = tuple(
             replace(entry, entries={**entry.entries, **extra}) if entry.name == GOAL_CONTROLLER else entry
             for entry in entries
@@ -185,7 +192,9 @@ def _address(address: str | None, rws_port: int | None) -> Given:
         return {"rws_port": rws_port}
     if ":" in address and rws_port is not None:
         raise SettingsError(
-            f"connect: the port is given twice, in {address!r} and as rws_port={rws_port}; give it once."
+            message(
+                "setting_refused", place="connect", reason=message("connect_port_twice", address=address, port=rws_port)
+            )
         )
     return address_values(address) | ({} if rws_port is None else {"rws_port": rws_port})
 
@@ -194,7 +203,9 @@ def _sides(arms: str | Sequence[str]) -> tuple[Side, ...]:
     words = (arms,) if isinstance(arms, str) else tuple(arms)
     known = {side.word: side for side in Side}
     if not words or any(word not in known for word in words) or len(set(words)) != len(words):
-        raise SettingsError(f"connect: arms is {arms!r}; name 'right', 'left' or both.")
+        raise SettingsError(
+            message("setting_refused", place="connect", reason=message("connect_arms_unknown", given=repr(arms)))
+        )
     return tuple(known[word] for word in words)
 
 

@@ -29,7 +29,7 @@ from yumi.api.motion import (
     Position,
     checked_goal,
 )
-from yumi.catalogue import Message, quoted
+from yumi.catalogue import Message, message, quoted
 from yumi.clock import SystemClock
 from yumi.control.limiter import FULL
 from yumi.control.motion import slower
@@ -312,7 +312,9 @@ class Connection:
         try:
             recorder = FullRecorder(file, begin, self._control.recorders, partial(log.info, "%s"), clock, sources)
         except OSError as error:
-            raise SettingsError(f"Cannot record to {file}: {error.strerror}.") from error
+            raise SettingsError(
+                message("recording_not_writable", file=str(file), reason=error.strerror or str(error))
+            ) from error
         recorder.start()
         end = ExitStack()
         end.callback(recorder.close)
@@ -523,7 +525,7 @@ class RunningDriver:
         for side in Side:
             position = arms[side.word].position
             if position is None:
-                raise RobotNotReady(f"Where the {side.word} arm is, is not known; start EGM, then plan.")
+                raise RobotNotReady(message("plan_without_position", arm=side.word))
             start[side] = position
         surroundings = self._client.ask(wire.GetSurroundings(), wire.Surroundings)
         if self._planner is None or self._planner[0] != surroundings:
@@ -580,7 +582,7 @@ class RunningDriver:
         """
         values = _as_sent(speeds)
         if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
-            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} speeds in chain order.")
+            raise CommandRefused(message("jog_speeds_malformed", count=JOINT_COUNT, given=quoted(speeds)))
         self._ask(wire.Jog(arm=arm, speeds=joints(values)), str)
 
     def jog_tool(
@@ -603,7 +605,7 @@ class RunningDriver:
         """
         values = _as_sent([*linear, *angular, elbow])
         if not isinstance(values, tuple) or len(values) != JOINT_COUNT:
-            raise CommandRefused("Jog refused: expected three numbers each for linear and angular.")
+            raise CommandRefused(message("twist_malformed"))
         x, y, z, about_x, about_y, about_z, turn = values
         request = wire.JogTool(arm=arm, linear=(x, y, z), angular=(about_x, about_y, about_z), elbow=turn, frame=frame)
         self._ask(request, str)
@@ -645,8 +647,8 @@ def _as_sent(position: Position) -> wire.Position:
         pairs = position.items() if isinstance(position, Mapping) else enumerate(position, 1)
         values = {name: float(value) for name, value in pairs}
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {quoted(position)}.") from error
+        raise CommandRefused(message("goal_not_angles", given=quoted(position))) from error
     for name, value in values.items():
         if not isfinite(value):
-            raise CommandRefused(f"Goal refused: position {name} is {value}; a position is a finite number of radians.")
+            raise CommandRefused(message("goal_position_not_finite", position=name, value=str(value)))
     return {str(name): it for name, it in values.items()} if isinstance(position, Mapping) else tuple(values.values())

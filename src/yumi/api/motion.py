@@ -22,7 +22,7 @@ from threading import Lock
 from typing import Any, NamedTuple, Protocol, SupportsFloat
 
 from yumi.api.tool import ToolMotion, pose_from, posture_for, tool_planner
-from yumi.catalogue import Message, message, quoted
+from yumi.catalogue import Message, message, quoted, said_by
 from yumi.clock import Clock
 from yumi.control.controller import Buffer, GoalBuffer, check_position, write_goal, write_speeds
 from yumi.control.controllers.cartesian import ToolGoal, check_twist, twist_goal
@@ -147,13 +147,13 @@ def _in_chain_order(
     for name, value in values.items():
         index = _index(side, name)
         if index in found:
-            raise CommandRefused(f"Goal refused: {joint_names(side)[index]} is named twice; give each joint once.")
+            raise CommandRefused(
+                message("goal_refused", reason=message("joint_named_twice", name=joint_names(side)[index]))
+            )
         found[index] = value
     missing = [name for index, name in enumerate(joint_names(side)) if index not in found]
     if missing and others is None:
-        raise CommandRefused(
-            f"Trajectory refused: without {', '.join(missing)}; each of its points names all {JOINT_COUNT} joints."
-        )
+        raise CommandRefused(message("trajectory_point_without_joints", missing=tuple(missing), joints=JOINT_COUNT))
     return [found[index] if index in found else others[index] for index in range(JOINT_COUNT)]  # type: ignore[index]
 
 
@@ -161,16 +161,11 @@ def _index(side: Side, name: object) -> int:
     """Place of a named joint in the chain."""
     names = joint_names(side)
     if name in joint_names(side.other):
-        raise CommandRefused(
-            f"Goal refused: {name!r} is a joint of the {side.other.word} arm, and this is the {side.word} arm."
-        )
+        raise CommandRefused(message("goal_joint_of_other_arm", joint=name, arm=side.word, other=side.other.word))
     for index, (full, axis) in enumerate(zip(names, CHAIN_AXES, strict=True)):
         if name in (full, f"joint_{axis}", f"j{axis}"):
             return index
-    raise CommandRefused(
-        f"Goal refused: {quoted(name)} is not a joint of the {side.word} arm; it has {', '.join(names)}, or j1 to "
-        f"j{JOINT_COUNT}."
-    )
+    raise CommandRefused(message("goal_joint_unknown", joint=str(name), arm=side.word, joints=names, count=JOINT_COUNT))
 
 
 _PLACE = 3  # numbers of a pose without an orientation
@@ -250,9 +245,7 @@ class Motion:
         try:
             self.future.result(timeout)
         except NotInTime:
-            raise GoalNotReached(
-                f"The {self.side.word} arm has not reached its goal within {timeout:g} s; it is still on its way."
-            ) from None
+            raise GoalNotReached(message("goal_not_reached_yet", arm=self.side.word, timeout=timeout)) from None
 
 
 PLAN_TOLERANCE = 0.02
@@ -467,7 +460,7 @@ class MotionExecutor:
             RobotNotReady: it is not one of those on which EGM runs.
         """
         if side not in self.arms:
-            raise RobotNotReady(f"EGM is not started on the {side.word} arm; name it in connect(arms=...).")
+            raise RobotNotReady(message("arm_not_named_to_connect", arm=side.word))
         return self._control.snapshot(side)
 
     def is_moving(self, side: Side) -> bool:
@@ -591,16 +584,10 @@ class MotionExecutor:
         for side, then in (start or {}).items():
             snapshot = self._control.snapshot(side)
             if not snapshot.is_streaming:  # it may have been led away since its last datagram
-                raise RobotNotReady(
-                    f"Plan refused: where the {side.word} arm is, is not known while EGM does not report it; start EGM "
-                    "and plan again."
-                )
+                raise RobotNotReady(message("plan_without_position", arm=side.word))
             away = max(abs(b - a) for a, b in zip(then, snapshot.position, strict=True))
             if not away <= PLAN_TOLERANCE:
-                raise CommandRefused(
-                    f"Plan refused: the {side.word} arm is {_degrees_of(away):.1f}° away from where it was when the "
-                    "plan was made; plan again."
-                )
+                raise CommandRefused(message("arm_moved_since_plan", arm=side.word, distance=away))
         plans = {
             side: plan_trajectory(
                 JointTrajectory(joint_names(side), _timed_points(side, points)), (side,), self.limits
@@ -706,9 +693,9 @@ class MotionExecutor:
             RobotNotReady: the arm does not follow.
         """
         if side not in self._speeds:
-            raise RobotNotReady(f"The {side.word} arm cannot be jogged: it has no {JOG_CONTROLLER}.")
+            raise RobotNotReady(message("jog_controller_missing", arm=side.word, controller=JOG_CONTROLLER))
         if len(speeds) != JOINT_COUNT or not all(map(isfinite, speeds)):
-            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} finite speeds [rad/s], got {list(speeds)[:8]}.")
+            raise CommandRefused(message("jog_speeds_malformed", count=JOINT_COUNT, given=str(list(speeds)[:8])))
         buffer = self._speeds[side]
 
         def write(session: int, values: Joints) -> None:
@@ -727,7 +714,7 @@ class MotionExecutor:
             is_in_tool: whether it is seen from the tool, else from the body.
         """
         if len(twist) != JOINT_COUNT:
-            raise CommandRefused(f"Jog refused: expected {JOINT_COUNT} velocities of the tool, got {list(twist)[:8]}.")
+            raise CommandRefused(message("jog_twist_malformed", count=JOINT_COUNT, given=str(list(twist)[:8])))
         check_twist(twist)
         buffer = self._tool_goals[side]
 
@@ -754,10 +741,7 @@ class MotionExecutor:
             if last is not None and not is_first:
                 if _number(buffer) != last.number:  # a ROS topic: two streams must not alternate
                     self._streaming.pop(side, None)
-                    raise CommandRefused(
-                        f"Jog refused: another program streams to the {controller} of the {side.word} arm; stop it "
-                        "first."
-                    )
+                    raise CommandRefused(message("jog_streamed_by_another", controller=controller, arm=side.word))
                 write(session, values)
             self._jogs[side] = _Jog(controller, self._clock.now(), _number(buffer), buffer, write, owner)
         return is_first
@@ -766,9 +750,7 @@ class MotionExecutor:
         last = self._jogs.get(side)
         if last is None or last.owner in (None, owner) or self._clock.now() - last.time >= _JOG_GAP:
             return
-        raise CommandRefused(
-            f"Jog refused: another client jogs the {side.word} arm; wait until it has ended its jog, then press again."
-        )
+        raise CommandRefused(message("jogged_by_another", arm=side.word))
 
     def end_jog(self, side: Side, owner: object) -> None:
         """Have an arm stop that ``owner`` jogged last; one that something else commands meanwhile is left alone."""
@@ -811,10 +793,7 @@ class MotionExecutor:
             and last[1:] != known[1:]
         ):
             self._streaming.pop(side, None)  # the next press of a key may take the arm back
-            raise CommandRefused(
-                f"Jog refused: another program has switched the controllers of the {side.word} arm; press again to "
-                "take it back."
-            )
+            raise CommandRefused(message("jog_switched_by_another", arm=side.word))
         is_jogged = last[0] in (JOG_CONTROLLER, CARTESIAN_CONTROLLER) and last[1:] == known[1:]
         if is_jog and not is_jogged and self.is_moving(side):
             raise _other_motion(side)
@@ -836,10 +815,7 @@ class MotionExecutor:
 
     def _check_has(self, side: Side, name: str) -> None:
         if all(info.name != name for info in self._control.call(Commands.list_controllers, side)):
-            raise CommandRefused(
-                f"The {side.word} arm has no {name}, which moves its tool; name it in controllers.yaml as the "
-                "delivered file does."
-            )
+            raise CommandRefused(message("cartesian_controller_missing", arm=side.word, controller=name))
 
     def _limits_of_goals(self, side: Side, speed_scale: float | None, acceleration: float | None) -> JointLimits:
         """What the controller of single points keeps on an arm."""
@@ -941,7 +917,7 @@ def _number(buffer: Buffer[Any]) -> int:
 
 
 def _other_motion(side: Side) -> CommandRefused:
-    return CommandRefused(f"Jog refused: another motion of the {side.word} arm is under way; stop it first.")
+    return CommandRefused(message("jog_while_moving", arm=side.word))
 
 
 def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[TrajectoryPoint, ...]:
@@ -952,10 +928,7 @@ def _timed_points(side: Side, points: Sequence[TimedPosition]) -> tuple[Trajecto
             for time, *values in points
         )
     except (TypeError, ValueError) as error:
-        raise CommandRefused(
-            "Trajectory refused: each of its points is a time and seven positions, and no more than velocities and "
-            f"accelerations besides ({error})."
-        ) from error
+        raise CommandRefused(message("trajectory_points_malformed", error=said_by(error))) from error
 
 
 def checked_goal(side: Side, goal: Position, others: Joints) -> Joints:
@@ -966,11 +939,10 @@ def checked_goal(side: Side, goal: Position, others: Joints) -> Joints:
     try:
         values = [float(value) for value in _in_chain_order(side, goal, others)]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: expected seven angles in radians, got {quoted(goal)}.") from error
+        raise CommandRefused(message("goal_not_angles", given=quoted(goal))) from error
     if len(values) != JOINT_COUNT:
         raise CommandRefused(
-            f"Goal refused: it has {len(values)} positions; an arm has {JOINT_COUNT} joints: "
-            f"{', '.join(joint_names(side))}."
+            message("goal_joint_count_of_arm", count=len(values), joints=JOINT_COUNT, names=joint_names(side))
         )
     for index, (name, value) in enumerate(zip(joint_names(side), values, strict=True)):
         check_position(name, index, value)
@@ -984,9 +956,9 @@ def _checked_scale(name: str, value: object) -> float | None:
     try:
         scale = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Goal refused: {name} is {quoted(value)}; give a number above 0 up to 1.") from error
+        raise CommandRefused(message("goal_scale_no_number", name=name, given=quoted(value))) from error
     if not 0.0 < scale <= 1.0:  # NaN too; before controllers are switched for it
-        raise CommandRefused(f"Goal refused: {name} is {scale:g}; allowed is above 0 up to 1.")
+        raise CommandRefused(message("goal_scale_out_of_range", name=name, value=scale))
     return scale
 
 
@@ -1008,10 +980,9 @@ def check_ended(motions: Iterable[Motion], timeout: float | None) -> None:
     """See how motions ended that were waited for; raises GoalNotReached when one ended elsewhere, or is not over."""
     for motion in [each for each in motions if each.is_done]:
         motion.future.result()
-    late = [motion.side.word for motion in motions if not motion.is_done]
+    late = tuple(motion.side.word for motion in motions if not motion.is_done)
     if late:
-        arms = " and ".join(late)
-        raise GoalNotReached(f"The {arms} arm did not arrive within {timeout:g} s and was stopped.")
+        raise GoalNotReached(message("goal_not_reached_in_time", arms=late, timeout=timeout))
 
 
 def halt(motions: Iterable[Motion], executor: MotionExecutor) -> None:

@@ -42,6 +42,7 @@ from yumi.api.tool import (
     tool_planner,
     waypoints_from,
 )
+from yumi.catalogue import message
 from yumi.control.controllers.cartesian import check_twist, pose_goal, twist_goal
 from yumi.control.shared_state import Snapshot
 from yumi.control.tool_path import SPEED, TURNING, ZONE
@@ -493,11 +494,11 @@ class Arm:
             RobotNotReady: as for :meth:`move_to`.
         """
         if frame not in ("base", "tool"):
-            raise CommandRefused(f"Velocity refused: frame is {frame!r}; choose 'base' or 'tool'.")
+            raise CommandRefused(message("twist_frame_unknown", frame=frame))
         try:
             twist = joints([*linear, *angular, elbow])
         except (TypeError, ValueError) as error:
-            raise CommandRefused("Velocity refused: give three numbers each for linear and angular.") from error
+            raise CommandRefused(message("twist_malformed")) from error
         check_twist(twist)
         of = self._tool(tool)
         self.executor.stream_tool(self.side, lambda session: twist_goal(session, twist, of, is_in_tool=frame == "tool"))
@@ -520,9 +521,7 @@ class Arm:
     def _snapshot(self) -> Snapshot:
         snapshot = self.executor.snapshot(self.side)
         if not snapshot.is_streaming:
-            raise RobotNotReady(
-                f"The robot sends no positions of its {self.side.word} arm: EGM is not running; call robot.recover()."
-            )
+            raise RobotNotReady(message("arm_sends_no_positions", arm=self.side.word))
         return snapshot
 
 
@@ -1000,7 +999,7 @@ class Robot:
     @property
     def _connected(self) -> Connection:
         if not self._is_connected:
-            raise RobotNotReady("The robot is not connected; write `with yumi.connect(...) as robot`, or call open().")
+            raise RobotNotReady(message("script_not_connected"))
         return self._connection
 
 
@@ -1008,5 +1007,5 @@ def _named(right: T | None, left: T | None) -> dict[Side, T]:
     """What was given for each arm."""
     given = {side: value for side, value in ((Side.RIGHT, right), (Side.LEFT, left)) if value is not None}
     if not given:
-        raise CommandRefused("No arm has a goal; give right=, left= or both.")
+        raise CommandRefused(message("no_arm_has_goal"))
     return given

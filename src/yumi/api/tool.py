@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from math import degrees, isfinite, nan
 from typing import TYPE_CHECKING, Any, SupportsFloat
 
-from yumi.catalogue import quoted
+from yumi.catalogue import Message, message, quoted
 from yumi.control.motion import largest_difference
 from yumi.control.tool_path import SPEED, TURNING, ZONE, ToolLimits, Waypoint, checked_pose, plan_path
 from yumi.control.trajectory import ArmPlan, stretched
@@ -119,12 +119,11 @@ class Gripper:
             GoalNotReached: something is in the way.
         """
         if not 0.0 < width <= 2.0 * TRAVEL:  # NaN too
-            raise CommandRefused(f"Gripper width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
+            raise CommandRefused(message("gripper_width_out_of_range", width=width, most=2.0 * TRAVEL))
         result = self._command(go_to(width / 2.0))
         if result.outcome is Outcome.STALLED:
             raise GoalNotReached(
-                f"The {self.side.word} gripper stopped at {_mm(result.width)} instead of {_mm(width)}; look what is in "
-                "the way."
+                message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=width)
             )
         return result
 
@@ -146,14 +145,14 @@ class Gripper:
             GoalNotReached: nothing is held, or something wider or narrower by more than 3 mm; it is still held.
         """
         if width is not None and not 0.0 < width <= 2.0 * TRAVEL:
-            raise CommandRefused(f"Object width {width} m is out of range; allowed is above 0 to {2.0 * TRAVEL} m.")
+            raise CommandRefused(message("object_width_out_of_range", width=width, most=2.0 * TRAVEL))
         self._direction = Direction.OUTWARDS if outwards else Direction.INWARDS
         result = self._command(grip(self._direction, self._force if force is None else force))
         if result.outcome is not Outcome.HOLDING:
-            raise GoalNotReached(f"The {self.side.word} gripper holds nothing: it is {result.outcome.value}.")
+            raise GoalNotReached(message("gripper_holds_nothing", gripper=self.side.word, outcome=result.outcome.value))
         if width is not None and abs(result.width - width) > WIDTH_TOLERANCE:
             raise GoalNotReached(
-                f"The {self.side.word} gripper holds something {_mm(result.width)} wide, not {_mm(width)}; it holds on."
+                message("gripper_holds_other_width", gripper=self.side.word, width=result.width, wanted=width)
             )
         return result
 
@@ -169,7 +168,7 @@ class Gripper:
         result = self._command(go_to(0.0))
         if result.outcome is Outcome.STALLED:
             raise GoalNotReached(
-                f"The {self.side.word} gripper stopped at {_mm(result.width)}; look what is in the way."
+                message("gripper_stopped_short", gripper=self.side.word, width=result.width, wanted=0.0)
             )
         return result
 
@@ -213,8 +212,14 @@ class Gripper:
         gripper.switch_vacuum(channel, is_on=True)
         if not gripper.wait_until_picked(channel, self._picked_pressure, timeout):
             raise GoalNotReached(
-                f"Vacuum {channel} of the {self.side.word} gripper has picked nothing: {self.pressure(channel):.0f} Pa "
-                f"after {timeout:g} s, {self._picked_pressure:.0f} Pa or less are needed."
+                message(
+                    "vacuum_picked_nothing",
+                    channel=channel,
+                    gripper=self.side.word,
+                    pressure=self.pressure(channel),
+                    timeout=timeout,
+                    needed=self._picked_pressure,
+                )
             )
 
     def drop(self, channel: int = 1) -> None:
@@ -292,7 +297,7 @@ def pose(
         CommandRefused: both or a wrong number of values are given, or one is not finite.
     """
     if quaternion is not None and rpy is not None:
-        raise CommandRefused("Pose refused: give its orientation as quaternion= or as rpy=, not both.")
+        raise CommandRefused(message("pose_orientation_twice"))
     orientation: Quaternion = IDENTITY
     if rpy is not None:
         roll, pitch, yaw = numbers_from(rpy, 3, "rpy")
@@ -301,7 +306,7 @@ def pose(
         w, i, j, k = numbers_from(quaternion, 4, "quaternion")
         length = (w * w + i * i + j * j + k * k) ** 0.5
         if not 1e-6 < length < 1e6:
-            raise CommandRefused("Pose refused: the quaternion has no direction; give w, x, y, z.")
+            raise CommandRefused(message("pose_quaternion_without_direction"))
         orientation = (w / length, i / length, j / length, k / length)
     x, y, z = numbers_from((x, y, z), 3, "its place")
     return checked_pose(Pose((x, y, z), orientation))
@@ -330,21 +335,21 @@ def boxes_from(given: Mapping[str, tuple[PoseLike, Sequence[SupportsFloat]]]) ->
     """
     found = []
     for name, (centre, size) in given.items():
-        length, width, height = numbers_from(size, 3, f"the size of box {quoted(name)}")
+        length, width, height = numbers_from(size, 3, message("size_of_box", box=name))
         if min(length, width, height) <= 0.0:
-            raise CommandRefused(f"Box refused: an edge of {quoted(name)} is not longer than 0; give metres.")
+            raise CommandRefused(message("box_edge_not_positive", box=name))
         found.append(Obstacle(name, pose_from(centre), (length, width, height)))
     return tuple(found)
 
 
-def numbers_from(values: Any, count: int, name: str) -> list[float]:
+def numbers_from(values: Any, count: int, name: Message | str) -> list[float]:
     """So many finite numbers as they are; raises CommandRefused when they are not."""
     try:
         numbers = [float(each) for each in values]
     except (TypeError, ValueError) as error:
-        raise CommandRefused(f"Pose refused: {name} is {quoted(values)}; give {count} numbers.") from error
+        raise CommandRefused(message("pose_values_no_numbers", name=name, given=quoted(values), count=count)) from error
     if len(numbers) != count or not all(map(isfinite, numbers)):
-        raise CommandRefused(f"Pose refused: {name} is {quoted(values)}; give {count} finite numbers.")
+        raise CommandRefused(message("pose_values_not_finite", name=name, given=quoted(values), count=count))
     return numbers
 
 
@@ -362,18 +367,20 @@ class Frames:
 
     def tool(self, given: PoseLike | str) -> Pose:
         """The frame of a tool, by name or given itself."""
-        return _named(given, self.tools, "tool")
+        return _named(given, self.tools, is_tool=True)
 
     def work_object(self, given: PoseLike | str | None) -> Pose:
         """The frame of a work object; None is the body's."""
-        return TOOL0 if given is None else _named(given, self.work_objects, "work object")
+        return TOOL0 if given is None else _named(given, self.work_objects, is_tool=False)
 
 
-def _named(given: PoseLike | str, known: Mapping[str, PoseLike], kind: str) -> Pose:
+def _named(given: PoseLike | str, known: Mapping[str, PoseLike], *, is_tool: bool) -> Pose:
     if not isinstance(given, str):
         return pose_from(given)
     if given not in known:
-        raise CommandRefused(f"There is no {kind} {quoted(given)}; there are {', '.join(known)}.")
+        raise CommandRefused(
+            message("tool_name_unknown" if is_tool else "work_object_unknown", name=given, known=tuple(known))
+        )
     return pose_from(known[given])
 
 
@@ -416,15 +423,21 @@ def posture_for(
             if found:
                 return min(found, key=lambda each: largest_difference(each, now))
     x, y, z = tool0.position
-    which = "" if wanted is None else f" with configuration {wanted}"
-    how, advice = ("any arm angle tried", "") if angle is None else ("this arm angle", ", or another arm angle")
-    reason = (
-        f"Pose refused: the {side.word} arm has no posture{which} for tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m and "
-        f"its orientation, with {how}. Choose a pose within reach{advice}."
-    )
     if wanted is None:
+        reason = message(
+            "posture_missing" if angle is None else "posture_missing_at_angle", arm=side.word, x=x, y=y, z=z
+        )
         raise unreachable(side, tool0, reason, now, limits)
-    raise Unreachable(f"{reason} Or leave the configuration out: it takes the nearest posture then.")
+    raise Unreachable(
+        message(
+            "posture_missing_in_configuration" if angle is None else "posture_missing_in_configuration_at_angle",
+            arm=side.word,
+            configuration=wanted,
+            x=x,
+            y=y,
+            z=z,
+        )
+    )
 
 
 def checked_angle(angle: SupportsFloat) -> float:
@@ -434,14 +447,14 @@ def checked_angle(angle: SupportsFloat) -> float:
     except (TypeError, ValueError):
         number = nan
     if not isfinite(number):
-        raise CommandRefused(f"Pose refused: the arm angle is {quoted(angle)}; give radians.")
+        raise CommandRefused(message("pose_angle_not_finite", given=quoted(angle)))
     return number
 
 
 def _checked_configuration(given: Sequence[int]) -> tuple[int, ...]:
     values = numbers_from(given, 4, "configuration")
     if any(each != int(each) for each in values):
-        raise CommandRefused(f"Pose refused: configuration is {given}; give the whole numbers cf1, cf4, cf6 and cfx.")
+        raise CommandRefused(message("pose_configuration_not_whole", given=quoted(given)))
     return tuple(map(int, values))
 
 

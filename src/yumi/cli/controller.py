@@ -14,6 +14,7 @@ from typing import Any
 
 import click
 
+from yumi.catalogue import message
 from yumi.cli.options import (
     FILE,
     NEW_FILE,
@@ -407,7 +408,7 @@ def rws_set(client: RwsClient, target: str, value: str) -> None:
         try:
             number = float(value)
         except ValueError as error:
-            raise CommandRefused(f"A signal takes a number, not {value!r}.") from error
+            raise CommandRefused(message("signal_value_no_number", value=value)) from error
         client.set_signal(target.removeprefix("signal:"), number)
     elif symbol := _symbol_of(target):
         client.set_symbol(*symbol, value)
@@ -507,7 +508,7 @@ def rws_call(client: RwsClient, method: str, path: str, fields: tuple[str, ...],
     """
     wrong = [field for field in fields if "=" not in field]
     if wrong:
-        raise CommandRefused(f"{wrong[0]!r} is not NAME=VALUE.")
+        raise CommandRefused(message("field_without_value", field=wrong[0]))
     where, _, query = path.partition("?")
     form = tuple((name, value) for name, _, value in (field.partition("=") for field in fields))
     _print(client.call(method, where, decode_form(query), form or None), json_output)
@@ -535,10 +536,7 @@ def _symbol_of(target: str) -> tuple[str, str, str] | None:
 
 
 def _unknown_target(target: str) -> CommandRefused:
-    return CommandRefused(
-        f"{target!r} is not a target: give a resource (/rw/panel/opmode), signal:NAME, TASK/MODULE/NAME or a file "
-        "(HOME:/pick.mod)."
-    )
+    return CommandRefused(message("no_target", target=target))
 
 
 def _print(page: Page | None, json_output: JsonOutput) -> None:

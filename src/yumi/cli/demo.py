@@ -122,7 +122,7 @@ def run_demo(
     def check_driver() -> None:
         check()
         if driver.exit_code is not None:
-            raise RobotNotReady(f"The driver has ended (exit code {driver.exit_code}); see {driver.log}.")
+            raise RobotNotReady(message("driver_program_ended", exit_code=driver.exit_code, log=str(driver.log)))
 
     def ask(sentence: str) -> bool:
         return confirm(f"{sentence}\n{_REAL if plan.robot else _VIRTUAL}", check_driver)
@@ -335,7 +335,7 @@ def demo(
         for text in (f"--{name.replace('_', '-')}", str(value))
     )
     if options and robot is None:
-        raise CommandRefused(f"{options[0]} is about a robot that runs already; name it with --robot.")
+        raise CommandRefused(message("option_needs_robot", option=options[0]))
     demand_ros()
     limit_discovery()
     os.environ.setdefault("ROS_LOG_DIR", str(logs.absolute() / "ros"))

@@ -297,16 +297,11 @@ def _check_stream(session: _Session) -> dict[str, dict[str, float]]:
     for side, stream in streams.items():
         address = session.addresses[side]
         if stream.position is None:
-            raise NoConnection(
-                f"No datagram of the {side.word} arm came to {address.host}:{address.port}; open the port in this "
-                "machine's firewall, and see `yumi doctor --stream`."
-            )
+            raise NoConnection(message("no_datagram_at_test", arm=side.word, address=f"{address.host}:{address.port}"))
         if not stream.is_of(stands[side]):
-            raise RobotNotReady(
-                f"The datagrams at port {address.port} are not the {side.word} arm's; exchange the ports."
-            )
+            raise RobotNotReady(message("datagrams_of_other_arm", port=address.port, arm=side.word))
         if stream.loss > _WORST_LOSS:
-            raise RobotNotReady(f"{stream.loss:.0%} of the {side.word} arm's datagrams are lost; use a cable.")
+            raise RobotNotReady(message("datagrams_lost", share=stream.loss, arm=side.word))
         session.say(
             f"{side.word} arm: {stream.received} datagrams, one every {stream.period * 1e3:.2f} ms, {stream.lost} lost"
         )

@@ -100,10 +100,7 @@ class _Commands(click.Group):
         try:
             for rule in context.meta[ROS_ARGUMENTS]:
                 if _NAMES_NODES.match(rule):
-                    raise SettingsError(
-                        f"{rule!r} would merge both arms, whose nodes differ only in the namespaces r and l; start "
-                        "without it, or give all nodes of a robot a namespace with yumi up --namespace."
-                    )
+                    raise SettingsError(message("nodes_would_merge", rule=rule))
             speak_as(FrontEnd.SHELL)
             return super().invoke(context)
         except YumiError as error:
@@ -112,11 +109,8 @@ class _Commands(click.Group):
         except (OSError, MemoryError) as error:
             if isinstance(error, OSError) and error.errno not in _EXHAUSTED:
                 raise
-            click.echo(
-                f"Error: this machine gives the program too little: {str(error) or 'no memory'}; see its limits "
-                "(ulimit -a) and that no disk is full (df).",
-                err=True,
-            )
+            reason = message("text", text=str(error)) if str(error) else message("no_memory")
+            click.echo(f"Error: {message('machine_gives_too_little', reason=reason)}", err=True)
             sys.exit(1)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import click
 import yaml
 
+from yumi.catalogue import message
 from yumi.cli.options import gripper_options
 from yumi.errors import SettingsError
 from yumi.robot.description import FINGER_SPEED, robot_description
@@ -102,7 +103,7 @@ def write_moveit_config(folder: Path, grippers: Mapping[Side, GripperModules] | 
         SettingsError: there is something in the folder.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise SettingsError(f"{folder} is not empty; nothing was written. Name a new folder.")
+        raise SettingsError(message("folder_not_empty", folder=str(folder)))
     for path, text in moveit_files(grippers).items():
         file = folder / path
         file.parent.mkdir(parents=True, exist_ok=True)

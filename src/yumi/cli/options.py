@@ -17,6 +17,7 @@ from typing import Any
 
 import click
 
+from yumi.catalogue import message
 from yumi.driver.settings import (
     MAX_PORT,
     PASSWORD_VARIABLE,
@@ -253,7 +254,9 @@ class JsonOutput:
             with file.open("a" if self._has_begun else "w", encoding="utf-8") as opened:
                 opened.write(f"{text}\n")
         except OSError as error:
-            raise SettingsError(f"--json: {file} cannot be written: {error.strerror or error}.") from error
+            raise SettingsError(
+                message("json_not_writable", file=str(file), reason=error.strerror or str(error))
+            ) from error
         self._has_begun = True
 
 
@@ -333,7 +336,7 @@ def password_options(command: Command) -> Command:
 
 def _password(file: Path | None, is_asked: bool) -> str | None:
     if file and is_asked:
-        raise SettingsError("The password is given twice; give --password-file or --ask-password.")
+        raise SettingsError(message("password_given_twice"))
     if is_asked:
         return str(click.prompt("Password", hide_input=True, err=True))
     if not file:
@@ -343,12 +346,12 @@ def _password(file: Path | None, is_asked: bool) -> str | None:
             mode = os.fstat(opened.fileno()).st_mode
             password = opened.readline().rstrip("\r\n")
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
-        raise SettingsError(f"Cannot read the password file {file}: {reason}.") from error
+        reason = error.strerror or str(error) if isinstance(error, OSError) else message("not_utf8_text")
+        raise SettingsError(message("password_file_unreadable", file=str(file), reason=reason)) from error
     if mode & _OTHERS_MAY_NOT:
-        raise SettingsError(f"Other users can read the password file {file}; close it with: chmod 600 {file}")
+        raise SettingsError(message("password_file_open_to_others", file=str(file)))
     if not password:
-        raise SettingsError(f"The password file {file} has an empty first line; write the password there.")
+        raise SettingsError(message("password_file_empty", file=str(file)))
     return password
 
 
@@ -374,15 +377,14 @@ def limit_discovery(*, is_open: bool = False) -> str:
     return "ROS 2 is visible on this machine only; --network opens it to the subnet."
 
 
-def demand_ros(otherwise: str = "") -> None:
-    """Raise MissingPrerequisite where ROS 2 cannot be imported; ``otherwise`` names what works without it."""
+def demand_ros(*, for_driver: bool = False) -> None:
+    """Raise MissingPrerequisite where ROS 2 cannot be imported; a driver works without it, which is said then."""
     try:
         import control_msgs  # noqa: F401, PLC0415
         import rclpy  # noqa: F401, PLC0415
     except ImportError as error:
         raise MissingPrerequisite(
-            f"ROS 2 is missing ({error}): install yumi-ros2[ros] from a wheel that `make wheels` has built for this "
-            f"Python, run `make setup` in a clone, or source your ROS 2 Jazzy{otherwise}."
+            message("ros_missing_for_driver" if for_driver else "ros_missing", reason=str(error))
         ) from error
 
 

@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 import click
 
+from yumi.catalogue import Message, message
 from yumi.cli.controller import of_controller
 from yumi.cli.options import (
     FILE,
@@ -35,7 +36,7 @@ from yumi.clock import Clock, SystemClock, comes_true
 from yumi.errors import CommandRefused, ControllerRefused, RapidError, SettingsError, YumiError
 from yumi.rws.client import RwsClient
 from yumi.rws.services.rapid import Range, RunCycle, Step, SymbolKind
-from yumi.rws.types import Code, ControllerState, ExecutionState, TaskExecution, sentence
+from yumi.rws.types import Code, ControllerState, ExecutionState, TaskExecution, meaning_of
 
 if TYPE_CHECKING:
     from yumi.rapid.types import RapidReferenceError
@@ -135,7 +136,7 @@ def answer(value: str | None, robot: str, user: str, password: str | None, json_
     with RwsClient(address, user=user, password=login, timeout=own.timeout) as client:
         dialog = client.dialog()
         if dialog is None:
-            raise CommandRefused("No program asks anything.")
+            raise CommandRefused(message("program_asks_nothing"))
         asked = [f"{name}: {text}" for name, text in client.dialog_parameters(dialog.stack).items() if text]
         if value is None:
             task = dialog.stack.split("/")[1]
@@ -147,7 +148,7 @@ def answer(value: str | None, robot: str, user: str, password: str | None, json_
             client.answer_dialog(dialog.stack, value)
         except ControllerRefused as error:
             raise CommandRefused(
-                f"The controller refuses {value!r} as an answer to {dialog.instruction} ({', '.join(asked)})."
+                message("answer_refused", value=value, instruction=dialog.instruction, asked=tuple(asked))
             ) from error
 
 
@@ -209,7 +210,9 @@ def check_program(files: Sequence[Path], cfg: Sequence[Path] = (), robot: str = 
         try:
             text = decoded(path.read_bytes())
         except OSError as error:
-            raise SettingsError(f"{path} cannot be read: {error.strerror or error}.") from error
+            raise SettingsError(
+                message("file_unreadable", file=str(path), reason=error.strerror or str(error))
+            ) from error
         parsable, found = _parsable(text, str(path))
         faults += found
         if parsable is not None:
@@ -238,8 +241,7 @@ def _parsable(text: str, filename: str) -> tuple[str | None, list[ProgramFault]]
         try:
             parse_module(text, filename)
         except RapidSyntaxError as error:
-            sentence = str(error).removeprefix(f"{filename}:{error.line}:{error.column}: ")
-            faults.append(ProgramFault(filename, error.line, error.column, "syntax", sentence))
+            faults.append(ProgramFault(filename, error.line, error.column, "syntax", error.sentence))
             lines = text.split("\n")
             first = min(error.line, len(lines)) - 1
             while first >= 0 and not _ROUTINE_BEGINS.match(lines[first]):
@@ -278,6 +280,13 @@ _LONGEST_LOCAL = 30  # characters of one then
 _NOT_FOUND = 404
 _WRONG_STATE = (Code.EXEC_STATE, Code.TASK_STATE, Code.NO_PP)
 _NO_SYMBOL = (Code.FAIL, Code.NO_SUCH_SYMBOL, Code.UNRESOLVED_URL)
+
+
+def _running_first(tasks: Sequence[str]) -> Message:
+    """That tasks run, and must be stopped first."""
+    if len(tasks) == 1:
+        return message("task_is_running", task=tasks[0])
+    return message("tasks_are_running", tasks=tuple(tasks))
 
 
 def _cut(literal: str) -> str:
@@ -339,12 +348,13 @@ class Debugger(cmd.Cmd):
         """Say what the person meets: whether RAPID runs, and the breakpoints that others have left."""
         tasks = {each.name.upper(): each for each in self._client.tasks()}
         if self._task.upper() not in tasks:
-            names = ", ".join(each.name for each in tasks.values())
-            raise CommandRefused(f"The controller has no task {self._task}; it has {names}.")
+            raise CommandRefused(
+                message("task_unknown", task=self._task, tasks=tuple(each.name for each in tasks.values()))
+            )
         self._task = tasks[self._task.upper()].name
         if running := self._running():
             self._was_running = True
-            self._say(f"{running} running; `stop` stops RAPID.")
+            self._say(f"{' and '.join(running)} {'is' if len(running) == 1 else 'are'} running; `stop` stops RAPID.")
         self._say(self._breakpoint_list())
 
     def onecmd(self, line: str) -> bool:
@@ -353,7 +363,7 @@ class Debugger(cmd.Cmd):
             self._notice_stop()
             return super().onecmd(line)
         except ControllerRefused as error:
-            self._say(self._in_words(error))
+            self._say(str(self._why_refused(error)))
         except YumiError as error:
             self._say(str(error))
         return False
@@ -363,7 +373,7 @@ class Debugger(cmd.Cmd):
         return False
 
     def default(self, line: str) -> None:
-        raise CommandRefused(f"There is no command {line.split(maxsplit=1)[0]!r}; help lists them.")
+        raise CommandRefused(message("debugger_command_unknown", command=line.split(maxsplit=1)[0]))
 
     def get_names(self) -> list[str]:
         """The end of the commands is no command that help lists."""
@@ -373,37 +383,37 @@ class Debugger(cmd.Cmd):
         """Help [COMMAND]: what a command does; alone, all of them."""
         found = [name for name in self.get_names() if name.startswith(f"do_{arg}")]
         if arg and f"do_{arg}" not in found:
-            raise CommandRefused(f"There is no command {arg!r}; help alone lists them.")
+            raise CommandRefused(message("debugger_command_unknown", command=arg))
         for name in [f"do_{arg}"] if arg else found:
             text = str(getattr(self, name).__doc__)
             self._say(f"{text[:1].lower()}{text[1:]}")
 
     # ---- what is refused
 
-    def _running(self) -> str:
-        """The tasks that run, as in "T_ROB_L and T_ROB_R are"; empty when none does."""
+    def _running(self) -> tuple[str, ...]:
+        """The tasks that run."""
         tasks = self._client.tasks()
-        names = [each.name for each in tasks if each.starts_by_hand and each.execution is TaskExecution.STARTED]
-        return f"{' and '.join(names)} {'is' if len(names) == 1 else 'are'}" if names else ""
+        return tuple(each.name for each in tasks if each.starts_by_hand and each.execution is TaskExecution.STARTED)
 
-    def _in_words(self, error: ControllerRefused) -> str:
+    def _why_refused(self, error: ControllerRefused) -> Message:
         """Why the controller refuses, and what to do; its code tells, and the state it is in."""
         if error.code in _WRONG_STATE:
             if running := self._running():
-                return f"{running} running; `stop` {'them' if running.endswith('are') else 'it'} first."
+                return _running_first(running)
             state = self._client.controller_state()
             if state is not ControllerState.MOTORS_ON:
-                return f"The motors are off (controller state {state.value}); switch them on first."
+                return message("motors_off_for_program", state=state.value)
             with_pointer = self._startable()
             if self._task not in with_pointer:
                 return self._no_pointer
             if others := [each for each in self._selected() if each not in with_pointer]:
-                return f"{' and '.join(others)} may need a program pointer; `main` moves all to main."
-        return f"The controller refuses it: {sentence(error.code) or 'its event log may tell why'}."
+                return message("tasks_without_pointer", tasks=tuple(others))
+        reason = meaning_of(error.code) or message("event_log_may_tell")
+        return message("controller_refuses_it", reason=reason)
 
     @property
-    def _no_pointer(self) -> str:
-        return f"{self._task} has no program pointer; `main` moves it to main"
+    def _no_pointer(self) -> Message:
+        return message("task_without_pointer", task=self._task)
 
     def _selected(self) -> list[str]:
         """The tasks that the task panel selects."""
@@ -434,12 +444,12 @@ class Debugger(cmd.Cmd):
     def _run(self, step: Step) -> None:
         if not self._is_confirmed:
             if running := self._running():
-                raise CommandRefused(f"{running} running; `stop` {'them' if running.endswith('are') else 'it'} first.")
+                raise CommandRefused(_running_first(running))
             if self._task not in (tasks := self._startable()):
                 raise CommandRefused(self._no_pointer)
             what = f"This starts {' and '.join(tasks)}, and arms may move."
             if not self._confirm(f"{what} Is their workspace free?"):
-                raise CommandRefused(f"Not started. {what} It has to be confirmed, or --yes given.")
+                raise CommandRefused(message("start_not_confirmed", tasks=tuple(tasks)))
             self._is_confirmed = True
         before, self._has_started = self._has_started, True  # Ctrl-C may come before the answer
         try:
@@ -495,7 +505,7 @@ class Debugger(cmd.Cmd):
     def _here(self) -> str:
         module, routine, row = next(self._frames(), ("", "", 0))
         if not module:
-            return self._no_pointer
+            return str(self._no_pointer)
         return f"{module}/{routine}, line {row}: {self._line(module, row)}"
 
     def _line(self, module: str, row: int) -> str:
@@ -533,19 +543,22 @@ class Debugger(cmd.Cmd):
             return ()
 
     def _breakpoint_list(self) -> str:
-        return "breakpoints: " + (", ".join(f"{name}:{at.row}" for name, at in self._breakpoints()) or "none")
+        return "breakpoints: " + (", ".join(self._breakpoint_names()) or "none")
+
+    def _breakpoint_names(self) -> tuple[str, ...]:
+        return tuple(f"{name}:{at.row}" for name, at in self._breakpoints())
 
     def _place(self, argument: str, command: str) -> tuple[str, int]:
         """The module, as it is spelled, and the line that an argument names."""
         module, colon, row = argument.rpartition(":")
         if not colon or not row.isdigit():
-            raise CommandRefused(
-                f"{command} takes a module and a line, such as {command} Program:12, not {argument!r}."
-            )
+            raise CommandRefused(message("place_expected", command=command, argument=argument))
         names = [each.name for each in self._client.modules(self._task)]
         found = next((name for name in names if name.lower() == module.strip().lower()), None)
         if found is None:
-            raise CommandRefused(f"{self._task} has no module {module.strip()!r}; it has {', '.join(names) or 'none'}.")
+            raise CommandRefused(
+                message("module_unknown", task=self._task, module=module.strip(), modules=tuple(names))
+            )
         return found, int(row)
 
     def do_break(self, argument: str) -> None:
@@ -556,17 +569,17 @@ class Debugger(cmd.Cmd):
                 self._client.set_breakpoint(self._task, module, row)
             except ControllerRefused as error:
                 if error.status == _NOT_FOUND:
-                    raise CommandRefused(
-                        "This controller has no breakpoints over Robot Web Services; set them in RobotStudio."
-                    ) from error
+                    raise CommandRefused(message("no_breakpoints_here")) from error
                 if error.code != Code.SOURCEPOS:
                     raise
                 count = len(self._client.module_text(self._task, module).splitlines())
                 if not 1 <= row <= count:
-                    raise CommandRefused(f"{module} has {count} lines, not {row}.") from error
+                    raise CommandRefused(message("line_beyond_module", module=module, count=count, line=row)) from error
+                text = self._line(module, row)
                 raise CommandRefused(
-                    f"No statement begins at line {row} of {module} ({self._line(module, row) or 'an empty line'}); "
-                    "execution stops before statements only."
+                    message("no_statement_at_line", line=row, module=module, text=text)
+                    if text
+                    else message("no_statement_at_empty_line", line=row, module=module)
                 ) from error
         self._say(self._breakpoint_list())
         if argument and self._was_running:
@@ -579,7 +592,9 @@ class Debugger(cmd.Cmd):
             module, row = self._place(argument, "clear")
             found = tuple((name, at) for name, at in found if (name.lower(), at.row) == (module.lower(), row))
             if not found:
-                raise CommandRefused(f"There is no breakpoint at {module}:{row}; {self._breakpoint_list()}.")
+                raise CommandRefused(
+                    message("no_breakpoint", module=module, line=row, breakpoints=self._breakpoint_names())
+                )
         stands = {(module.lower(), row) for module, _, row in self._frames()}
         for name, at in found:
             if (name.lower(), at.row) in stands:
@@ -619,11 +634,11 @@ class Debugger(cmd.Cmd):
     def do_locals(self, argument: str) -> None:
         """Locals [N]: parameters, data and loop variables of the routine that is executed, or of #N of `where`."""
         if argument and not argument.isdigit():
-            raise CommandRefused(f"locals takes a number of `where`, such as locals 1, not {argument!r}.")
+            raise CommandRefused(message("frame_number_expected", argument=argument))
         frames = list(self._frames())
         number = int(argument or 0)
         if not number < len(frames):
-            raise CommandRefused(f"There is no #{number}: `where` lists them." if frames else f"{self._here()}.")
+            raise CommandRefused(message("no_frame", number=number) if frames else self._no_pointer)
         found = self._locals(number + 1)
         for name, block in found.items():
             self._say(f"{name} = {self._client.symbol(self._task, block, name)}")
@@ -638,7 +653,7 @@ class Debugger(cmd.Cmd):
             return block, name
         module = next(self._frames(), ("", "", 0))[0]
         if not module:
-            raise CommandRefused(f"{self._here()}; or name it as MODULE/NAME.")
+            raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
         own = {key.lower(): each for key, each in self._locals().items()}
         return own.get(name.partition("{")[0].lower(), module), name
 
@@ -649,7 +664,7 @@ class Debugger(cmd.Cmd):
             return
         module = next(self._frames(), ("", "", 0))[0]
         if not module:
-            raise CommandRefused(f"{self._here()}; or print MODULE/NAME.")
+            raise CommandRefused(message("datum_needs_module", reason=self._no_pointer))
         found = self._locals()
         for name, block in [*found.items(), *((each, module) for each in self._data(module))]:
             self._print(block, name)
@@ -664,8 +679,9 @@ class Debugger(cmd.Cmd):
 
     def _unknown(self, block: str, name: str) -> CommandRefused:
         module, routine, _ = next(self._frames(), ("", "", 0))
-        where = f"{module}/{routine}, nor in {module}" if module.lower() == block.lower() else block
-        return CommandRefused(f"There is no datum {name!r} in {where}; `print` alone lists them.")
+        if module.lower() == block.lower():
+            return CommandRefused(message("no_datum_in_routine", name=name, module=module, routine=routine))
+        return CommandRefused(message("no_datum", name=name, block=block))
 
     def _data(self, module: str) -> list[str]:
         form = (("view", "block"), ("blockurl", f"RAPID/{self._task}/{module}"), ("symtyp", "var,per,con"))
@@ -677,7 +693,7 @@ class Debugger(cmd.Cmd):
         """Set NAME VALUE: give a datum a value, a RAPID literal."""
         target, _, literal = argument.partition(" ")
         if not literal:
-            raise CommandRefused("set takes a datum and its value, such as set count 3.")
+            raise CommandRefused(message("datum_and_value_expected"))
         block, name = self._find(target)
         try:
             found = self._client.symbol_properties(self._task, block, name)
@@ -686,14 +702,17 @@ class Debugger(cmd.Cmd):
                 raise
             raise self._unknown(block, name) from error
         if found.is_read_only:
-            what = "a loop variable" if found.kind is SymbolKind.FOR else "a constant"
-            raise CommandRefused(f"{name} is {what}, which cannot be set.")
+            raise CommandRefused(
+                message("loop_variable_not_set" if found.kind is SymbolKind.FOR else "constant_not_set", name=name)
+            )
         try:
             self._client.set_symbol(self._task, block, name, literal.strip())
         except ControllerRefused as error:
             if error.code not in (Code.SYNTAX, Code.SEMANTIC):
                 raise
-            raise CommandRefused(f"{literal.strip()} is not a value of {name}, which is a {found.type}.") from error
+            raise CommandRefused(
+                message("no_value_of_datum", value=literal.strip(), name=name, type=found.type)
+            ) from error
         self._print(block, name)
 
     def do_quit(self, argument: str) -> bool:

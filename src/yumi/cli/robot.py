@@ -28,7 +28,7 @@ from click.shell_completion import CompletionItem, get_completion_class
 import yumi
 from yumi.api.connection import RunningDriver, attach
 from yumi.api.motion import RETREAT_SPEED_SCALE
-from yumi.catalogue import in_words, message
+from yumi.catalogue import in_words, message, quoted, said_by
 from yumi.cli.options import (
     ARM,
     ARMS,
@@ -246,7 +246,7 @@ def grip(driver: RunningDriver, arm: Arm, action: str, width: float | None, forc
       yumi grip right close --force 8
     """
     if (action == "open" and force is not None) or (action == "close" and width is not None):
-        raise SettingsError("--width is for open, --force for close.")
+        raise SettingsError(message("width_opens_force_closes"))
     done = driver.open_gripper(arm, width) if action == "open" else driver.close_gripper(arm, force)
     held = f"something {done.width * 1e3:.1f} mm wide" if done.outcome is Outcome.HOLDING else ""
     words = {"arm": arm, "outcome": done.outcome.value, "width": done.width}
@@ -300,10 +300,10 @@ def move(
       yumi move right 0.4 -0.2 0.2 --pose --linear          on a straight line
     """
     if (linear or speed is not None) and not pose:
-        raise SettingsError("--linear and --speed are for poses; add --pose.")
+        raise SettingsError(message("line_options_need_pose"))
     position = pose_of(goal) if pose else goal_of(goal, in_degrees=in_degrees, abb=abb)
     if arm == "both" and not isinstance(position, str):
-        raise SettingsError("Both arms take a pose only; their joints are mirrored. Move one after the other.")
+        raise SettingsError(message("both_arms_take_a_pose"))
     with _progress() as on_motion:
         return driver.move_to(
             right=position if arm != "left" else None,
@@ -367,7 +367,7 @@ def pose_of(words: Sequence[str]) -> Sequence[float]:
     except ValueError:
         numbers = []
     if len(numbers) not in (3, 7):
-        raise SettingsError("A pose is x y z [m], and w x y z of its orientation or nothing: it stays.")
+        raise SettingsError(message("no_pose_on_command_line"))
     return numbers
 
 
@@ -383,23 +383,21 @@ def goal_of(words: Sequence[str], *, in_degrees: bool, abb: bool) -> str | Mappi
         try:
             return float(text) * factor
         except ValueError:
-            raise SettingsError(
-                f"{text!r} is not an angle; give a pose ({', '.join(POSES)}), joints such as j1=20, or seven angles."
-            ) from None
+            raise SettingsError(message("no_angle", text=text, poses=tuple(POSES))) from None
 
     if len(words) == 1 and words[0] in POSES:
         return words[0]
     if all("=" in word for word in words):
         if abb:
-            raise SettingsError("--abb is for seven angles in a row; joints by name have no order.")
+            raise SettingsError(message("abb_order_of_names"))
         pairs = [word.split("=", 1) for word in words]
         named = {name: number(text) for name, text in pairs}
         if len(named) != len(pairs):
-            raise SettingsError("A joint is named twice; name each once.")
+            raise SettingsError(message("some_joint_named_twice"))
         return named
     angles = [number(word) for word in words]
     if len(angles) != JOINT_COUNT:
-        raise SettingsError(f"{len(angles)} angles are given; an arm has {JOINT_COUNT} joints.")
+        raise SettingsError(message("angle_count", count=len(angles), joints=JOINT_COUNT))
     return chain_from_abb(angles[:6], angles[6]) if abb else joints(angles)
 
 
@@ -596,7 +594,7 @@ def echo(topic: str, count: int, timeout: float, json_output: JsonOutput) -> Non
         node.create_subscription(kind, f"/{topic.lstrip('/')}", received.append, quality)
         for _ in range(count):
             if not _spin_until(node, lambda: bool(received), timeout):
-                raise RobotNotReady(f"No message came on {topic} within {timeout:g} s.")
+                raise RobotNotReady(message("no_message_on_topic", topic=topic, timeout=timeout))
             values = message_values(received.pop(0))
             json_output.write(json.dumps(values))
             if not json_output.is_printed:
@@ -623,7 +621,7 @@ def call(service: str, request: str, timeout: float, json_output: JsonOutput) ->
         try:
             values = yaml.safe_load(request)
         except yaml.YAMLError as error:
-            raise SettingsError(f"{request!r} is neither JSON nor YAML: {error}.") from error
+            raise SettingsError(message("request_no_yaml", request=request, error=said_by(error))) from error
         asked = fill_message(kind.Request(), values if values is not None else {})
         answer = _call_service(node, kind, f"/{service.lstrip('/')}", asked, timeout)
     shown = message_values(answer)
@@ -677,7 +675,7 @@ def param(words: Sequence[str], json_output: JsonOutput) -> None:
             each: message_values(parameter_value_to_python(it)) for each, it in zip(names, answer.values, strict=False)
         }
         if name is not None and shown.get(name) is None:
-            raise CommandRefused(f"{base} has no parameter {name!r}; `yumi param {node_name}` lists them.")
+            raise CommandRefused(message("node_without_parameter", node=base, name=name))
         asked = DescribeParameters.Request(names=names)
         described = _call_service(node, DescribeParameters, f"{base}/describe_parameters", asked).descriptors
     json_output.write(json.dumps(shown))
@@ -692,13 +690,13 @@ def _set_parameter(node: Any, base: str, name: str, value: str) -> None:
 
     given = yaml.safe_load(value)
     try:
-        message = Parameter(name, value=given).to_parameter_msg()
+        parameter = Parameter(name, value=given).to_parameter_msg()
     except (TypeError, AttributeError) as error:
-        raise SettingsError(f"{value!r} is no value of a parameter.") from error
-    asked = SetParameters.Request(parameters=[message])
+        raise SettingsError(message("no_value_of_parameter", value=value)) from error
+    asked = SetParameters.Request(parameters=[parameter])
     answer = _call_service(node, SetParameters, f"{base}/set_parameters", asked)
     if not answer.results[0].successful:
-        raise CommandRefused(f"{name} of {base} was not set: {answer.results[0].reason}")
+        raise CommandRefused(message("parameter_not_set", name=name, node=base, reason=answer.results[0].reason))
 
 
 def parameter_line(name: str, value: object, descriptor: Any) -> str:
@@ -755,16 +753,22 @@ def _type_of(node: Any, name: str, known: Callable[[], Sequence[tuple[str, Seque
         return full in kinds
 
     if not _spin_until(node, is_there, _DISCOVERY):
-        near = ", ".join(sorted(each for each in kinds if name.rpartition("/")[2] in each)[:5])
-        raise RobotNotReady(
-            f"There is no {what} {full} in the ROS 2 graph{f'; similar: {near}' if near else ''}. Does a driver run, "
-            "with the same ROS_DOMAIN_ID?"
-        )
+        near = tuple(sorted(each for each in kinds if name.rpartition("/")[2] in each)[:5])
+        is_topic = what == "topic"
+        if near:
+            raise RobotNotReady(
+                message(
+                    "topic_not_in_graph_similar" if is_topic else "service_not_in_graph_similar",
+                    name=full,
+                    similar=near,
+                )
+            )
+        raise RobotNotReady(message("topic_not_in_graph" if is_topic else "service_not_in_graph", name=full))
     package, folder, kind = kinds[full][0].split("/")
     try:
         return getattr(import_module(f"{package}.{folder}"), kind)
     except (ImportError, AttributeError) as error:
-        raise RobotNotReady(f"{full} has the type {package}/{folder}/{kind}, which is not installed here.") from error
+        raise RobotNotReady(message("type_not_installed", name=full, type=f"{package}/{folder}/{kind}")) from error
 
 
 def message_values(message: Any) -> Any:
@@ -778,43 +782,45 @@ def message_values(message: Any) -> Any:
     return message
 
 
-def fill_message(message: Any, values: object) -> Any:
+def fill_message(target: Any, values: object) -> Any:
     """Give a message's fields the values of a dictionary; lists of messages come from lists of dictionaries.
 
     Raises:
         SettingsError: a field is unknown, or a value does not fit.
     """
-    fields: Mapping[str, str] = message.get_fields_and_field_types()
-    message._check_fields = True  # else a message takes anything, and the middleware fails with it
+    fields: Mapping[str, str] = target.get_fields_and_field_types()
+    target._check_fields = True  # else a message takes anything, and the middleware fails with it
     if not isinstance(values, Mapping):
-        raise SettingsError(f"{values!r} is no JSON object; the fields are {', '.join(fields) or 'none'}.")
+        raise SettingsError(message("fields_no_object", given=quoted(values), fields=tuple(fields)))
     for name, value in values.items():
         if name not in fields:
-            raise SettingsError(f"There is no field {name!r}; the fields are {', '.join(fields) or 'none'}.")
-        now = getattr(message, name)
+            raise SettingsError(message("no_field", name=name, fields=tuple(fields)))
+        now = getattr(target, name)
         try:
             if hasattr(now, "get_fields_and_field_types"):
                 fill_message(now, value)
             elif isinstance(value, list) and "/" in fields[name]:
                 package, kind = fields[name].partition("<")[2].rstrip(">").partition(",")[0].split("/")
                 made = getattr(import_module(f"{package}.msg"), kind)
-                setattr(message, name, [fill_message(made(), each) for each in value])
+                setattr(target, name, [fill_message(made(), each) for each in value])
             elif isinstance(value, str) and "string" not in fields[name].partition("<")[0]:
                 raise TypeError("a text")
             elif isinstance(now, float):
-                setattr(message, name, float(value))
+                setattr(target, name, float(value))
             else:
-                setattr(message, name, value)
+                setattr(target, name, value)
         except (AssertionError, TypeError, ValueError) as error:
-            raise SettingsError(f"{name} is {value!r}; it takes {fields[name]}.") from error
-    return message
+            raise SettingsError(
+                message("field_takes_other", name=name, given=quoted(value), type=fields[name])
+            ) from error
+    return target
 
 
 def _call_service(node: Any, kind: Any, name: str, request: Any, timeout: float = _DISCOVERY) -> Any:
     client = node.create_client(kind, name)
     if not client.wait_for_service(_DISCOVERY):
-        raise RobotNotReady(f"The service {name} does not answer. Does the node run, with the same ROS_DOMAIN_ID?")
+        raise RobotNotReady(message("service_unavailable", service=name))
     future = client.call_async(request)
     if not _spin_until(node, future.done, timeout):
-        raise RobotNotReady(f"The service {name} did not answer within {timeout:g} s.")
+        raise RobotNotReady(message("service_not_in_time", service=name, timeout=timeout))
     return future.result()

@@ -171,7 +171,7 @@ def up(
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
     if with_ros:
-        demand_ros("; or run the driver without it: --no-ros")
+        demand_ros(for_driver=True)
         click.echo(limit_discovery(is_open=network))
     settings = settings_of(config, options)
     chosen = {side: read_controllers(side, controllers) for side in Side}
@@ -553,11 +553,11 @@ def view(
 
     robot = robot or ""
     if recording is not None and (robot or virtual or operate):
-        raise SettingsError("A recording is shown alone; leave --robot, --virtual and --operate out.")
+        raise SettingsError(message("recording_shown_alone"))
     if virtual and robot:
-        raise SettingsError("--virtual starts a robot of its own; leave --robot out.")
+        raise SettingsError(message("virtual_starts_a_robot"))
     if config is not None and not (virtual or robot):
-        raise SettingsError("--config is for a driver that is started; name its robot with --robot, or take --virtual.")
+        raise SettingsError(message("config_without_driver"))
     is_over = end_flag(until_stdin_closes)
     page_folder(click.echo)  # before a robot is started for a page that cannot be built
     own = () if config is None else ("--config", str(config))
@@ -567,9 +567,7 @@ def view(
             robot = stack.enter_context(_started_virtual_robot(logs, is_over, own))
         elif robot and _has_driver(robot):
             if config is not None:
-                raise SettingsError(
-                    f"A driver of {robot} runs already, with its own settings; leave --config out, or end that driver."
-                )
+                raise SettingsError(message("driver_of_robot_runs", robot=robot))
         elif robot and not operate and (controller := open_controller(_robot_at(robot, config))) is not None:
             stack.callback(controller.close)
             click.echo("View only, since no driver can run for this controller:")
@@ -640,7 +638,7 @@ def _started(name: str, arguments: tuple[str, ...], logs: Path, is_over: Flag) -
 
     def check() -> None:
         if is_over.is_set():
-            raise RobotNotReady(f"Ended before the {name} was ready.")
+            raise RobotNotReady(message("ended_before_ready", program=name))
 
     def show(line: str) -> None:
         click.echo(line, err=True)
@@ -754,4 +752,4 @@ def list_records(folder: Path | None, json_output: JsonOutput) -> None:
             click.echo(f"{file}  {stop.sentence if stop else 'nothing stopped a motion'}")
     json_output.write(json.dumps(stops))
     if damaged:
-        raise ProtocolError(f"{damaged} of the {len(files)} files in {folder} cannot be read.")
+        raise ProtocolError(message("records_unreadable", damaged=damaged, count=len(files), folder=str(folder)))

@@ -492,7 +492,7 @@ def address_values(address: str) -> dict[str, Any]:
     """
     host, colon, port = address.rpartition(":") if address.count(":") == 1 else (address, "", "")
     if not host or (colon and not port.isdigit()):
-        raise SettingsError(f"{address!r} is not an address; give a host name or IPv4 address, with :port if need be.")
+        raise SettingsError(message("no_address", address=address))
     if colon:
         return {"address": host, "rws_port": int(port)}
     return {"address": host, "rws_port": VIRTUAL_RWS_PORT} if is_loopback(host) else {"address": host}

@@ -195,7 +195,7 @@ class Planner:
         begin, begin_of_work = time.monotonic(), time.thread_time()
         sides = tuple(side for side in Side if side in goal)
         if not sides:
-            raise CommandRefused("Nothing to plan: give a goal for the right arm, the left arm or both.")
+            raise CommandRefused(message("no_arm_has_goal"))
         (group,) = (name for name, members in GROUPS.items() if set(members) == set(sides))
         clearance, free = self._free_targets(start, self._targets(start, goal))
         targets = [*islice(free, _ATTEMPTS)]
@@ -295,23 +295,25 @@ class Planner:
 
     def _refuse(self, start: Mapping[Side, Joints], goal: Mapping[Side, Joints]) -> NoReturn:
         """Say which of them is not free, and why."""
-        what, positions, advice = (
-            ("The goal", goal, "take another one")
-            if self.is_free(start)
-            else ("The start", start, "move the arm away from there first")
-        )
-        nearest = self._collisions.nearest(positions)[0]
-        where = f"nearest are {nearest.part} and {nearest.other}, {nearest.distance * 1e3:.0f} mm apart"
+        is_goal = self.is_free(start)
+        nearest = self._collisions.nearest(goal if is_goal else start)[0]
         if nearest.distance > CLEARANCES[0]:
-            where = "an arm touches itself"
-        raise CommandRefused(f"{what} is not free: {where}. Plans keep clear of everything; {advice}.")
+            where = message("arm_touches_itself")
+        else:
+            where = message("parts_are_near", part=nearest.part, other=nearest.other, distance=nearest.distance)
+        raise CommandRefused(message("plan_goal_not_free" if is_goal else "plan_start_not_free", where=where))
 
     def _check_range(self, side: Side, position: Joints) -> None:
         for index, (name, value) in enumerate(zip(joint_names(side), position, strict=True)):
             if not self.limits.lower[index] <= value <= self.limits.upper[index]:
                 raise CommandRefused(
-                    f"Nothing was planned: {name} is {np.degrees(value):.1f}°; its range is "
-                    f"{self.limits.range_deg(index)}."
+                    message(
+                        "plan_joint_out_of_range",
+                        joint=name,
+                        position=float(value),
+                        lower=self.limits.lower[index],
+                        upper=self.limits.upper[index],
+                    )
                 )
 
     def _targets(self, start: Mapping[Side, Joints], goal: Mapping[Side, Goal]) -> list[Mapping[Side, Joints]]:
@@ -328,7 +330,7 @@ class Planner:
             found = postures_of_each(side, [each] * len(angles), angles, self.limits)
             own = list(chain.from_iterable(found))[:_GOALS]
             if not own:
-                raise CommandRefused(f"The {side.word} arm does not reach this pose, whatever its arm angle.")
+                raise CommandRefused(message("plan_pose_out_of_reach", arm=side.word))
             choices[side] = sorted(own, key=lambda position, at=start[side]: _way(at, position))  # type: ignore[misc]
         together: list[Mapping[Side, Joints]] = [
             dict(zip(choices, each, strict=True)) for each in product(*choices.values())
@@ -711,7 +713,7 @@ class PlanningProcess:
             return await loop.run_in_executor(self._pool, work)
         except BrokenProcessPool as error:
             self._pool = None
-            raise CommandRefused("The process that plans has ended before its plan was made; plan again.") from error
+            raise CommandRefused(message("planning_process_ended")) from error
 
     def close(self) -> None:
         """End it, without waiting for a plan that is being made."""

@@ -34,10 +34,16 @@ from yumi.rapid.ast import Storage
 
 
 class RapidSyntaxError(RapidError):
-    """The text is not RAPID; the sentence says where, what was found and what would be allowed."""
+    """The text is not RAPID; the message says where, what was found and what would be allowed.
+
+    Attributes:
+        sentence: what was found and what would be allowed, without the place.
+        line, column: counted from 1.
+    """
 
     def __init__(self, sentence: str, *, filename: str, line: int, column: int) -> None:
         super().__init__(f"{filename}:{line}:{column}: {sentence}")
+        self.sentence = sentence
         self.filename = filename
         self.line = line
         self.column = column

@@ -26,6 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from yumi.catalogue import message
 from yumi.egm.udp import free_port
 from yumi.errors import MissingPrerequisite, RobotNotReady
 from yumi_evaluation.bench.contenders import ECHO, GOAL_DEG, Case, Contender, Mode, Runtime
@@ -80,7 +81,7 @@ class Workshop:
             MissingPrerequisite: there is no compiler, it refuses, or the machine does not run Linux.
         """
         if not sys.platform.startswith("linux"):
-            raise MissingPrerequisite("The benchmark needs Linux: it uses kernel receive time stamps and /proc.")
+            raise MissingPrerequisite(message("benchmark_needs_linux"))
         self.products.mkdir(parents=True, exist_ok=True)
         newest = max((source.stat().st_mtime for source in self.sources.glob("*.[ch]")), default=0.0)
         for source in sorted(self.sources.glob("*.c")):
@@ -89,11 +90,10 @@ class Workshop:
                 continue
             names = [name for name in (os.environ.get("CC", ""), *COMPILERS) if name and shutil.which(name)]
             if not names:
-                raise MissingPrerequisite(
-                    "The benchmark's load generator needs a C compiler: install one (apt install g++)."
-                )
+                raise MissingPrerequisite(message("benchmark_needs_compiler"))
             arguments = ["-x", "c", "-O2", "-Wall", "-Wextra", str(source), "-o", str(program), "-lm"]
-            _run_tool([names[0], *arguments], f"The compiler refused {source.name}")
+            if reason := _why_not(names[0], *arguments):
+                raise MissingPrerequisite(message("compiler_refused", file=source.name, reason=reason))
 
     def install_peers(self) -> None:
         """Install the PyPI peers into an environment of their own, once per list of requirements.
@@ -105,17 +105,20 @@ class Workshop:
         required, done = requirements.read_text(encoding="utf-8"), self.peers / "installed.txt"
         if done.exists() and done.read_text(encoding="utf-8") == required:
             return
-        _run_tool([sys.executable, "-m", "venv", "--clear", str(self.peers)], "The peers' environment cannot be made")
+        if reason := _why_not(sys.executable, "-m", "venv", "--clear", str(self.peers)):
+            raise MissingPrerequisite(message("peers_without_environment", reason=reason))
         pip = [str(self.peers / "bin" / "python"), "-m", "pip", "--disable-pip-version-check", "install", "--quiet"]
-        _run_tool([*pip, "-r", str(requirements)], "The PyPI peers could not be installed (--only leaves them out)")
+        if reason := _why_not(*pip, "-r", str(requirements)):
+            raise MissingPrerequisite(message("peers_not_installed", reason=reason))
         done.write_text(required, encoding="utf-8")
 
 
-def _run_tool(command: Sequence[str], complaint: str) -> None:
+def _why_not(*command: str) -> str:
+    """Run a tool: the last line of what it says where it fails, empty where it does not."""
     done = subprocess.run(command, capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
-    if done.returncode != 0:
-        words = done.stderr.strip().splitlines() or ["no reason given"]
-        raise MissingPrerequisite(f"{complaint}: {words[-1]}")
+    if done.returncode == 0:
+        return ""
+    return (done.stderr.strip().splitlines() or ["no reason given"])[-1]
 
 
 class Server:
@@ -171,7 +174,9 @@ class Server:
             with _at_most(_READY_TIMEOUT, self._process):
                 first = self._process.stdout.readline().split()
             if first[:1] != ["ready"]:
-                raise RobotNotReady(f"The {self._contender.title} did not start; see {self._log}.")
+                raise RobotNotReady(
+                    message("contender_did_not_start", contender=self._contender.title, log=str(self._log))
+                )
         except BaseException:
             self.stop()
             raise
@@ -264,8 +269,9 @@ def put_load(workshop: Workshop, server: Server, case: Case, cycles: int) -> Loa
             process.kill()
             raise
     if process.returncode != 0:
-        reason = log.read_text(encoding="utf-8").strip() or "The load generator was killed."
-        raise RobotNotReady(f"{case.name}: {reason}")
+        text = log.read_text(encoding="utf-8").strip()
+        reason = message("text", text=text) if text else message("load_generator_killed")
+        raise RobotNotReady(message("load_generator_failed", case=case.name, reason=reason))
     latencies = np.fromfile(output, dtype=np.int64).reshape(case.arms, -1)
     return Load(json.loads(summary), latencies, (after[0] - before[0], after[1] - before[1]), end - begin)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from fake_robot import FakeRobot
+from refusals import refused
 from yumi.api.robot import Arm
 from yumi.api.tool import Gripper
 from yumi.control.controllers.joint_goal import StopMotion
@@ -66,7 +67,7 @@ def test_arm_that_was_stopped_is_a_fault_until_it_is_recovered(robot: FakeRobot,
 @pytest.mark.parametrize("look", [lambda arm: arm.position, lambda arm: arm.velocity, lambda arm: arm.pose])
 def test_silent_arm_has_no_position(robot: FakeRobot, arm: Arm, look: Callable[[Arm], object]) -> None:
     robot.control.snapshots[Side.RIGHT] = Snapshot()
-    with pytest.raises(RobotNotReady, match="The robot sends no positions of its right arm: EGM is not running"):
+    with refused(RobotNotReady, "arm_sends_no_positions", arm="right"):
         look(arm)
 
 

@@ -9,12 +9,15 @@ from typing import Any
 import pytest
 
 import yumi
+from refusals import assert_says, refused
 from yumi.api.connect import AsyncRobot, controllers_for, settings_for
+from yumi.catalogue import message
 from yumi.egm.udp import free_port
 from yumi.errors import CommandRefused, NoConnection, RobotNotReady, SettingsError
 from yumi.robot.joints import Side
 
 NOBODY = "127.0.0.1:1"
+MISSING = ("joint_goal_controller", "joint_trajectory_controller")
 
 
 @pytest.mark.parametrize(
@@ -33,26 +36,35 @@ def test_address_is_a_host_with_the_usual_port_or_its_own(address: str | None, w
 
 
 @pytest.mark.parametrize(
-    ("options", "sentence"),
+    ("options", "code", "values"),
     [
-        ({"address": ""}, "'' is not an address; give a host name or IPv4 address"),
-        ({"address": "robot:http"}, "'robot:http' is not an address; give a host name or IPv4 address"),
-        ({"default_speed_scale": 0.0}, "connect: default_speed_scale is 0.0; allowed is above 0 up to 1"),
-        ({"default_speed_scale": nan}, "connect: default_speed_scale is nan; allowed is above 0 up to 1"),
-        ({"acceleration": 1.1}, "connect: acceleration is 1.1; allowed is above 0 up to 1"),
-        ({"speed_scale": 0.0}, "connect: robot: speed_scale is 0; allowed is 0.01 to 1"),
-        ({"arms": "middle"}, "connect: arms is 'middle'; name 'right', 'left' or both"),
-        ({"arms": ()}, r"connect: arms is \(\); name 'right', 'left' or both"),
-        ({"arms": ("left", "left")}, "name 'right', 'left' or both"),
-        ({"left_egm_port": 70000}, "connect: egm: left_port is 70000; allowed is 1 to 65535"),
-        ({"rws_port": 80}, "connect: the port is given twice, in '127.0.0.1:1' and as rws_port=80; give it once"),
-        ({"address": "127.0.0.1", "rws_port": 0}, "connect: robot: rws_port is 0; allowed is 1 to 65535"),
-        ({"config": "nowhere.yaml"}, "Cannot read nowhere.yaml"),
+        ({"address": ""}, "no_address", {"address": ""}),
+        ({"address": "robot:http"}, "no_address", {"address": "robot:http"}),
+        ({"default_speed_scale": 0.0}, "fraction_out_of_range", {"parameter": "default_speed_scale", "value": 0.0}),
+        ({"default_speed_scale": nan}, "fraction_out_of_range", {"parameter": "default_speed_scale"}),
+        ({"acceleration": 1.1}, "fraction_out_of_range", {"parameter": "acceleration", "value": 1.1}),
+        ({"speed_scale": 0.0}, "value_out_of_range", {"parameter": "speed_scale", "lowest": 0.01, "highest": 1.0}),
+        ({"arms": "middle"}, "connect_arms_unknown", {"given": "'middle'"}),
+        ({"arms": ()}, "connect_arms_unknown", {"given": "()"}),
+        ({"arms": ("left", "left")}, "connect_arms_unknown", {}),
+        ({"left_egm_port": 70000}, "value_out_of_range", {"parameter": "left_port", "lowest": 1.0, "highest": 65535.0}),
+        ({"rws_port": 80}, "connect_port_twice", {"address": "127.0.0.1:1", "port": 80}),
+        (
+            {"address": "127.0.0.1", "rws_port": 0},
+            "value_out_of_range",
+            {"parameter": "rws_port", "lowest": 1.0, "highest": 65535.0},
+        ),
+        ({"config": "nowhere.yaml"}, "settings_unreadable", {"file": "nowhere.yaml"}),
     ],
 )
-def test_connect_refuses_what_is_no_robot(options: dict[str, Any], sentence: str) -> None:
-    with pytest.raises(SettingsError, match=sentence):
+def test_connect_refuses_what_is_no_robot(options: dict[str, Any], code: str, values: dict[str, Any]) -> None:
+    with pytest.raises(SettingsError) as refusal:
         yumi.connect(**{"address": NOBODY, **options})
+    said = refusal.value.said
+    if said.code == "setting_refused":
+        assert said.values["place"].split(":")[0] == "connect"
+        said = said.values["reason"]
+    assert_says(said, code, **values)
 
 
 def refuse(*_: object) -> None:
@@ -81,7 +93,7 @@ def test_connect_demands_the_controllers_it_moves_with(tmp_path: Path) -> None:
     file = tmp_path / "controllers.yaml"
     only = "{ros__parameters: {joint_position_controller: {type: yumi_controllers/JointPositionController}}}"
     file.write_text(f"/r/controller_manager: {only}\n/l/controller_manager: {only}\n")
-    with pytest.raises(SettingsError, match="The controllers of the right arm lack joint_goal_controller, joint_tra"):
+    with refused(SettingsError, "controllers_missing", arm="right", missing=MISSING):
         yumi.connect(NOBODY, controllers=file)
 
 
@@ -121,19 +133,24 @@ def test_robot_that_is_not_connected_says_so() -> None:
         lambda: robot.speed_scale,
         lambda: setattr(robot, "speed_scale", 0.5),
     ):
-        with pytest.raises(RobotNotReady, match=r"The robot is not connected; write `with yumi\.connect"):
+        with refused(RobotNotReady, "script_not_connected"):
             ask()
     robot.close()
 
 
 def test_robot_needs_a_goal_for_one_arm_at_least() -> None:
-    with pytest.raises(CommandRefused, match="No arm has a goal; give right=, left= or both"):
+    with refused(CommandRefused, "no_arm_has_goal"):
         yumi.connect(NOBODY).move_to()
 
 
 def test_connect_async_takes_the_same_options() -> None:
     assert isinstance(yumi.connect_async(NOBODY, arms="left"), AsyncRobot)
-    with pytest.raises(SettingsError, match="default_speed_scale is 2"):
+    with refused(
+        SettingsError,
+        "setting_refused",
+        place="connect",
+        reason=message("fraction_out_of_range", parameter="default_speed_scale", value=2.0),
+    ):
         yumi.connect_async(NOBODY, default_speed_scale=2.0)
 
 

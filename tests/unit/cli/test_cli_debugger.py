@@ -10,6 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from memory_http import MemoryHttp
+from refusals import refused
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.cli.rapid import Debugger
 from yumi.clock import ManualClock
@@ -128,7 +130,7 @@ def session() -> Session:
 
 
 def test_program_is_stepped_into_over_and_out_of_a_routine(session: Session) -> None:
-    assert session.enter("where") == "T_ROB_R has no program pointer; `main` moves it to main"
+    assert session.enter("where") == str(message("task_without_pointer", task="T_ROB_R"))
     assert session.enter("main") == "Program/main, line 5: count:=0;"
     assert session.enter("step") == "Program/main, line 6: add_one;"
     assert session.enter("step") == "Program/add_one, line 11: count:=count+1;"
@@ -165,7 +167,7 @@ def test_breakpoint_stays_until_it_is_cleared(session: Session) -> None:
     session.enter("next")
     assert session.enter("clear") == "breakpoints: none"
     assert session.enter("where") == "#0 Program/main, line 7", "the program pointer is where it was"
-    assert session.enter("clear Program:6") == "There is no breakpoint at Program:6; breakpoints: none."
+    assert session.enter("clear Program:6") == str(message("no_breakpoint", module="Program", line=6, breakpoints=()))
 
 
 def test_breakpoint_that_is_set_while_the_program_runs_is_hit() -> None:
@@ -217,12 +219,12 @@ def test_locals_and_parameters_are_read_and_set_where_the_program_stands() -> No
     assert session.enter("set n 20") == "n = 20"
     assert session.enter("set factor 3") == "factor is a constant, which cannot be set."
     assert session.enter("out").splitlines()[-1] == "    total = 42, i = 2"
-    assert session.enter("set i 7") == "i is a loop variable, which cannot be set."
+    assert session.enter("set i 7") == str(message("loop_variable_not_set", name="i"))
     session.enter("clear")
     for _ in range(3):  # the loop's head, what is in it, and its head
         session.enter("next")
     assert session.enter("locals") == "total = 48", "the loop has ended, and its variable with it"
-    assert session.enter("locals 1") == "There is no #1: `where` lists them."
+    assert session.enter("locals 1") == str(message("no_frame", number=1))
 
 
 def test_values_of_locals_are_cut_where_the_program_stops() -> None:
@@ -250,7 +252,7 @@ def test_help_lists_each_command_in_a_line(session: Session) -> None:
     assert "step: execute one statement, and enter the routine it calls." in said
     assert "break [MODULE:LINE]: stop before that line; alone, it lists the breakpoints." in said
     assert not [line for line in said if "EOF" in line or "ndocumented" in line]
-    assert session.enter("help jump") == "There is no command 'jump'; help alone lists them."
+    assert session.enter("help jump") == str(message("debugger_command_unknown", command="jump"))
     assert session.enter("help next") == "next: execute one statement, with the routines it calls."
 
 
@@ -287,7 +289,7 @@ def test_interrupt_leaves_what_was_not_started_here_running(session: Session, mo
     session.world.controller.start_rapid()
     session.wait(0.1)
     said = session.type(monkeypatch, "step", "where", "^C", "quit")
-    assert "T_ROB_R is running; `stop` it first." in said
+    assert str(message("task_is_running", task="T_ROB_R")) in said
     assert session.is_running
 
 
@@ -303,7 +305,7 @@ def test_interrupt_ends_commands_from_a_pipe_with_rapid_stopped(session: Session
 def test_first_start_is_confirmed(session: Session) -> None:
     session.enter("main")
     session.answer = False
-    assert session.enter("step").startswith("Not started. This starts T_ROB_R, and arms may move.")
+    assert session.enter("step") == str(message("start_not_confirmed", tasks=("T_ROB_R",)))
     assert session.enter("where") == "#0 Program/main, line 5"
     session.answer = True
     assert session.enter("step") == "Program/main, line 6: add_one;"
@@ -326,7 +328,9 @@ def test_commands_from_a_pipe_start_with_yes_only(
     monkeypatch.setattr("yumi.cli.rapid.SystemClock", lambda: session)
     result = CliRunner().invoke(main, ["rapid", "debug", "T_ROB_R", *options], input="main\nstep\nwhere\n")
     assert result.output.splitlines()[-1] == f"#0 Program/{line}"
-    assert ("Not started." in result.output) is (not options)
+    assert (sentence(message("start_not_confirmed", tasks=("T_ROB_R",)), FrontEnd.SHELL) in result.output) is (
+        not options
+    )
 
 
 def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
@@ -342,42 +346,38 @@ def test_lines_are_listed_where_the_controller_does_not_tell_breakpoints(
 
     monkeypatch.setattr(session.http.adapter._router, "find", without_breakpoints)
     assert session.enter("list").splitlines()[4] == "    5 ->         count:=0;"
-    said = "This controller has no breakpoints over Robot Web Services; set them in RobotStudio."
-    assert session.enter("break Program:6") == said
+    assert session.enter("break Program:6") == str(message("no_breakpoints_here"))
 
 
 @pytest.mark.parametrize(
     ("command", "answer"),
     [
-        ("jump", "There is no command 'jump'; help lists them."),
-        ("set count", "set takes a datum and its value, such as set count 3."),
-        ("break 12", "break takes a module and a line, such as break Program:12, not '12'."),
-        ("break Other:3", "T_ROB_R has no module 'Other'; it has Program."),
-        ("break Program:99", "Program has 14 lines, not 99."),
-        (
-            "break Program:9",
-            "No statement begins at line 9 of Program (ENDPROC); execution stops before statements only.",
-        ),
-        ("clear Program", "clear takes a module and a line, such as clear Program:12, not 'Program'."),
-        ("print Program/nothing", "There is no datum 'nothing' in Program; `print` alone lists them."),
-        ("set Program/count three", "three is not a value of count, which is a num."),
-        ("set Program/nothing 3", "There is no datum 'nothing' in Program; `print` alone lists them."),
-        ("locals first", "locals takes a number of `where`, such as locals 1, not 'first'."),
-        ("locals", "T_ROB_R has no program pointer; `main` moves it to main."),
-        ("step", "T_ROB_R has no program pointer; `main` moves it to main"),
+        ("jump", message("debugger_command_unknown", command="jump")),
+        ("set count", message("datum_and_value_expected")),
+        ("break 12", message("place_expected", command="break", argument="12")),
+        ("break Other:3", message("module_unknown", task="T_ROB_R", module="Other", modules=("Program",))),
+        ("break Program:99", message("line_beyond_module", module="Program", count=14, line=99)),
+        ("break Program:9", message("no_statement_at_line", line=9, module="Program", text="ENDPROC")),
+        ("clear Program", message("place_expected", command="clear", argument="Program")),
+        ("print Program/nothing", message("no_datum", name="nothing", block="Program")),
+        ("set Program/count three", message("no_value_of_datum", value="three", name="count", type="num")),
+        ("set Program/nothing 3", message("no_datum", name="nothing", block="Program")),
+        ("locals first", message("frame_number_expected", argument="first")),
+        ("locals", message("task_without_pointer", task="T_ROB_R")),
+        ("step", message("task_without_pointer", task="T_ROB_R")),
     ],
 )
 def test_what_cannot_be_done_is_said_and_the_next_command_can_be_tried(
-    session: Session, command: str, answer: str
+    session: Session, command: str, answer: Message
 ) -> None:
-    assert session.enter(command) == answer
+    assert session.enter(command) == str(answer)
     assert session.enter("main").startswith("Program/main")
 
 
 def test_print_names_the_routine_and_the_module_that_have_no_such_datum(session: Session) -> None:
     session.enter("main")
-    said = "There is no datum 'nothing' in Program/main, nor in Program; `print` alone lists them."
-    assert session.enter("print nothing") == said
+    said = message("no_datum_in_routine", name="nothing", module="Program", routine="main")
+    assert session.enter("print nothing") == str(said)
 
 
 @pytest.mark.parametrize("command", ["step", "continue", "main", "clear Program:12"])
@@ -388,22 +388,22 @@ def test_what_needs_a_stop_is_refused_while_rapid_runs(session: Session, command
     session.enter("continue")
     session.enter("continue")
     assert session.enter("continue").startswith("running;")
-    assert session.enter(command) == "T_ROB_R is running; `stop` it first."
+    assert session.enter(command) == str(message("task_is_running", task="T_ROB_R"))
     assert session.is_running
 
 
 def test_start_is_refused_in_words_while_the_motors_are_off(session: Session) -> None:
     session.enter("main")
     session.world.controller.set_motors(False)
-    assert session.enter("step") == "The motors are off (controller state motoroff); switch them on first."
+    assert session.enter("step") == str(message("motors_off_for_program", state="motoroff"))
 
 
 def test_refusal_of_another_task_without_a_pointer_names_that_task(session: Session) -> None:
     session.enter("main")
     session.world.controller.tasks["T_ROB_L"].load(PROGRAM, "program.mod")
-    assert session.enter("step") == "T_ROB_L may need a program pointer; `main` moves all to main."
+    assert session.enter("step") == str(message("tasks_without_pointer", tasks=("T_ROB_L",)))
 
 
 def test_task_that_the_controller_lacks_is_refused_with_those_it_has(session: Session) -> None:
-    with pytest.raises(CommandRefused, match=r"The controller has no task T_ROB1; it has T_ROB_R, T_ROB_L\."):
+    with refused(CommandRefused, "task_unknown", task="T_ROB1", tasks=("T_ROB_R", "T_ROB_L")):
         Debugger(session.client, "T_ROB1", session, session.output, lambda _: True, io.StringIO("")).cmdloop()

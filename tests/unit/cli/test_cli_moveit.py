@@ -9,6 +9,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from yumi.catalogue import message, sentence
 from yumi.cli.main import main
 from yumi.cli.moveit import moveit_files
 from yumi.planning.planner import GROUPS
@@ -87,4 +88,4 @@ def test_command_writes_the_package_and_never_over_another(tmp_path: Path) -> No
     assert 'name="gripper_r_vacuum_1"' in (folder / "config/yumi.urdf").read_text()
     compile((folder / "launch/move_group.launch.py").read_text(), "launch", "exec")
     again = CliRunner().invoke(main, ["moveit-config", str(folder)])
-    assert (again.exit_code, "is not empty; nothing was written" in again.output) == (2, True)
+    assert (again.exit_code, sentence(message("folder_not_empty", folder=str(folder))) in again.output) == (2, True)

@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from yumi.api.motion import MotionRegistry
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.cli.options import limit_discovery
@@ -63,7 +64,7 @@ OPEN = "ROS 2 is open to the subnet: every machine with ROS_DOMAIN_ID=0 in it ca
 def test_driver_is_visible_on_this_machine_only_before_it_starts_ros(
     monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], visible: str | None, said: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     ranges: list[str | None] = []
@@ -105,13 +106,12 @@ def test_name_for_all_nodes_is_refused_since_it_would_merge_both_arms(
 ) -> None:
     result = CliRunner().invoke(main, [*command, "--ros-args", flag, rule])
     assert result.exit_code == 2
-    assert result.output.startswith(f"Error: '{rule}' would merge both arms")
-    assert result.output.count("\n") == 1
+    assert result.output == f"Error: {sentence(message('nodes_would_merge', rule=rule), FrontEnd.SHELL)}\n"
 
 
 @pytest.mark.parametrize("flag", ["-r", "--remap"])
 def test_namespace_of_ros_is_that_of_the_robot_and_not_left_to_rcl(monkeypatch: pytest.MonkeyPatch, flag: str) -> None:
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     driven: list[tuple[Any, ...]] = []
@@ -149,7 +149,7 @@ def test_two_namespaces_are_refused() -> None:
 def test_names_that_ros_does_not_know_are_refused(
     monkeypatch: pytest.MonkeyPatch, options: list[str], refusal: str
 ) -> None:
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     result = CliRunner().invoke(main, ["up", *options])
     assert result.exit_code == 2
     assert refusal in result.output
@@ -164,7 +164,7 @@ def test_names_of_topics_may_be_remapped(rule: str) -> None:
 def test_demo_refuses_a_port_without_a_robot() -> None:
     result = CliRunner().invoke(main, ["demo", "--left-egm-port", "6521"])
     assert result.exit_code == 1
-    assert "name it with --robot" in result.output
+    assert sentence(message("option_needs_robot", option="--left-egm-port"), FrontEnd.SHELL) in result.output
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.cli.options import settings_of
 from yumi.cli.up import DEFAULT_WAIT, run_driver, wait_for_controller
@@ -29,7 +30,7 @@ def run(*arguments: str) -> Result:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "words"),
     [
         (("controller", "--rws-port", "99999"), "99999 is not in the range 0<=x<=65535"),
         (("controller", "--left-egm-port", "99999"), "99999 is not in the range 1<=x<=65535"),
@@ -51,10 +52,10 @@ def run(*arguments: str) -> Result:
         (("up", "--left-egm-port", "99999"), "99999 is not in the range 1<=x<=65535"),
     ],
 )
-def test_option_out_of_range_is_refused(arguments: tuple[str, ...], sentence: str) -> None:
+def test_option_out_of_range_is_refused(arguments: tuple[str, ...], words: str) -> None:
     result = run(*arguments)
     assert result.exit_code == 2
-    assert sentence in result.output
+    assert words in result.output
 
 
 @pytest.mark.parametrize("name", ["no-such-host.invalid", "x" * 70])
@@ -81,10 +82,8 @@ def test_what_the_machine_does_not_give_is_said_in_one_sentence(
     monkeypatch.setattr("yumi.virtual.server.VirtualController.run", refuse)
     result = run("controller", "--rws-port", "0")
     assert result.exit_code == 1
-    assert result.output == (
-        f"Error: this machine gives the program too little: {reason}; see its limits (ulimit -a) and that no disk is "
-        "full (df).\n"
-    )
+    said = message("machine_gives_too_little", reason=reason)
+    assert result.output == f"Error: {sentence(said, FrontEnd.SHELL)}\n"
 
 
 HANGS = """
@@ -108,21 +107,24 @@ def test_driver_that_does_not_end_is_ended_by_force_and_says_what_hung() -> None
     )
 
 
+NOT_READY_YET = message("not_ready_yet", reason=message("motors_off"))
+
+
 @pytest.mark.parametrize(
     ("reason", "line"),
     [
-        ("", "Driver ready: serving the robot at 127.0.0.1:8080"),
+        (None, "Driver ready: serving the robot at 127.0.0.1:8080"),
         (
-            "Motors are off.",
-            "Driver running, robot not ready: Motors are off. When that is done, call recover.",
+            message("motors_off"),
+            f"Driver running, robot not ready: {sentence(NOT_READY_YET, FrontEnd.ROS)}",
         ),
     ],
 )
 def test_driver_says_that_it_is_ready_only_when_the_robot_is(
-    monkeypatch: pytest.MonkeyPatch, reason: str, line: str
+    monkeypatch: pytest.MonkeyPatch, reason: Message | None, line: str
 ) -> None:
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     monkeypatch.setattr("yumi.cli.up.end_flag", lambda until_stdin_closes: Event())
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     monkeypatch.setattr("yumi.cli.up.run_driver", lambda *given, with_ros: given[3](reason))
@@ -149,9 +151,8 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
         parts.control.started_as = "the control process has started"
         return parts
 
-    def bring_up(*_: Any, **__: Any) -> str:
+    def bring_up(*_: Any, **__: Any) -> None:
         order.extend((record.levelname, record.getMessage()) for record in caplog.records)
-        return ""
 
     over = Event()
     over.set()
@@ -284,7 +285,7 @@ def _raise(error: Exception) -> NoReturn:
 )
 def test_wait_may_have_a_time(monkeypatch: pytest.MonkeyPatch, option: tuple[str, ...], timeout: float | None) -> None:
     waits: list[float] = []
-    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda otherwise: None)
+    monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     monkeypatch.setattr("yumi.cli.up.end_by_force", lambda is_over: None)
     monkeypatch.setattr("yumi.cli.up.run_driver", lambda *_, **__: None)
     monkeypatch.setattr("yumi.cli.up.wait_for_controller", lambda robot, time, is_over: waits.append(time) or True)
@@ -303,4 +304,7 @@ def test_robot_is_the_address_of_a_controller_with_its_port(robot: str, address:
 
 def test_robot_that_is_no_address_is_refused() -> None:
     result = run("up", "--no-ros", "--robot", "192.0.2.1:http")
-    assert (result.exit_code, "'192.0.2.1:http' is not an address" in result.output) == (2, True)
+    assert (
+        result.exit_code,
+        sentence(message("no_address", address="192.0.2.1:http"), FrontEnd.SHELL) in result.output,
+    ) == (2, True)

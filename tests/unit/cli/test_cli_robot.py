@@ -13,11 +13,13 @@ from contextlib import ExitStack
 from dataclasses import replace
 from math import pi, radians
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
+from refusals import refused
 from yumi.api.connection import attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
 from yumi.catalogue import FrontEnd, clause, message, sentence
@@ -28,7 +30,7 @@ from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import MAX_CLIENTS
 from yumi.driver.readiness import Mode
 from yumi.errors import SettingsError
-from yumi.robot.joints import Side, chain_from_abb, home, named_pose
+from yumi.robot.joints import YUMI_LIMITS, Side, chain_from_abb, home, joint_names, named_pose
 
 COLLISION = message("event_50204", number=50204, title="Motion supervision")
 
@@ -136,7 +138,9 @@ def test_gripper_says_what_it_holds(driver: FakeDriver) -> None:
         "outcome": "open",
         "width": 0.03,
     }
-    assert "--width is for open" in refusal("grip", "right", "close", "--width", "0.01", code=2)
+    assert sentence(message("width_opens_force_closes"), FrontEnd.SHELL) in refusal(
+        "grip", "right", "close", "--width", "0.01", code=2
+    )
     assert "not in the range" in refusal("grip", "right", "open", "--width", "0.2", code=2)
 
 
@@ -167,40 +171,56 @@ def test_both_arms_are_moved_to_a_pose(driver: FakeDriver) -> None:
     driver.arrive()
     run("move", "both", "home")
     assert [goal.position for goal in goals(driver)] == [home(Side.RIGHT), home(Side.LEFT)]
-    assert "Both arms take a pose only" in refusal("move", "both", "j1=0", code=2)
+    assert sentence(message("both_arms_take_a_pose"), FrontEnd.SHELL) in refusal("move", "both", "j1=0", code=2)
+
+
+def in_shell(code: str, **values: Any) -> str:
+    """What the shell says of a message."""
+    return sentence(message(code, **values), FrontEnd.SHELL)
+
+
+LOWER, UPPER = YUMI_LIMITS.lower[1], YUMI_LIMITS.upper[1]
 
 
 @pytest.mark.parametrize(
-    ("words", "sentence", "code"),
+    ("words", "said", "code"),
     [
-        (("right", "nan", *["0"] * 6), "position 1 is nan", 1),
-        (("right", "j2=4"), "yumi_joint_2_r is 229.2°; its range is -143.5° to 43.5°", 1),
-        (("right", "j8=1"), "'j8' is not a joint of the right arm", 1),
-        (("right", "0", "1"), "2 angles are given; an arm has 7 joints", 2),
-        (("right", "hoem"), "'hoem' is not an angle; give a pose (home, calibration, ready)", 2),
-        (("right", "j1=1", "j1=2"), "A joint is named twice", 2),
-        (("right", "j1=1", "--abb"), "--abb is for seven angles", 2),
+        (("right", "nan", *["0"] * 6), in_shell("goal_position_not_finite", position=1, value="nan"), 1),
+        (
+            ("right", "j2=4"),
+            in_shell("goal_joint_out_of_range", joint="yumi_joint_2_r", position=4.0, lower=LOWER, upper=UPPER),
+            1,
+        ),
+        (
+            ("right", "j8=1"),
+            in_shell("goal_joint_unknown", joint="j8", arm="right", joints=joint_names(Side.RIGHT), count=7),
+            1,
+        ),
+        (("right", "0", "1"), in_shell("angle_count", count=2, joints=7), 2),
+        (("right", "hoem"), in_shell("no_angle", text="hoem", poses=("home", "calibration", "ready")), 2),
+        (("right", "j1=1", "j1=2"), in_shell("some_joint_named_twice"), 2),
+        (("right", "j1=1", "--abb"), in_shell("abb_order_of_names"), 2),
         (("right", "home", "--speed-scale", "2"), "not in the range", 2),
-        (("right", "0.4", "-0.2", "--pose"), "A pose is x y z [m], and w x y z", 2),
-        (("right", "home", "--pose"), "A pose is x y z [m], and w x y z", 2),
-        (("right", "home", "--linear"), "--linear and --speed are for poses", 2),
+        (("right", "0.4", "-0.2", "--pose"), in_shell("no_pose_on_command_line"), 2),
+        (("right", "home", "--pose"), in_shell("no_pose_on_command_line"), 2),
+        (("right", "home", "--linear"), in_shell("line_options_need_pose"), 2),
         (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "9"), "not in the range", 2),
-        (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "0.1"), "A speed of the tool is for a straight line", 1),
+        (("right", "0.4", "-0.2", "0.3", "--pose", "--speed", "0.1"), in_shell("tool_speed_without_line"), 1),
     ],
 )
 def test_impossible_goal_is_refused_and_changes_nothing(
-    driver: FakeDriver, words: tuple[str, ...], sentence: str, code: int
+    driver: FakeDriver, words: tuple[str, ...], said: str, code: int
 ) -> None:
-    assert sentence in refusal("move", *words, code=code)
+    assert said in refusal("move", *words, code=code)
     assert driver.robot.control.commands == []
 
 
 def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
     control = driver.robot.control
     control.snapshots[Side.RIGHT] = control.snapshots[Side.RIGHT]._replace(is_running=False)
-    sentence = refusal("move", "right", "home")
-    assert "yumi recover" in sentence
-    assert "robot.recover()" not in sentence
+    said = refusal("move", "right", "home")
+    assert "`yumi start`" in said
+    assert "robot.recover()" not in said
 
 
 def test_degrees_that_were_not_called_so_are_refused_with_the_option(driver: FakeDriver) -> None:
@@ -243,7 +263,7 @@ def test_without_a_driver_a_sentence_says_how_to_start_one(command: list[str]) -
 
 def test_angles_are_radians_unless_they_are_called_degrees() -> None:
     assert commands.goal_of(["j1=180"], in_degrees=True, abb=False) == {"j1": pytest.approx(pi)}
-    with pytest.raises(SettingsError, match="'x' is not an angle"):
+    with refused(SettingsError, "no_angle", text="x"):
         commands.goal_of(["j1=x"], in_degrees=False, abb=False)
 
 

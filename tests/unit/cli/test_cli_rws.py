@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from contract.rws_bench import PlainController, serving
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 
 
@@ -88,16 +89,18 @@ def test_any_request_is_sent(where: list[str], controller: PlainController) -> N
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "said"),
     [
-        (("get", "nonsense"), "'nonsense' is not a target"),
-        (("set", "signal:EGM_STOP", "high"), "A signal takes a number, not 'high'"),
-        (("call", "POST", "/rw/panel", "x"), "'x' is not NAME=VALUE"),
-        (("get", "signal:none"), "was refused"),
+        (("get", "nonsense"), message("no_target", target="nonsense")),
+        (("set", "signal:EGM_STOP", "high"), message("signal_value_no_number", value="high")),
+        (("call", "POST", "/rw/panel", "x"), message("field_without_value", field="x")),
+        (("get", "signal:none"), None),
     ],
 )
-def test_what_makes_no_sense_is_one_sentence(where: list[str], arguments: tuple[str, ...], words: str) -> None:
+def test_what_makes_no_sense_is_one_sentence(
+    where: list[str], arguments: tuple[str, ...], said: Message | None
+) -> None:
     result = rws(where, *arguments)
     assert result.exit_code == 1
-    assert words in result.output
+    assert ("was refused" if said is None else sentence(said, FrontEnd.SHELL)) in result.output
     assert "Traceback" not in result.output

@@ -9,6 +9,8 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from refusals import refused
+from yumi.catalogue import Message, message
 from yumi.cli.main import main
 from yumi.cli.options import password_options
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
@@ -61,28 +63,31 @@ def test_file_that_others_can_read_is_refused_without_its_content(file: Path) ->
     file.chmod(0o644)
     error = run("--password-file", str(file)).exception
     assert isinstance(error, SettingsError)
-    assert str(error) == f"Other users can read the password file {file}; close it with: chmod 600 {file}"
+    assert error.said == message("password_file_open_to_others", file=str(file))
 
 
 @pytest.mark.parametrize(
-    ("content", "sentence"),
+    ("content", "code", "reason"),
     [
-        (None, "Cannot read the password file .*: No such file or directory."),
-        (b"\n", "has an empty first line"),
-        (b"\xff\xfe\n", "it is not UTF-8 text"),
+        (None, "password_file_unreadable", "No such file or directory"),
+        (b"\n", "password_file_empty", None),
+        (b"\xff\xfe\n", "password_file_unreadable", message("not_utf8_text")),
     ],
 )
-def test_file_without_a_password_is_refused(tmp_path: Path, content: bytes | None, sentence: str) -> None:
+def test_file_without_a_password_is_refused(
+    tmp_path: Path, content: bytes | None, code: str, reason: Message | str | None
+) -> None:
     file = tmp_path / "password"
     if content is not None:
         file.write_bytes(content)
         file.chmod(0o600)
-    with pytest.raises(SettingsError, match=sentence):
+    values = {"file": str(file)} | ({} if reason is None else {"reason": reason})
+    with refused(SettingsError, code, **values):
         CliRunner().invoke(log_in, ["--password-file", str(file)], catch_exceptions=False)
 
 
 def test_two_ways_at_once_are_refused(file: Path) -> None:
-    with pytest.raises(SettingsError, match="given twice; give --password-file or --ask-password"):
+    with refused(SettingsError, "password_given_twice"):
         CliRunner().invoke(log_in, ["--password-file", str(file), "--ask-password"], catch_exceptions=False)
 
 
@@ -108,7 +113,7 @@ def test_password_that_is_no_text_is_refused_without_being_shown(tmp_path: Path,
 def test_broken_settings_file_is_refused_with_its_place_and_without_its_text(tmp_path: Path, value: str) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(f"robot:\n  password: {value}")
-    with pytest.raises(SettingsError, match=r"mine.yaml is not YAML in line \d, column \d+; quote texts") as refusal:
+    with refused(SettingsError, "settings_not_yaml_at", file=str(file)) as refusal:
         read_settings(file)
     assert SECRET not in str(refusal.value)
     assert refusal.value.__cause__ is None  # nor does a traceback quote it

@@ -8,6 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from fake_driver import ROBOT, FakeDriver
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli.main import main
 
 
@@ -24,4 +25,4 @@ def test_settings_are_refused_where_a_driver_of_the_robot_runs_with_its_own(
     finally:
         driver.server.stop()
     assert result.exit_code == 2
-    assert f"A driver of {ROBOT} runs already, with its own settings; leave --config out" in result.output
+    assert sentence(message("driver_of_robot_runs", robot=ROBOT), FrontEnd.SHELL) in result.output

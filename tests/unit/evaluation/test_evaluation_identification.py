@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from virtual_logs import HOME, VirtualRobot, motions, random_robot, times
 
+from yumi.catalogue import message
 from yumi.robot.joints import CYCLE
 from yumi.virtual.mechanics.motion import ArmModel
 from yumi_evaluation.identification import Dynamics, Identified, answer, identify, limited
@@ -71,7 +72,7 @@ def test_nothing_is_determined_but_noise_where_no_joint_moves() -> None:
     found = identify([robot.log(np.tile(HOME, (500, 1)), random)], EXPECTED)
     assert [found.gain.value, found.dead_time.value, found.lag.value] == [None] * 3
     assert {each.value for each in found.limits} == {None}
-    assert found.gain.reason == "no joint moves"
+    assert found.gain.reason == message("no_joint_moves")
     assert found.noise.value == pytest.approx(robot.noise, rel=0.2)
     assert found.dynamics == EXPECTED
 
@@ -85,7 +86,7 @@ def test_slow_motion_does_not_determine_dead_time_and_k_but_lag() -> None:
     found = identify([robot.log(HOME + moved, random)], EXPECTED)
     assert found.dead_time.value is None
     assert found.gain.value is None
-    assert found.dead_time.reason == "the motion does not show it"
+    assert found.dead_time.reason == message("not_shown_by_motion")
     assert found.lag.value is None or found.lag.value == pytest.approx(robot.dynamics.lag(CYCLE), rel=0.05)
 
 
@@ -117,7 +118,7 @@ def test_joint_that_is_never_asked_for_more_has_no_limit() -> None:
     log = robot.log(commands, np.random.default_rng(8))
     found = identify([log], EXPECTED)
     assert {each.value for each in found.limits} == {None}
-    assert found.limits[0].reason == "it was never asked for more than it did"
+    assert found.limits[0].reason == message("never_asked_for_more")
     assert not limited(log, found.dynamics).any()
 
 

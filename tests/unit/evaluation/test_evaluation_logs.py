@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from virtual_logs import HOME
 
+from refusals import refused
 from yumi.control.controller import StageTimes
 from yumi.control.cycle import Frame
 from yumi.errors import CommandRefused, YumiError
@@ -201,36 +202,46 @@ def without_records(where: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("made", "sentence"),
+    ("made", "code", "values"),
     [
-        (lambda where: where / "none.mcap", "There is no .*none.mcap; give a recording"),
-        (emptied, "is empty: nothing was recorded"),
-        (damaged, "is not a recording of yumi, or it is damaged"),
-        (cut, "line 121: needed are 8 numbers; the file is cut"),
-        (lambda where: table(where / "same.csv", MEASURED, times=np.zeros(COUNT)), "line 3: its time is not after"),
-        (lambda where: table(where / "short.csv", MEASURED[:10]), "has 10 rows; needed are at least 40"),
-        (without_records, r"is not a folder of records: it needs recordings \(.mcap\), or records.json"),
-        (lambda where: folder(where / "records", points_sent=9000), "points_sent is 9000, allowed is 2 to 5000"),
-        (lambda where: Path(__file__), "is not a log: allowed are"),
+        (lambda where: where / "none.mcap", "log_missing", {}),
+        (emptied, "log_empty", {}),
+        (damaged, "recording_damaged", {}),
+        (cut, "table_line_incomplete", {"line": 121, "count": 8}),
+        (
+            lambda where: table(where / "same.csv", MEASURED, times=np.zeros(COUNT)),
+            "table_times_not_increasing",
+            {"line": 3},
+        ),
+        (lambda where: table(where / "short.csv", MEASURED[:10]), "log_too_short", {"rows": 10, "least": 40}),
+        (without_records, "no_folder_of_records", {"file": "records.json"}),
+        (
+            lambda where: folder(where / "records", points_sent=9000),
+            "record_out_of_range",
+            {"points": 9000, "most": 5000.0},
+        ),
+        (lambda where: Path(__file__), "no_log", {}),
     ],
 )  # fmt: skip
-def test_what_is_no_log_is_refused_with_one_sentence(tmp_path: Path, made: Any, sentence: str) -> None:
+def test_what_is_no_log_is_refused_with_one_sentence(
+    tmp_path: Path, made: Any, code: str, values: dict[str, Any]
+) -> None:
     path = made(tmp_path)
     commands = table(tmp_path / "commands.csv", COMMANDS) if path.suffix == ".csv" else None
-    with pytest.raises(YumiError, match=sentence) as refusal:
+    with refused(YumiError, code, **values) as refusal:
         read_logs(path, commands)
     assert "\n" not in str(refusal.value)
 
 
 def test_table_without_commands_or_with_those_of_other_joints_is_refused(tmp_path: Path) -> None:
     file = table(tmp_path / "joints.csv", MEASURED)
-    with pytest.raises(CommandRefused, match="has no commands: give the file with them, --commands"):
+    with refused(CommandRefused, "table_without_commands", file=str(file)):
         read_logs(file)
     other = tmp_path / "other.csv"
     other.write_text("time_s,elbow_rad\n0.0,1.0\n")
-    with pytest.raises(CommandRefused, match="has no commands of joint_1, joint_2"):
+    with refused(CommandRefused, "commands_of_other_joints", file=str(other)):
         read_logs(file, other)
     bare = tmp_path / "bare.csv"
     bare.write_text("time_s,joint_1\n0.0,1.0\n")
-    with pytest.raises(CommandRefused, match="needed is a header time_s,NAME_rad"):
+    with refused(CommandRefused, "table_header_wrong", file=str(bare), header="time_s,joint_1", first="time_s"):
         read_logs(bare, file)

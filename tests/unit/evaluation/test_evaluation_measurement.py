@@ -10,14 +10,17 @@ from dataclasses import replace
 from math import degrees, radians
 from pathlib import Path
 from types import SimpleNamespace, TracebackType
-from typing import Any
+from typing import Any, cast
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from refusals import assert_says, refused
 from yumi.api.motion import TRAJECTORY_CONTROLLER
+from yumi.catalogue import Message, message
+from yumi.cli.main import main
 from yumi.control.motion import slower
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.settings import CalibrateWhen, Settings
@@ -142,8 +145,17 @@ def test_positions_alone_are_sent() -> None:
 
 def test_robot_that_follows_speeds_alone_is_refused() -> None:
     settings = replace(Settings(), egm_motion=replace(Settings().egm_motion, pos_corr_gain=0.0))
-    with pytest.raises(CommandRefused, match=r"pos_corr_gain is 0: .* Set it above 0 up to 1"):
+    with refused(CommandRefused, "follows_speeds_alone"):
         settings_for_measuring(settings)
+
+
+def ended(result: Any) -> Message:
+    """Why a measurement has ended, of the error that says so and where its archive is."""
+    assert isinstance(result.exception, YumiError)
+    said = result.exception.said
+    assert said.code == "measurement_ended"
+    assert Path(said.values["file"]).exists()
+    return cast("Message", said.values["error"])
 
 
 def test_joint_near_the_end_of_its_range_is_refused_with_its_range(robot: type[FakeRobot], tmp_path: Path) -> None:
@@ -151,9 +163,9 @@ def test_joint_near_the_end_of_its_range_is_refused_with_its_range(robot: type[F
     near[1] = YUMI_LIMITS.upper[1] - radians(1.0)
     robot.places = {**ready(), Side.RIGHT: joints(near)}
     result = run(tmp_path, "--yes")
-    assert "Joint 2 of the right arm is at 42.5°, allowed is -143.5° to 43.5°, and 2° are needed" in str(
-        result.exception
-    )
+    why = ended(result)
+    assert_says(why, "joint_without_room", axis=2, arm="right", position=near[1], room=radians(2.0))
+    assert (why.values["lower"], why.values["upper"]) == (YUMI_LIMITS.lower[1], YUMI_LIMITS.upper[1])
     assert robot.done == ["close"]
 
 
@@ -173,7 +185,7 @@ def test_arms_that_are_near_each_other_are_refused(robot: type[FakeRobot], tmp_p
     robot.places = {side: joints(values) for side, values in inward.items()}
     result = run(tmp_path, "--yes")
     assert isinstance(result.exception, CommandRefused)
-    assert "is too near to the" in str(result.exception)
+    assert ended(result).code == "part_too_near"
     assert robot.done == ["close"]
 
 
@@ -197,29 +209,28 @@ def test_nothing_is_connected_when_the_start_is_not_confirmed(robot: type[FakeRo
 def test_stop_ends_all_and_is_in_the_archive_without_addresses(robot: type[FakeRobot], tmp_path: Path) -> None:
     def stop(number: int) -> None:
         if number == 1:
-            raise GoalNotReached("Stopped: no datagram from 10.0.0.7; call robot.recover().")
+            raise GoalNotReached("Stopped: no datagram from 10.0.0.7.")
 
     robot.ends = staticmethod(stop)
     result = run(tmp_path, "--yes")
     assert isinstance(result.exception, YumiError)
-    assert "Stopped: no datagram from 10.0.0.7" in str(result.exception)
-    assert "or `yumi recover` after a stop. What was recorded until then is in" in str(result.exception)
+    assert ended(result) == message("text", text="Stopped: no datagram from 10.0.0.7.")
     assert robot.done == ["follow", "close"]
     kept = archive(tmp_path)
-    ended = json.loads(kept["new/measurement.json"])
-    assert ended["motions"] == ["ramp"]
-    assert ended["ended"].startswith("Stopped: no datagram from ROBOT;")
+    measured = json.loads(kept["new/measurement.json"])
+    assert measured["motions"] == ["ramp"]
+    assert measured["ended"] == "Stopped: no datagram from ROBOT."
     assert "new/recordings/step.mcap" in kept
 
 
 def test_stop_is_worded_for_the_shell(robot: type[FakeRobot], tmp_path: Path) -> None:
     def stop(number: int) -> None:
-        raise GoalNotReached("Stopped. Call robot.recover() to go on. Confirm the stop 7 (robot.recover(confirm=...)).")
+        raise GoalNotReached(message("arm_waits_for_recovery", arm="right", fault=message("motors_off")))
 
     robot.ends = staticmethod(stop)
-    assert str(run(tmp_path, "--yes").exception).startswith(
-        "Stopped. Run `yumi recover` to go on. Confirm the stop 7 (yumi recover). What was recorded"
-    )
+    result = CliRunner().invoke(main, ["measure", "right", "--yes", "--output", str(tmp_path / "new")])
+    assert "run `yumi recover`" in result.stderr
+    assert "robot.recover()" not in result.stderr
 
 
 def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Path) -> None:
@@ -240,27 +251,28 @@ def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Pat
 def test_recordings_that_cannot_be_compared_are_kept(robot: type[FakeRobot], tmp_path: Path) -> None:
     result = run(tmp_path, "--yes")  # a file of this robot is no recording
     assert robot.done == ["follow", "follow", "follow", "close"]
-    assert "ramp.mcap is not a recording of yumi, or it is damaged" in str(result.exception)
-    assert "What was recorded until then is in" in str(result.exception)
+    said = ended(result)
+    assert said.code == "recording_damaged"
+    assert Path(said.values["file"]).name == "ramp.mcap"
     assert json.loads(archive(tmp_path)["new/measurement.json"])["motions"] == ["ramp", "step", "sine"]
 
 
 def test_robot_that_is_not_ready_is_not_moved(robot: type[FakeRobot], tmp_path: Path) -> None:
     def refuse() -> None:
-        raise RobotNotReady("The controller is in MANR; turn it to AUTO on the FlexPendant.")
+        raise RobotNotReady(message("not_in_auto", mode="MANR"))
 
     robot.opens = staticmethod(refuse)
     result = run(tmp_path, "--yes")
-    assert str(result.exception).startswith("The controller is in MANR; turn it to AUTO on the FlexPendant. What was")
+    assert ended(result) == message("not_in_auto", mode="MANR")
     assert robot.done == []
 
 
 @pytest.mark.parametrize(
-    ("is_virtual", "arguments", "sentence"),
+    ("is_virtual", "arguments", "said"),
     [
-        (False, ("--yes",), "--yes is for virtual robots, on this machine or in RobotStudio, and 192.168.125.1 is not"),
-        (False, (), "standard input is none; run the command in a terminal, beside the robot"),
-        (True, (), "standard input is none; add --yes"),
+        (False, ("--yes",), message("yes_for_virtual_robots", address="192.168.125.1")),
+        (False, (), message("no_terminal")),
+        (True, (), message("no_terminal_for_virtual")),
     ],
 )
 def test_real_robot_is_moved_only_by_a_person_at_a_terminal(
@@ -269,11 +281,12 @@ def test_real_robot_is_moved_only_by_a_person_at_a_terminal(
     tmp_path: Path,
     is_virtual: bool,
     arguments: tuple[str, ...],
-    sentence: str,
+    said: Message,
 ) -> None:
     monkeypatch.setattr(measurement, "examine", lambda settings: Examined(is_virtual, [], {}, {}))
     result = run(tmp_path, *arguments)
-    assert sentence in str(result.exception)
+    assert isinstance(result.exception, YumiError)
+    assert result.exception.said == said
     assert robot.done == []
     assert not (tmp_path / "new").exists()
 
@@ -281,9 +294,9 @@ def test_real_robot_is_moved_only_by_a_person_at_a_terminal(
 def test_folder_with_files_is_not_written_to(robot: type[FakeRobot], tmp_path: Path) -> None:
     (tmp_path / "new").mkdir()
     (tmp_path / "new" / "file").touch()
-    assert "is there already; give the folder of a new measurement with --output" in str(
-        run(tmp_path, "--yes").exception
-    )
+    refusal = run(tmp_path, "--yes").exception
+    assert isinstance(refusal, YumiError)
+    assert refusal.said == message("measurement_exists", folder=str(tmp_path / "new"))
     assert robot.done == []
 
 

@@ -12,6 +12,7 @@ from yumi.catalogue.texts.controller import CONTROLLER
 from yumi.catalogue.texts.driver import DRIVER
 from yumi.catalogue.texts.egm import EGM
 from yumi.catalogue.texts.endpoint import ENDPOINT
+from yumi.catalogue.texts.evaluation import EVALUATION
 from yumi.catalogue.texts.events import EVENTS
 from yumi.catalogue.texts.grippers import GRIPPERS
 from yumi.catalogue.texts.motion import CONTROLLERS, MOTION
@@ -22,6 +23,7 @@ from yumi.catalogue.texts.robot import ROBOT
 from yumi.catalogue.texts.robot_state import ROBOT_STATE
 from yumi.catalogue.texts.ros import ROS
 from yumi.catalogue.texts.rws import RWS
+from yumi.catalogue.texts.script import SCRIPT
 from yumi.catalogue.texts.set_up import PREREQUISITES, SET_UP, SETTINGS
 
 SUBJECTS: Mapping[str, Mapping[str, Text]] = {
@@ -45,6 +47,8 @@ SUBJECTS: Mapping[str, Mapping[str, Text]] = {
     "EGM": EGM,
     "Model of the robot": ROBOT,
     "Robot Web Services": RWS,
+    "Scripts": SCRIPT,
+    "Evaluation": EVALUATION,
 }
 """All texts by subject, as the documentation lists them."""
 

@@ -20,6 +20,7 @@ from driven_loop import DrivenLoop, read_arguments, read_plan
 from parent import end_with_parent
 from rclpy.executors import SingleThreadedExecutor
 
+from yumi.catalogue import message
 from yumi.clock import SystemClock
 from yumi.driver.readiness import RobotState
 from yumi.driver.state_machine import SpeedSetting
@@ -46,7 +47,7 @@ class AbsentRobot:
         return self.refuse
 
     def refuse(self, *_: object) -> NoReturn:
-        raise RobotNotReady("There is no controller in this benchmark; only EGM is spoken.")
+        raise RobotNotReady(message("benchmark_without_controller"))
 
     @property
     def monitor(self) -> AbsentRobot:
