@@ -65,7 +65,7 @@ def address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     file = tmp_path / "cell.mod"
     file.write_text(PROGRAM, encoding="ascii")
-    arguments = ("controller", "--robot", "irb120", "--rws-port", "0", "--program", f"T_ROB1={file}", "--start")
+    arguments = ("controller", "--model", "irb120", "--rws-port", "0", "--program", f"T_ROB1={file}", "--start")
     with Command("controller", arguments, tmp_path / "controller.log") as controller:
         yield controller.wait_until_ready(60.0).rpartition("/")[2]
 

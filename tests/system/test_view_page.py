@@ -163,7 +163,7 @@ def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) ->
     page.wait("#remedy", "emergency stop is pressed")
     assert "emergency stop is pressed" in str(page.tab.get_attribute("#recover:disabled", "title"))
     page.mend("Release the emergency stop")
-    page.wait("#remedy", "motors are off after an emergency stop")
+    page.wait("#remedy", "A person must confirm the stop")
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     inject_fault(str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0], "emergency-stop", {})
@@ -251,7 +251,7 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     page.tab.select_option("#fault", "program-stop")
     page.press("#inject")
     page.wait("#verdict", "Stopped: .*program")
-    page.wait("#remedy", "The RAPID program is stopped: press “Recover…”")
+    page.wait("#remedy", "The RAPID program is stopped; press “Recover…”")
     page.wait("#remedy-button", "Recover")
 
     # A field without a number sends nothing, and what the page says covers no button.

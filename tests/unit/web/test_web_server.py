@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from fake_driver import BOX, FakeDriver
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
+from yumi.catalogue import Message
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.loop import Commands
@@ -224,8 +225,8 @@ def test_page_that_has_control_asks_for_nothing_but_a_stop_once_it_may_not_opera
     async def story(site: Site) -> None:
         async with site.page() as page:
             await page.take_control()
-            site.server._live.why_not = "The driver is gone."
-            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"] == "The driver is gone."
+            site.server._live.why_not = Message("text", {"text": "The driver is gone."})
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["sentence"] == "The driver is gone."
             assert (await page.ask("stop_egm"))["type"] == "done"
 
     run(story, may_operate=True)
@@ -341,9 +342,9 @@ def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
             await page.send(type="take_control")
             assert "yumi view --operate" in (await page.until("refused"))["sentence"]
             for request in ("stop_egm", "start_egm"):
-                assert "yumi view --operate" in (await page.ask(request))["error"]["message"]
+                assert "yumi view --operate" in (await page.ask(request))["error"]["sentence"]
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
-            assert "yumi view --operate" in (await page.until("jog_refused"))["error"]["message"]
+            assert "yumi view --operate" in (await page.until("jog_refused"))["error"]["sentence"]
         assert driver.manager.asked == []
         assert driver.robot.speeds[Side.RIGHT].read() is None
 
@@ -354,19 +355,19 @@ def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDri
     async def story(site: Site) -> None:
         async with site.page() as page, site.page() as other:
             await other.until("state")
-            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"] == "Take control first."
+            assert (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["code"] == "control_not_taken"
             await page.take_control()
             assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
             assert driver.manager.speed.value == 0.5
             assert (await page.ask("grip", arm="left", action="close", force=8.0))["result"]["outcome"] == "holding"
             refused = await page.ask("grip", arm="left", action="open", force=8.0)
-            assert "A gripper opens without a force" in refused["error"]["message"]
+            assert "A gripper opens without a force" in refused["error"]["sentence"]
             await other.until("view", lambda view: view["control"] == "elsewhere")
-            assert (await other.ask("start_egm"))["error"]["message"] == "Take control first."
+            assert (await other.ask("start_egm"))["error"]["code"] == "control_not_taken"
             assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page that may operate
             await page.send(type="inject", id=3, name="emergency-stop")
             failed = await page.until("failed")
-            assert failed["error"]["message"] == "Only a virtual robot takes faults."
+            assert failed["error"]["code"] == "faults_only_virtual"
             await page.send(type="give_back")
             await page.until("view", lambda view: view["control"] == "none")
 
@@ -452,8 +453,8 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             "Invalid value 'jog'",
         ),
         ({"type": "open_door"}, "Invalid value 'open_door'"),
-        ('{"type": ' + "[" * 16_000, "Message refused: it is nested too deeply."),
-        ('{"x":' * 3000, "Message refused: it is nested too deeply."),
+        ('{"type": ' + "[" * 16_000, "Request refused: its lists or objects are nested too deeply."),
+        ('{"x":' * 3000, "Request refused: its lists or objects are nested too deeply."),
     ],
 )
 def test_message_that_means_nothing_is_refused_and_changes_nothing(
@@ -489,7 +490,7 @@ def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: p
         async with site.page() as page:
             await page.until("state")
             await page.send(type="plan", id=1, right={"j1": goal[0]})
-            assert (await page.until("failed"))["error"]["message"] == "Take control first."
+            assert (await page.until("failed"))["error"]["code"] == "control_not_taken"
             await page.take_control()
             await page.send(type="plan", id=2, right={"j1": goal[0]})
             result = (await page.until("done"))["result"]
@@ -498,11 +499,11 @@ def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: p
             assert not driver.robot.control.commands
             for _ in range(2):
                 await page.send(type="execute", id=3, plan=result["plan"])
-            assert "plan again" in (await page.until("failed"))["error"]["message"]
+            assert "plan again" in (await page.until("failed"))["error"]["sentence"]
             await eventually(lambda: driver.robot.control.commands)
             await eventually(lambda: isinstance(driver.robot.control.commands[-1].message, FollowTrajectory))
             await page.send(type="plan", id=4, right=[0.4, 0.0, 0.3], is_pose=True)
-            assert "A pose of the fingertips" in (await page.until("failed"))["error"]["message"]
+            assert "A pose of the fingertips" in (await page.until("failed"))["error"]["sentence"]
 
     run(story, may_operate=True)
 
@@ -514,7 +515,7 @@ def test_plan_needs_to_know_where_both_arms_are(driver: FakeDriver) -> None:
         async with site.page() as page:
             await page.take_control()
             await page.send(type="plan", id=2, right="home")
-            assert "Where the left arm is is not known" in (await page.until("failed"))["error"]["message"]
+            assert "The position of the left arm is not known" in (await page.until("failed"))["error"]["sentence"]
 
     run(story, may_operate=True)
 
@@ -634,7 +635,7 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
             await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             late = time.monotonic() - OLDEST_SEEN - 0.1  # as if what was sent had waited in a tunnel
             await page.send(type="jog_joints", arm="right", hold=2, seen=late, speeds=[0.5] * 7)
-            assert "too slow" in (await page.until("jog_refused", lambda it: it["hold"] == 2))["error"]["message"]
+            assert "too slow" in (await page.until("jog_refused", lambda it: it["hold"] == 2))["error"]["sentence"]
             await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
 
@@ -801,7 +802,7 @@ def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDri
             await page.take_control()
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
             refused = await page.until("jog_refused")
-            assert "EGM is not running on the right arm" in refused["error"]["message"]
+            assert "EGM is not running on the right arm" in refused["error"]["sentence"]
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
             await page.until("state")
             await page.send(type="jog_joints", arm="right", hold=2, speeds=SPEEDS)
@@ -815,7 +816,7 @@ def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, mo
         async with site.page() as page:
             await page.take_control()
             monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
-            assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["message"]
+            assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["sentence"]
             assert (await page.ask("stop_egm"))["type"] == "done"
 
     run(story, may_operate=True)
