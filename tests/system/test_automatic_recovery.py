@@ -45,8 +45,7 @@ def test_lost_link_is_recovered_without_a_person() -> None:
     system.live(3.0)
     assert system.is_guided
     assert system.lines == [
-        "Recovered automatically (recovery.automatic): No stop cause found in the event log. "
-        "EGM runs on both arms, the controllers are active."
+        "Recovered automatically (recovery.automatic): Recovered: EGM runs on both arms, the controllers are active."
     ]
     assert system.is_moving_again()
 

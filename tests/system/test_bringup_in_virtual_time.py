@@ -77,9 +77,10 @@ def test_datagrams_that_go_elsewhere_are_warned_of_once(system: System) -> None:
     bringup.check_controller({Side.LEFT: EgmAddress("192.0.2.1", 6511)})
     bringup.make_ready()
     bringup.make_ready()
-    assert [remark.split(";")[0] for remark in warnings] == [
-        "the left arm's datagrams go to 127.0.0.1:6511, here they are awaited at 192.0.2.1:6511"
-    ]
+    said = message(
+        "datagrams_go_elsewhere", arm="left", there="127.0.0.1:6511", here="192.0.2.1:6511", device=Side.LEFT.unit
+    )
+    assert warnings == [str(said)]
     assert not any("datagrams" in step for step in system.steps)
 
 
@@ -101,7 +102,7 @@ def test_bringup_says_why_the_robot_is_not_ready(system: System) -> None:
 
 def test_bringup_says_that_only_the_flexpendant_chooses_auto(system: System) -> None:
     system.world.controller.mode = OperatingMode.MANUAL_REDUCED
-    with pytest.raises(RobotNotReady, match="The controller is in MANR; turn it to AUTO on the FlexPendant"):
+    with refused(RobotNotReady, "cannot_bring_up", reason=message("not_in_auto", mode="MANR")):
         system.bringup.make_ready()
     assert system.manager.state().reasons == (message("not_in_auto", mode="MANR"),)
 

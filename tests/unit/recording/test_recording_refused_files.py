@@ -185,9 +185,10 @@ def test_topics_of_other_programs_in_a_recording_are_left_out(tmp_path: Path) ->
 
 
 def test_list_shows_the_other_records_beside_one_that_was_cut_off(tmp_path: Path) -> None:
-    write_flight_record(tmp_path / "b.mcap", 0.0, recorded_event(LOST, 0.1), {Side.RIGHT: flown(20).frames()})
+    recorded = recorded_event(LOST, 0.1)
+    write_flight_record(tmp_path / "b.mcap", 0.0, recorded, {Side.RIGHT: flown(20).frames()})
     (tmp_path / "a.mcap").write_bytes(b"")
     result = CliRunner().invoke(main, ["record", "list", "--folder", str(tmp_path)])
     assert result.exit_code == 1
-    assert f"{tmp_path / 'b.mcap'}  {LOST}" in result.output
+    assert f"{tmp_path / 'b.mcap'}  {recorded.sentence}" in result.output
     assert f"1 of the 2 files in {tmp_path} cannot be read." in result.output

@@ -6,7 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from shutil import copy
+from shutil import copy, copytree, ignore_patterns
 
 import pytest
 
@@ -20,6 +20,7 @@ def installed(tmp_path: Path) -> Path:
     (folder / "robot").mkdir(parents=True)
     for file in (ROBOT.parent / "__init__.py", ROBOT.parent / "errors.py"):
         copy(file, folder)
+    copytree(ROBOT.parent / "catalogue", folder / "catalogue", ignore=ignore_patterns("__pycache__"))
     for file in ROBOT.glob("collision*"):
         copy(file, folder / "robot")
     return folder.parent

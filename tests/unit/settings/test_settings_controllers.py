@@ -185,6 +185,7 @@ def refused_at(line: int, reason: Message) -> Message:
                 message(
                     "controller_parameter_refused",
                     controller="position",
+                    parameter="p",
                     reason=message("value_of_wrong_type", parameter="p", value="'x'", type="a number"),
                 ),
             ),
