@@ -696,7 +696,7 @@ class Robot:
         Raises:
             MissingPrerequisite: RoboPlan is not installed.
             CommandRefused: a goal, or where an arm is now, is impossible or too near to something.
-            PlanNotFound: no path was found; ``why`` tells whether time was up or there is none.
+            PlanNotFound: no path was found; ``why`` says whether time was up or there is none.
         """
         from yumi.planning.planner import Planner  # noqa: PLC0415 - an extra; nothing else needs it
 

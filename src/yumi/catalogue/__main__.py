@@ -25,7 +25,7 @@ Words in angle brackets are values, words in bold are actions.
 
 def page() -> str:
     """The page, in Markdown."""
-    lines = [_HEAD, "## Actions", "", "What a person can do, as each reader is told.", ""]
+    lines = [_HEAD, "## Actions", "", "What a person can do, in the words of each reader.", ""]
     readers = list(next(iter(ACTIONS.values())))
     lines += [f"| action | {' | '.join(each.replace('_', ' ') for each in readers)} |", f"|---|{'---|' * len(readers)}"]
     for action, words in ACTIONS.items():

@@ -8,8 +8,8 @@ from yumi.catalogue.text import Words
 
 _ON_PAGE: dict[str, Words] = {
     "start_egm": Words("press “Start EGM”", "“Start EGM”"),
-    "stop_egm": Words("press “Stop EGM”", "“Stop EGM”"),
-    "restart_egm": Words("press “Stop EGM”, then “Start EGM”", "“Stop EGM”, then “Start EGM”"),
+    "stop_egm": Words("press “Stop (ends EGM)”", "“Stop (ends EGM)”"),
+    "restart_egm": Words("press “Stop (ends EGM)”, then “Start EGM”", "“Stop (ends EGM)”, then “Start EGM”"),
     "recover": Words("press “Recover…”", "“Recover…”"),
     "confirm_stop": Words("look at the robot, then press “Recover…”", "“Recover…”"),
     "calibrate": Words("press “Calibrate grippers”", "“Calibrate grippers”"),
