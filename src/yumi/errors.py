@@ -10,7 +10,7 @@
     ├── SwitchFailed         a controller failed while it was switched: read what is active now, then mend it
     ├── RobotNotReady        the robot is in the wrong state for the request: bring it there first
     │   └── StopNotConfirmed     a person stopped it, or a collision: look at the robot, then confirm the stop
-    ├── PlanNotFound         no path leads there, or none was found in time; ``why`` tells which
+    ├── PlanNotFound         no path leads there, or none was found in time; ``why`` says which
     ├── GoalNotReached       a motion or grip ended elsewhere than it should: look why, then order again
     ├── NoConnection         nothing answers at the address: check cable, address, power
     ├── LoginRefused         the controller is there but does not accept the user or password

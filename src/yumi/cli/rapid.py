@@ -396,7 +396,7 @@ class Debugger(cmd.Cmd):
         return tuple(each.name for each in tasks if each.starts_by_hand and each.execution is TaskExecution.STARTED)
 
     def _why_refused(self, error: ControllerRefused) -> Message:
-        """Why the controller refuses, and what to do; its code tells, and the state it is in."""
+        """Why the controller refuses, and what to do; its code decides, and the state it is in."""
         if error.code in _WRONG_STATE:
             if running := self._running():
                 return _running_first(running)

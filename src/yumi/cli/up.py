@@ -206,7 +206,7 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
         YumiError: what answers refuses the user, or is not a controller.
     """
     resolve(robot.address)  # an unknown name does not become known
-    address, end, is_told = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
+    address, end, is_reported = f"{robot.address}:{robot.rws_port}", time.monotonic() + timeout, False
     while not is_over.is_set():
         client = RwsClient(address, user=robot.user, password=robot.password, timeout=robot.timeout)
         try:
@@ -217,9 +217,9 @@ def wait_for_controller(robot: RobotSettings, timeout: float, is_over: Flag) -> 
                 raise
         finally:
             client.close()
-        if not is_told:
+        if not is_reported:
             click.echo(f"Waiting up to {timeout:g} s for a controller at {address}.")
-            is_told = True
+            is_reported = True
         is_over.wait(_WAIT_PERIOD)
     return False
 

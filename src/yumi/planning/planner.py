@@ -187,7 +187,7 @@ class Planner:
 
         Raises:
             CommandRefused: the start or the goal is impossible, out of range or too near to something.
-            PlanNotFound: no path was found; ``why`` tells whether time was up or there is none.
+            PlanNotFound: no path was found; ``why`` says whether time was up or there is none.
         """
         from roboplan import core  # noqa: PLC0415
         from roboplan.rrt import RRT, RRTOptions  # noqa: PLC0415

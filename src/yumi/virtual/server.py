@@ -187,7 +187,7 @@ class VirtualController:
         self._destinations: dict[Side, tuple[str, int]] = {}
         self._links: dict[Side, UdpClient] = {}
         self._foreign_links: dict[Side, UdpClient] = {}
-        self._no_destination: dict[Side, str] = {}
+        self._no_destination: dict[Side, tuple[object, ...]] = {}
         for side in self.world.arms:
             self._follow_device(side)
 
@@ -260,8 +260,8 @@ class VirtualController:
         try:
             self._follow_device(side)
         except (NoConnection, OSError, ValueError, OverflowError) as error:
-            if self._no_destination.get(side) != str(error):
-                self._no_destination[side] = str(error)
+            if self._no_destination.get(side) != error.args:
+                self._no_destination[side] = error.args
                 with self._lock:
                     self.world.controller.events.append(
                         41830, "Not possible to open the UdpUc device", str(error), EventType.ERROR
