@@ -213,7 +213,8 @@ class _Words(Formatter):
 
     Formats beside Python's own: ``.1°`` degrees of rad, ``.0mm``, ``.0ms``, ``quoted``, ``cut``, ``list`` (a, b, c, or
     none), ``or`` (a, b or c), ``and``, and for messages ``sentence``, ``remedy`` and ``full`` (what happened, and what
-    to do, within a sentence); without one a message is its clause.
+    to do, within a sentence), and for lists of them ``steps`` (what to do about each, before what comes next); without
+    one a message is its clause.
     """
 
     def __init__(self, said: Message, front_end: FrontEnd) -> None:
@@ -254,6 +255,8 @@ class _Words(Formatter):
             return enumerated(texts, format_spec)
         if format_spec == "sentence":
             return " ".join(texts)
+        if format_spec == "steps":
+            return "".join(f"{step}; " for each in values if (step := remedy_of(each, self._front_end)))
         return ("; then " if any(isinstance(each, Message) for each in values) else ", ").join(texts)
 
 

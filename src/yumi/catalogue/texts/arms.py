@@ -9,7 +9,7 @@ from yumi.catalogue.text import Text
 ARMS: Mapping[str, Text] = {
     # ---- why an arm holds whatever it is asked to do
     "references_ignored": Text(
-        "{arm} arm: the robot does not follow the references: its replies may be lost",
+        "{arm} arm: the robot does not follow the references; the driver's replies may not reach the robot",
         "check that this machine's firewall lets UDP out to the controller",
     ),
     "feedback_implausible": Text(
@@ -52,13 +52,13 @@ ARMS: Mapping[str, Text] = {
         "not used (an old, forged or mixed-up one)"
     ),
     "position_not_believed_for_long": Text(
-        "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be, the arm "
-        "holds{ended}: {cause}; {cause:remedy}. {Restart_egm} when that is mended"
+        "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be; the arm "
+        "holds{ended}. Cause: {cause}; {cause:remedy}. {Restart_egm} when this is corrected",
     ),
     "controllers_deactivated": Text("; {controllers} deactivated"),
     "nothing": Text(""),
     "positions_of_other_arm": Text(
-        "that is where the other arm is: left and right EGM ports are exchanged?",
+        "that is where the other arm is; the left and right EGM ports may be exchanged",
         "check the remote ports of the controller's UDPUC devices ROB_L and ROB_R",
     ),
     "positions_implausible": Text(
@@ -81,7 +81,10 @@ ARMS: Mapping[str, Text] = {
         "give the goal again",
     ),
     "goal_refused": Text("goal refused: {reason}", "{reason:remedy}"),
-    "arm_moves": Text("the {arm} arm moves", "wait until it stands"),
+    "arm_moves": Text(
+        "the {arm} arm moves",
+        "wait until the arm is at rest",
+    ),
     "arm_held_before_goal": Text(
         "the {arm} arm is held, and its goal lies {distance:.1°} beyond",
         "stop that motion, or send the arm to where it is",
@@ -110,7 +113,7 @@ ARMS: Mapping[str, Text] = {
     "goal_not_reached": Text("the {arm} arm did not reach its goal: {reason}"),
     "goal_not_reached_limited": Text(
         "the {arm} arm did not reach its goal: {reason}; the limiter keeps it apart: {limited}",
-        "take a planned path around, with plan_to(...) and execute(...), or {retreat}, which leads both arms home",
+        "plan a path around the obstacle, or {retreat} to bring both arms home",
     ),
     "motion_limited": Text("{arm} arm: motion limited by {limited}"),
     "all_kept_apart": Text("all parts are kept apart again, and the arms have their speed"),

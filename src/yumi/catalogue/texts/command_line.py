@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 
 _INSTALL_ROS = (
-    "install yumi-ros2[ros] from a wheel that `make wheels` has built for this Python, run `make setup` in a clone, or "
-    "source your ROS 2 Jazzy"
+    "install yumi-ros2[ros] from a wheel that `make wheels` has built for this Python, run `make setup` in a clone, "
+    "or source your ROS 2 Jazzy"
 )
 _DRIVER_RUNS = "see that a driver runs, with the same ROS_DOMAIN_ID"
 
@@ -38,8 +38,13 @@ COMMAND_LINE: Mapping[str, Text] = {
         "start without it, or give all nodes of a robot a namespace with yumi up --namespace",
     ),
     # ---- goals
-    "both_arms_take_a_pose": Text("both arms take a pose only; their joints are mirrored", "move one after the other"),
-    "no_pose_on_command_line": Text("a pose is x y z [m], and w x y z of its orientation or nothing: it stays"),
+    "both_arms_take_a_pose": Text(
+        "both arms together take only a pose: their joints are mirrored",
+        "move one after the other",
+    ),
+    "no_pose_on_command_line": Text(
+        "a pose is x y z [m], or x y z and w x y z of the orientation; without w x y z the orientation stays as it is",
+    ),
     "no_angle": Text(
         "{text:quoted} is not an angle",
         "give a pose ({poses:list}), joints such as j1=20, or seven angles",
@@ -75,7 +80,10 @@ COMMAND_LINE: Mapping[str, Text] = {
         "no datagram of the {arm} arm came to {address}",
         "open the port in this machine's firewall, and see `yumi doctor --stream`",
     ),
-    "datagrams_of_other_arm": Text("the datagrams at port {port} are not the {arm} arm's", "exchange the ports"),
+    "datagrams_of_other_arm": Text(
+        "the datagrams at port {port} are not the {arm} arm's",
+        "exchange the ports of the UDPUC devices ROB_R and ROB_L",
+    ),
     "datagrams_lost": Text("{share:.0%} of the {arm} arm's datagrams are lost", "use a cable"),
     # ---- Robot Web Services
     "signal_value_no_number": Text("a signal takes a number, not {value:quoted}"),

@@ -36,10 +36,13 @@ CONTROLLER: Mapping[str, Text] = {
     ),
     "grippers_missing": Text("the controller lacks the product {product:quoted}; the grippers cannot be used"),
     "motors_stay_off": Text(
-        "the motors do not go on, the controller is in {state:quoted}",
-        "release the emergency stop and acknowledge it on the FlexPendant",
+        "the motors do not switch on: the controller is in {state:quoted}",
+        "release any emergency or guard stop, look at the event log on the FlexPendant, and try again",
     ),
-    "motors_stay_on": Text("the motors do not go off", "use the stop button"),
+    "motors_stay_on": Text(
+        "the motors do not switch off",
+        "press an emergency stop button",
+    ),
     "speed_ratio_not_kept": Text(
         "the controller keeps a speed ratio of {kept} %, not {asked} %", "see the FlexPendant"
     ),
@@ -53,7 +56,10 @@ CONTROLLER: Mapping[str, Text] = {
         "the controller does not take {value} for signal {signal}; a digital signal is 0 or 1, another one has the "
         "range of its configuration"
     ),
-    "signal_not_kept": Text("signal {signal} is {kept} after {written} was written", "see who sets it"),
+    "signal_not_kept": Text(
+        "signal {signal} is {kept} after {written} was written",
+        "find what else writes this signal",
+    ),
     "no_signal_name": Text("{name:quoted} is not a name of a signal", "give one of the controller's I/O signals"),
     "signal_unknown": Text("the controller has no signal {signal}", "look at its list of I/O signals"),
     "no_rapid_value": Text(
@@ -67,7 +73,8 @@ CONTROLLER: Mapping[str, Text] = {
     "variable_unknown": Text("the controller has no {module}/{variable} in task {task}", "check the names"),
     # ---- routines and modules
     "no_routine_name": Text(
-        "{name:quoted} is not a name of a RAPID routine", "give one of up to 32 letters and digits"
+        "{name:quoted} is not a name of a RAPID routine",
+        "give a letter, then at most 31 letters, digits and underscores",
     ),
     "routine_not_ended": Text("routine {routine} of {task} has not ended after {duration:g} s", "look at the robot"),
     "routine_without_speed": Text(

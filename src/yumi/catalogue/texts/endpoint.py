@@ -18,11 +18,15 @@ ENDPOINT: Mapping[str, Text] = {
     "driver_does_not_answer": Text("the driver behind {path} does not answer: {why}"),
     "driver_connection_lost": Text("the connection to the driver behind {name} is lost: {why}"),
     "driver_of_other_version": Text(
-        "the driver's answer cannot be read ({why})", "driver and client must be of the same version"
+        "the driver's answer cannot be read ({why})",
+        "use the same version of driver and client",
     ),
     "driver_closed_connection": Text("it closed the connection"),
     "no_endpoint_folder": Text("no local endpoint can be made in {folder}: {why}"),
-    "endpoint_folder_open_to_others": Text("{folder} is not this user's own folder, or open to others", "remove it"),
+    "endpoint_folder_open_to_others": Text(
+        "{folder} belongs to another user, or other users can enter it",
+        "set XDG_RUNTIME_DIR to a folder that only you may enter",
+    ),
     "endpoint_path_too_long": Text(
         "the path of the local endpoint is too long: {path}", "set XDG_RUNTIME_DIR to a shorter one"
     ),
@@ -41,7 +45,10 @@ ENDPOINT: Mapping[str, Text] = {
     # ---- requests
     "asker_is_gone": Text("what was asked for was ended before its next step: who asked for it is gone"),
     "no_gripper_named": Text("no gripper is named", "name right, left or both"),
-    "force_while_opening": Text("a gripper opens without a force", "name one only to close it"),
+    "force_while_opening": Text(
+        "the force is for closing only",
+        "leave the force out",
+    ),
     "width_while_closing": Text("a gripper closes on whatever is there", "name a width only to open it"),
     "gripper_stopped_asker_gone": Text("the {arm} gripper was stopped: who asked for it is gone"),
     "no_controller_named": Text("no controller is named", "name what to activate or to deactivate"),

@@ -43,8 +43,8 @@ EVALUATION: Mapping[str, Text] = {
         "set it above 0 up to 1, or leave it out",
     ),
     "joint_without_room": Text(
-        "joint {axis} of the {arm} arm is at {position:.1°}, allowed is {lower:.1°} to {upper:.1°}, and {room:.0°} are "
-        "needed on both sides",
+        "joint {axis} of the {arm} arm is at {position:.1°}, allowed is {lower:.1°} to {upper:.1°}, and {room:.0°} "
+        "are needed on both sides",
         "move the arm away from there, e.g. yumi move {arm} ready",
     ),
     "part_too_near": Text(

@@ -47,12 +47,14 @@ GRIPPERS: Mapping[str, Text] = {
     # ---- when the robot becomes ready
     "gripper_unusable": Text("the {gripper} gripper cannot be used: {reason}", "{reason:remedy}"),
     "gripper_left_uncalibrated": Text(
-        "the {gripper} gripper is not calibrated, and is not calibrated now: {reason}",
+        "the {gripper} gripper is not calibrated, and the driver does not calibrate it now: {reason}",
         "{calibrate} when its fingers may close",
     ),
     "gripper_presses_on_something": Text("it presses on something"),
     "gripper_fingers_move": Text("its fingers move"),
-    "calibration_not_allowed_by_settings": Text("gripper.calibrate is never"),
+    "calibration_not_allowed_by_settings": Text(
+        "the setting gripper.calibrate is 'never'",
+    ),
     "gripper_may_hold_something_after_stop": Text(
         "the robot was stopped, and a gripper without calibration does not know what it holds"
     ),
@@ -60,6 +62,6 @@ GRIPPERS: Mapping[str, Text] = {
     "gripper_holds_and_was_not_tested": Text("the {gripper} gripper holds something and was not closed as a test"),
     "gripper_test_failed": Text(
         "its test failed: it was to close, and its fingers are at {position:.1mm}",
-        "look what is between them, or calibrate it with nothing between them",
+        "look at what is between them, or calibrate it with nothing between them",
     ),
 }

@@ -92,8 +92,8 @@ _TRAJECTORIES: Mapping[str, tuple[str, str]] = {
         "begin where the arm is, or give it time to go there",
     ),
     "trajectory_is_elsewhere": (
-        "its first point, due at {time:g} s, has {joint} at {first:.1°} and moved it to {now:.1°} in the {since:.3f} s "
-        "since then, while the arm is commanded to be at {position:.1°}",
+        "its first point, due at {time:g} s, has {joint} at {first:.1°} and moved it to {now:.1°} in the {since:.3f} "
+        "s since then, while the arm is commanded to be at {position:.1°}",
         "begin where the arm is, or give it time to go there",
     ),
     "trajectory_while_arm_moves": (
@@ -114,7 +114,7 @@ _TRAJECTORIES: Mapping[str, tuple[str, str]] = {
 
 _PATHS: Mapping[str, tuple[str, str]] = {
     "path_without_poses": ("it has no poses", "give at least one"),
-    "path_angle_not_finite": ("the arm angle of pose {pose} is {angle}", "give radians"),
+    "path_angle_not_finite": ("the arm angle of pose {pose} is {angle}", "give a finite number of radians"),
     "path_value_out_of_range": ("{name} is {value:g}; allowed is {lowest:g} to {highest:g} {unit}", ""),
     "path_through_wall": (
         "pose {pose} is {distance:.0mm} beyond the wall {wall:quoted} (tool_limits.walls)",
@@ -137,7 +137,7 @@ MOTION: Mapping[str, Text] = {
     "pose_not_finite": Text("pose refused: {pose} has a value that is not finite", "give metres and a quaternion"),
     "pose_too_far": Text(
         "pose refused: {pose} is {distance:g} m from the body; at most {farthest:g} m are allowed",
-        "positions are in metres",
+        "give positions in metres",
     ),
     "pose_not_unit": Text(
         "pose refused: the orientation of {pose} has length {length:.3f}", "give a unit quaternion, w first"

@@ -26,7 +26,9 @@ PAGE: Mapping[str, Text] = {
     "controller_does_not_show": Text("the controller does not show {what}: {why}"),
     "no_seventh_axis": Text("the mechanical unit has no seventh axis, though its configuration names one"),
     "page_only_shows": Text("this page only shows the robot", "to operate a real one, start `yumi view --operate`"),
-    "operated_from_its_machine_only": Text("a real robot is operated from the machine on which `yumi view` runs only"),
+    "operated_from_its_machine_only": Text(
+        "a real robot is operated only from the machine on which `yumi view` runs",
+    ),
     "page_needs_token": Text("on {host} other machines reach the page; it needs a token"),
     "operating_page_needs_token": Text(
         "every user of this machine reaches the page; to operate a real robot it needs a token"

@@ -29,8 +29,8 @@ ROBOT: Mapping[str, Text] = {
         "choose another arm angle or configuration",
     ),
     "nearest_pose": Text(
-        "{reason:sentence} The nearest that was found is tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m, "
-        "{distance:.0mm} and {turn:.1°} away"
+        "{reason:sentence} The nearest that was found is tool0 at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {distance:.0mm} "
+        "and {turn:.1°} away"
     ),
     "nearest_arm_angle": Text("{reason:sentence} With arm angle {angle:.0°} there is one"),
     "path_lost": Text("the arm cannot follow the path beyond its pose {pose}"),

@@ -8,18 +8,25 @@ from yumi.catalogue.text import Text
 
 ROBOT_STATE: Mapping[str, Text] = {
     "controller_does_not_answer": Text("the controller does not answer", "check its power and the network cable"),
-    "state_is_old": Text("the robot's state is unknown: it was read {age:.0f} s ago"),
+    "state_is_old": Text(
+        "the robot's state is not known: it was last read {age:.0f} s ago",
+        "check the network and the controller",
+    ),
     "not_in_auto": Text("the controller is in {mode}", "{turn_to_auto}"),
     "mode_unknown": Text("the controller is in an unknown mode", "{turn_to_auto}"),
     "emergency_stop_pressed": Text("the emergency stop is pressed", "{release_stop}"),
     "guard_stop_active": Text(
-        "a guard stop keeps the motors off", "close the guard, or press motors on at the controller"
+        "a guard stop keeps the motors off",
+        "close the guard, or end what else causes the guard stop",
     ),
     "system_failure": Text("the controller is in system failure", "restart the controller"),
     "motors_off": Text("the motors are off", "{motors_on}"),
     "motors_off_after_emergency_stop": Text("the motors are off after an emergency stop", "{motors_on}"),
     "program_stopped": Text("the RAPID program is stopped", "{recover}"),
-    "program_runs": Text("the RAPID program runs", "stop it first"),
+    "program_runs": Text(
+        "the RAPID program runs",
+        "stop the program first (stop button of the FlexPendant)",
+    ),
     "not_idle": Text(
         "a state machine is not idle ({machines})", "{stop_egm}, or wait for the end of the RAPID routine"
     ),
@@ -40,29 +47,41 @@ ROBOT_STATE: Mapping[str, Text] = {
     "cannot_move_gripper": Text("the gripper cannot be moved: {reason}", "{reason:remedy}"),
     "cannot_calibrate": Text("the gripper cannot be calibrated: {reason}", "{reason:remedy}"),
     "cannot_be_ready": Text("the robot is not ready: {reason}", "{reason:remedy}"),
-    "stopped_by": Text("the robot was stopped by {causes:full}", "{confirm_stop}; nothing moves before that"),
+    "stopped_by": Text(
+        "the robot was stopped by {causes}",
+        "{causes:steps}{confirm_stop}; nothing moves before that",
+    ),
     "still_stopped": Text(
-        "the stop {stop} cannot be confirmed yet: {reason}. The robot was stopped by {causes:full}",
-        "{reason:remedy}; then {confirm_stop}",
+        "the robot was stopped by {causes}. The stop {stop} cannot be confirmed yet: {reason}",
+        "{reason:remedy}; after that, {confirm_stop}",
     ),
     "stopped_by_and_active": Text(
-        "the robot was stopped by {causes:full}. Now {reason}", "{reason:remedy}; then {confirm_stop}"
+        "the robot was stopped by {causes}. The robot cannot move yet: {reason}",
+        "{reason:remedy}; after that, {confirm_stop}",
     ),
     "another_stop_open": Text("{given:quoted} is not the stop that is open now. {open:sentence}"),
-    "robot_stands": Text("the robot stands. {cause}"),
-    "robot_stands_unconfirmed": Text("{error:sentence} The robot stands. {cause} Not confirmed by a person"),
-    "stop_before_installation": Text(
-        "the robot was stopped by {causes:full}. Nothing is started before a person has looked at it and confirmed "
-        "that stop",
-        "start the driver (yumi up), then yumi recover",
+    "robot_stands": Text(
+        "the robot is at rest. {cause}",
     ),
-    "not_ready_yet": Text("{reason:sentence} When that is done, {recover}"),
+    "robot_stands_unconfirmed": Text(
+        "{error:sentence} The robot is at rest. {cause} No person has confirmed the stop",
+    ),
+    "stop_before_installation": Text(
+        "the robot was stopped by {causes}. Nothing starts until a person has confirmed this stop",
+        "look at the robot, start the driver (`yumi up`), then run `yumi recover`",
+    ),
+    "not_ready_yet": Text(
+        "{reason:sentence} If the robot is not ready after that, {recover}",
+    ),
     "controller_reports_event": Text("the controller reports {event:full}"),
     "robot_was_stopped": Text("the robot was stopped"),
     "robot_changed": Text("{changes}"),
     "robot_changed_as_requested": Text("{changes}, as requested"),
     "changed_by": Text("{changes}: {causes:full}"),
-    "changed_by_stop": Text("{changes}: {causes:full}", "{confirm_stop}; nothing moves before that"),
+    "changed_by_stop": Text(
+        "{changes}: {causes}",
+        "{causes:steps}{confirm_stop}; nothing moves before that",
+    ),
     # ---- bringing it back
     "no_stop_cause": Text("no stop cause found in the event log"),
     "recovered": Text("recovered: {done}"),
@@ -95,7 +114,10 @@ ROBOT_STATE: Mapping[str, Text] = {
     ),
     # ---- what happened to an arm, and why
     "explained": Text("{event:sentence} Cause: {causes:full}"),
-    "explained_stop": Text("{event:sentence} Cause: {causes:full}", "{confirm_stop}; nothing moves before that"),
+    "explained_stop": Text(
+        "{event:sentence} Cause: {causes}",
+        "{causes:steps}{confirm_stop}; nothing moves before that",
+    ),
     "ended_by_program": Text(
         "{event:sentence} The controller reports no stop: its program has ended EGM, or another client has"
     ),

@@ -35,10 +35,12 @@ ROS: Mapping[str, Text] = {
     "no_joint_of_arm": Text("{name:quoted} is not a joint of the {arm} arm; it has {joints:list}"),
     "joint_named_twice": Text("{name} is named twice", "give each joint once"),
     "speed_not_finite": Text("{name} is {value}; a speed is a finite number of radians a second"),
-    "speed_too_high": Text("{name} is {value:.1°}/s; it reaches {highest:.0°}/s"),
+    "speed_too_high": Text(
+        "{name} is {value:.1°}/s; its highest speed is {highest:.0°}/s",
+    ),
     "speed_looks_like_degrees": Text(
-        "{name} is {value:.1°}/s; it reaches {highest:.0°}/s; {value:g} looks like degrees: speeds are in radians a "
-        "second"
+        "{name} is {value:.1°}/s; its highest speed is {highest:.0°}/s; {value:g} looks like degrees",
+        "give radians per second",
     ),
     "nanoseconds_out_of_range": Text("{name} has {nanoseconds} ns beside its seconds; allowed is 0 to 999999999"),
     # ---- targets of the tool
@@ -64,11 +66,17 @@ ROS: Mapping[str, Text] = {
     "line_ended_unloaded": Text("the line was ended: the controller was unloaded"),
     "one_arm_without_pose": Text("one arm has no pose", "for one alone take its own {controller}/move_linear"),
     "position_unknown": Text("the position of the {arm} arm is not known", "{start_egm}"),
-    "arm_angle_not_finite": Text("the arm angle is {value}", "give radians"),
+    "arm_angle_not_finite": Text(
+        "the arm angle is {value}",
+        "give a finite number of radians",
+    ),
     "no_posture_with_arm_angle": Text(
         "no posture of the {arm} arm has this pose with this arm angle", "try other angles"
     ),
-    "no_joint_positions": Text("the joint positions are not {joints} finite numbers [rad], in chain order, or none"),
+    "no_joint_positions": Text(
+        "the joint positions are not valid",
+        "give {joints} finite numbers [rad] in chain order, or none at all",
+    ),
     # ---- frames
     "frame_unknown": Text(
         "there is no frame {frame:quoted}",
@@ -116,7 +124,9 @@ ROS: Mapping[str, Text] = {
     "mode_not_known": Text("there is no mode {mode:quoted}", "choose one of {modes:list}"),
     "another_mode_change": Text("another set_mode or recover is being carried out", "wait for its result or cancel it"),
     # ---- the dual-arm task
-    "not_ready_in_time": Text("{error:sentence} It is {answer}"),
+    "not_ready_in_time": Text(
+        "{error:sentence} The driver says: {answer}",
+    ),
     "arm_stopped_before_motion": Text("the {arm} arm was stopped before it moved"),
     "arm_stopped_before_goal": Text("the {arm} arm was stopped {distance:.1°} before its goal"),
     "arm_stopped_on_line": Text("the {arm} arm was stopped on its line"),

@@ -86,7 +86,8 @@ RWS: Mapping[str, Text] = {
     "rws_no_such_symbol": Text("no such RAPID symbol", "load the robot-side program, or check the name"),
     "rws_exec_state": Text(
         "the state of the RAPID execution forbids it",
-        "starting needs motors on, a program pointer and stopped tasks, moving the program pointer needs stopped tasks",
+        "to start, switch the motors on, set the program pointer and stop the tasks; to move the program pointer, "
+        "stop the tasks",
     ),
     "rws_task_state": Text("the state of the RAPID task forbids it", "check that its program loads without errors"),
     "rws_syntax": Text("the value is not a RAPID value of the symbol's type, or the module is not RAPID"),
@@ -105,7 +106,8 @@ RWS: Mapping[str, Text] = {
     "speed_ratio_out_of_range": Text("a speed ratio of {percent} % is not possible", "give {lowest} to {highest}"),
     "mode_needs_no_confirmation": Text("a change to {mode} needs no confirmation; AUTO and MANF do"),
     "signal_does_not_keep": Text(
-        "signal {signal} of {address} does not keep the value {value}", "find what else writes it"
+        "signal {signal} of {address} does not keep the value {value}",
+        "find what else writes this signal",
     ),
     "jog_of_other_length": Text("jogging takes six deflections, not {count}"),
     "file_not_latin_1": Text("RAPID files hold Latin-1 only; {path} cannot have {character:quoted} in it"),

@@ -80,7 +80,10 @@ SCRIPT: Mapping[str, Text] = {
     "box_edge_not_positive": Text("box refused: an edge of {box:quoted} is not longer than 0", "give metres"),
     "tool_name_unknown": Text("there is no tool {name:quoted}; there are {known:list}"),
     "work_object_unknown": Text("there is no work object {name:quoted}; there are {known:list}"),
-    "pose_angle_not_finite": Text("pose refused: the arm angle is {given}", "give radians"),
+    "pose_angle_not_finite": Text(
+        "pose refused: the arm angle is {given}",
+        "give a finite number of radians",
+    ),
     "pose_configuration_not_whole": Text(
         "pose refused: configuration is {given}", "give the whole numbers cf1, cf4, cf6 and cfx"
     ),
@@ -100,7 +103,8 @@ SCRIPT: Mapping[str, Text] = {
     "gripper_width_out_of_range": Text("gripper width {width} m is out of range; allowed is above 0 to {most} m"),
     "object_width_out_of_range": Text("object width {width} m is out of range; allowed is above 0 to {most} m"),
     "gripper_stopped_short": Text(
-        "the {gripper} gripper stopped at {width:.1mm} instead of {wanted:.1mm}", "look what is in the way"
+        "the {gripper} gripper stopped at {width:.1mm} instead of {wanted:.1mm}",
+        "look at what is in the way",
     ),
     "gripper_holds_nothing": Text("the {gripper} gripper holds nothing: it is {outcome}"),
     "gripper_holds_other_width": Text(

@@ -20,8 +20,8 @@ SETTINGS: Mapping[str, Text] = {
     "number_too_long": Text("{place}: a number has {length} characters; allowed are {limit}"),
     "secret_is_no_text": Text("{place} must be a text", "put it in quotes"),
     "namespace_not_of_ros": Text(
-        "{setting} is {value:quoted}; it must be names of letters, digits and underscores with slashes between "
-        "them, such as cell1"
+        "{setting} is {value:quoted}; it must be names of letters, digits and underscores with slashes between them, "
+        "such as cell1"
     ),
     "prefix_not_of_ros": Text(
         "{setting} is {value:quoted}; it must be letters, digits and underscores and begin with a letter, such as a_"
@@ -66,11 +66,10 @@ SETTINGS: Mapping[str, Text] = {
     ),
     "settings_without_mapping": Text("{file} must hold a mapping of settings"),
     "settings_nested_too_deeply": Text(
-        "{file} is nested more than {limit} levels deep in line {line}; allowed are {limit}"
+        "{file} line {line}: nested too deeply; allowed are {limit} levels",
     ),
     "too_many_settings": Text(
-        "{file} has more than {limit} keys and values up to line {line}; allowed are {limit}, and what an alias stands "
-        "for counts each time"
+        "{file} has too many keys and values, up to line {line}; allowed are {limit}, and each use of an alias counts",
     ),
     "alias_in_itself": Text("{place}: an alias stands for what it is part of", "remove it"),
     "tag_not_allowed": Text("{place} has the tag {tag:quoted}", "remove it"),
@@ -83,7 +82,8 @@ SETTINGS: Mapping[str, Text] = {
 PREREQUISITES: Mapping[str, Text] = {
     # ---- packages
     "extra_missing": Text(
-        "{what}", "pip install 'yumi-ros2[{extra}]', or `make setup WITH={extra}` in a clone of yumi-ros2"
+        "{what}",
+        "run `pip install 'yumi-ros2[{extra}]'`, or `make setup WITH={extra}` in a clone of yumi-ros2",
     ),
     "recordings_need_mcap": Text("recordings need mcap"),
     "data_frame_needs_pandas": Text(
@@ -158,7 +158,10 @@ SET_UP: Mapping[str, Text] = {
     # ---- an installation
     "nothing_changed": Text("nothing was changed: {reason}", "{reason:remedy}"),
     "not_possible_now": Text("not possible now: {reason}", "{reason:remedy}"),
-    "not_restarted": Text("the controller was not restarted, which is due: {reason}", "{reason:remedy}, then go on"),
+    "not_restarted": Text(
+        "the controller must be restarted, and was not: {reason}",
+        "{reason:remedy}, then run the command again",
+    ),
     "changes_not_read_back": Text(
         "{count} of the changes cannot be read back, first: {first}", "look at the controller's event log"
     ),
@@ -167,8 +170,8 @@ SET_UP: Mapping[str, Text] = {
         "save it and remove it (FlexPendant: Program Editor, Tasks and Programs, Show Modules, File, Delete Module)",
     ),
     "configured_module_with_main": Text(
-        "the configuration loads {file} at each start, which has a main",
-        "remove it (FlexPendant: Control Panel, Configuration, Controller, Automatic Loading of Modules)",
+        "the configuration loads {file}, which has a main, at each start",
+        "remove its entry (FlexPendant: Control Panel, Configuration, Controller, Automatic Loading of Modules)",
     ),
     "other_main_in_task": Text(
         "{program}, and a task can have only one",
@@ -184,15 +187,18 @@ SET_UP: Mapping[str, Text] = {
         "stay, and only the destinations of the EGM datagrams are set"
     ),
     "module_left_out": Text("the product {product:quoted} is missing: {module} is left out, which needs it"),
-    "restart_is_due": Text("the controller has not restarted since its configuration was changed: it does now"),
+    "restart_is_due": Text(
+        "the controller has not restarted since its configuration was changed: it restarts now",
+    ),
     "nothing_to_roll_back": Text(
-        "there is nothing to roll back: {file} does not exist. It is on the computer that installed",
-        "`yumi uninstall` takes away what has the names of this package",
+        "there is nothing to roll back here: {file} does not exist on this machine",
+        "run --roll-back on the computer that was used for the installation, or remove what has this package's names "
+        "with `yumi uninstall`",
     ),
     "names_are_of_add_in": Text(
-        "ABB's Add-In {add_in:quoted} is on the controller, and this machine has no record of an installation: what "
-        "has the names of this package is the Add-In's",
-        "remove it from the computer that installed",
+        "ABB's Add-In {add_in:quoted} is on the controller, and this machine has no record of an installation: the "
+        "parts with this package's names belong to the Add-In",
+        "run `yumi uninstall` on the computer that was used for the installation",
     ),
     "removed_by_name": Text("this machine has no record of an installation: what has the names of this package goes"),
     "change_of_module_lost": Text("{module} in {task} was changed since; the change is lost"),
@@ -217,7 +223,8 @@ SET_UP: Mapping[str, Text] = {
     "add_in_found": Text("{add_in}: the state machine may be ABB's own"),
     "gripper_product_missing": Text("{product} is missing: the grippers cannot be used"),
     "mode_keeps_programs_out": Text(
-        "{mode}: programs on a computer may change nothing, but with a privilege that a person grants (RMMP)",
+        "{mode}: programs on a computer cannot change anything, unless a person grants the remote manual mode "
+        "privilege (RMMP)",
         "{turn_to_auto}",
     ),
     "motors_are_on": Text("on"),
@@ -314,12 +321,15 @@ SET_UP: Mapping[str, Text] = {
     ),
     "card_is_tunnel": Text("{card} is a tunnel (VPN)", "connect by a cable"),
     "card_not_connected": Text("{card} is not connected", "plug the cable in"),
-    "card_with_small_mtu": Text("{card} is set to packets of {mtu} bytes", "sudo ip link set {card} mtu 1500"),
+    "card_with_small_mtu": Text(
+        "{card} is set to packets of {mtu} bytes",
+        "run `sudo ip link set {card} mtu 1500`",
+    ),
     "card_found": Text("{card}, MTU {mtu}"),
     "firewall_does_not_matter": Text("does not matter to this machine's own address"),
     "ufw_is_on": Text(
         "ufw is on, its rules are not readable without root",
-        "sudo ufw allow from {robot} to any port {ports} proto udp",
+        "run `sudo ufw allow from {robot} to any port {ports} proto udp`",
     ),
     "firewall_unreadable": Text(
         "{firewall}: not readable without root", "see with sudo that UDP ports {ports} are open to {robot}"
@@ -362,8 +372,8 @@ SET_UP: Mapping[str, Text] = {
         "still switched off: task {tasks:and}", "select it on the FlexPendant (QuickSet menu, Tasks)"
     ),
     "tasks_left_off_after": Text(
-        "still switched off: task {tasks:and}",
-        "select it on the FlexPendant (QuickSet menu, Tasks). Before that: {reason:sentence}",
+        "an earlier step failed: {reason:sentence} Still switched off: task {tasks:and}",
+        "select it on the FlexPendant (QuickSet menu, Tasks)",
     ),
     "stream_not_tried": Text("not tried, nothing was started: {requirement}: {reason}", "solve that first"),
     "stream_not_egm": Text(
@@ -374,11 +384,12 @@ SET_UP: Mapping[str, Text] = {
         "open UDP port {port} in this machine's firewall, and see the route",
     ),
     "stream_of_other_arm": Text(
-        "the datagrams at port {port} are not this arm's but those of the other arm",
+        "the datagrams at port {port} come from the other arm",
         "exchange the ports of the UDPUC devices: `yumi install`",
     ),
     "stream_not_of_this_arm": Text(
-        "the datagrams at port {port} are not this arm's", "exchange the ports of the UDPUC devices: `yumi install`"
+        "the datagrams at port {port} are not this arm's",
+        "check what sends to this port, and the remote ports of the UDPUC devices",
     ),
     "stream_quality": Text(
         "{received} datagrams, one every {period:.2ms}, {lost} lost, jitter {jitter:.2ms}, worst {worst:.1ms}"
