@@ -9,6 +9,7 @@ import pytest
 from trajectory_arms import NAME, SIDE, Loop
 
 from controller_arms import PerfectArm
+from refusals import refused
 from trajectories import moved, swing
 from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, State, write_goal
@@ -147,4 +148,28 @@ def test_goal_that_its_controller_refuses_leaves_the_other_one_active(arm: Deliv
     late = swing(HOME, 0.5, 1.0, start=arm.loop.clock.now() - 5.0)
     with pytest.raises(CommandRefused, match="it ended"):
         arm.send(late)
+    assert arm.active == {OTHER}
+
+
+def test_goal_activates_nothing_after_what_commanded_the_arm_was_ended(arm: DeliveredArm) -> None:
+    """A client that sends its goal again and again must not be who brings an arm back."""
+    assert arm.loop.manager.deactivate_commanding() == (OTHER,)  # as where feedback is lost, or references are ignored
+    arm.run(0.2)
+    with refused(CommandRefused, "controllers_were_ended", controller=NAME):
+        arm.send(swing(HOME, 0.5, 1.0))
+    assert arm.active == set()
+    arm.commands.switch_controllers(SIDE, (OTHER,))  # as recovery does
+    arm.run(0.2)
+    assert arm.send(swing(HOME, 0.5, 1.0)) == {SIDE: (OTHER,)}
+
+
+def test_controller_whose_check_fails_leaves_the_other_one_active(
+    arm: DeliveredArm, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setattr(JointTrajectoryController, "check", fail)
+    with pytest.raises(Exception, match="a fault of ours"):
+        arm.send(swing(HOME, 0.5, 1.0))
     assert arm.active == {OTHER}

@@ -154,8 +154,12 @@ def from_wire(value: Any) -> Value:
 
 
 def is_known(said: Message) -> bool:
-    """Whether this program has the text of a message with all its values: another version may have sent it."""
-    return said.code in TEXTS and _fields(said.code) <= said.values.keys() | _ACTION_FIELDS.keys()
+    """Whether this program has the texts of a message and of those in it, with all values: some may be newer."""
+    if said.code not in TEXTS or not _fields(said.code) <= said.values.keys() | _ACTION_FIELDS.keys():
+        return False
+    if Action.CONFIRM_STOP in _own_actions(said) and "stop" not in said.values:
+        return False
+    return all(map(is_known, _messages_in(said)))
 
 
 def quoted(value: object) -> str:
@@ -198,14 +202,19 @@ def _fields(code: str) -> set[str]:
     return {name for name, _ in _parts(code)}
 
 
+def _messages_in(said: Message) -> Iterator[Message]:
+    for value in said.values.values():
+        yield from (each for each in (value if isinstance(value, tuple) else (value,)) if isinstance(each, Message))
+
+
+def _own_actions(said: Message) -> Iterator[Action]:
+    return (_ACTION_FIELDS[name] for name, _ in _parts(said.code) if name not in said.values and name in _ACTION_FIELDS)
+
+
 def _actions(said: Message) -> Iterator[Action]:
-    for name in (name for name, _ in _parts(said.code)):
-        value = said.values.get(name)
-        for each in value if isinstance(value, tuple) else (value,):
-            if isinstance(each, Message):
-                yield from _actions(each)
-        if name not in said.values and name in _ACTION_FIELDS:
-            yield _ACTION_FIELDS[name]
+    for each in _messages_in(said):
+        yield from _actions(each)
+    yield from _own_actions(said)
 
 
 class _Words(Formatter):

@@ -522,6 +522,7 @@ class ControllerManager:
         activity: int = 0,
     ) -> None:
         self.failures: list[Message] = []
+        self._is_interrupted = False  # what commanded the arm was ended, and nothing was activated since
         self.activation = 0
         self.activity = activity
         self._joint_names = joint_names
@@ -647,6 +648,7 @@ class ControllerManager:
             self._activate(switch, begin, strictness)
         finally:
             self._note_change()
+        self._is_interrupted = self._is_interrupted and not self._commanding
         return switch.sentences
 
     def check_take_over(self, name: str, state: ArmState | None, now: float) -> tuple[str, ...]:
@@ -658,11 +660,15 @@ class ControllerManager:
             now: the time [s].
 
         Raises:
-            CommandRefused: no such controller, EGM does not run, or another controller commands the arm.
+            CommandRefused: no such controller, EGM does not run, another controller commands the arm, or what commanded
+                the arm was ended by an incident: only who brings the arm back activates a controller then, and not
+                the next goal of a client that tries again and again.
         """
         find(self._loaded, name)
         if state is None or not state.is_running:
             raise _without_egm(name)
+        if self._is_interrupted:
+            raise CommandRefused(message("controllers_were_ended", controller=name))
         busy = [loaded.name for loaded in self._commanding if not loaded.controller.is_idle(now)]
         if busy:
             raise CommandRefused(message("controller_inactive", controller=name, commanding=tuple(busy)))
@@ -677,6 +683,7 @@ class ControllerManager:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
         commanding = self._commanding
         if commanding:
+            self._is_interrupted = True
             self._deactivate(commanding)
             self._note_change()
         return tuple(loaded.name for loaded in commanding)
@@ -837,6 +844,7 @@ class ControllerManager:
         """Who made one command together goes together: what is left of it means nothing."""
         is_commanding = failed in self._commanding
         leaving = self._commanding if is_commanding else (failed,)
+        self._is_interrupted = self._is_interrupted or is_commanding
         others = tuple(loaded.name for loaded in leaving if loaded is not failed)
         values = {"controller": failed.name, "type": type(error).__name__, "error": said_by(error)}
         if others:

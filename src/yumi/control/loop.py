@@ -545,20 +545,20 @@ class Commands:
         """
         self.check_commands(*commands)
         replaced: dict[Side, tuple[str, ...]] = {}
-        for each in commands:
-            arm = self._arms[each.side]
-            if each.takes_over and arm.manager.is_inactive(each.controller):
-                before = arm.manager.check_take_over(each.controller, arm.state, self._now())
-                self.switch_controllers(each.side, (each.controller,), before)
-                replaced[each.side] = before
         try:
             for each in commands:
                 arm = self._arms[each.side]
-                arm.manager.check(each.controller, each.message, arm.state)
-        except CommandRefused:
+                if each.takes_over and arm.manager.is_inactive(each.controller):
+                    before = arm.manager.check_take_over(each.controller, arm.state, self._now())
+                    replaced[each.side] = before
+                    self.switch_controllers(each.side, (each.controller,), before)
+                    arm.manager.check(each.controller, each.message, arm.state)
+        except Exception:
             for each in commands:
                 if each.side in replaced:
-                    self.switch_controllers(each.side, replaced[each.side], (each.controller,))
+                    arm = self._arms[each.side]
+                    is_active = not arm.manager.is_inactive(each.controller)
+                    self.switch_controllers(each.side, replaced[each.side], (each.controller,) if is_active else ())
             raise
         for each in commands:
             arm = self._arms[each.side]

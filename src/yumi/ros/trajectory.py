@@ -284,7 +284,8 @@ class TrajectoryAction:
         try:
             activations = self._check_free(takes_over=True)
         except YumiError as error:  # a goal that is rejected has no result, where a client could read the reason
-            goal.reason = f"{error}{self._advice()}{self._causes.cause() if self._causes else ''}"
+            said = because(error.said, self._causes.cause()) if self._causes else error.said
+            goal.reason = f"{said}{self._advice()}"
             self._log.warning(goal.reason)
             goal.is_over.set()
             with self._lock:

@@ -131,4 +131,6 @@ def test_page_of_the_documentation_is_written_from_the_texts():
 def test_message_of_another_version_is_not_known():
     assert not is_known(Message("of_the_next_version"))
     assert not is_known(Message("not_in_auto"))
+    assert not is_known(message("stopped_by", causes=(Message("event_of_the_next_version"),), stop="1-a"))
+    assert not is_known(message("stopped_by", causes=()))
     assert is_known(message("not_in_auto", mode="MANR"))

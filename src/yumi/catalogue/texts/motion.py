@@ -229,6 +229,10 @@ CONTROLLERS: Mapping[str, Text] = {
     "controller_without_egm": Text(
         "controller {controller:quoted} cannot start: EGM is not running on this arm", "{start_egm}"
     ),
+    "controllers_were_ended": Text(
+        "controller {controller:quoted} is inactive: what commanded the arm was ended",
+        "{recover}, or activate {controller}",
+    ),
     "controller_inactive": Text(
         "controller {controller:quoted} is inactive, and {commanding:and} commands the arm",
         "wait until its motion has ended, or activate {controller}",
