@@ -152,7 +152,7 @@ class StateLog:
                 self.report(logging.WARNING, said)
             self._is_requested = True
             stop = self._stops.stop
-            logged = {*(stop.numbers if stop else ()), cause.code if cause else 0}
+            logged = {*(stop.event_codes if stop else ()), cause.code if cause else 0}
             events = [event for event in events if event.code not in logged]
         for event in events:
             self.report(logging.ERROR, message("controller_reports_event", event=explain(event)))

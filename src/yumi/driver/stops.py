@@ -142,25 +142,25 @@ class Stop:
     Attributes:
         id: what the confirmation names.
         causes: its events with what to do, oldest first.
-        numbers: of its events, oldest first.
+        event_codes: of its events, oldest first.
     """
 
     id: str
     causes: tuple[Message, ...]
-    numbers: tuple[int, ...]
+    event_codes: tuple[int, ...]
 
     @classmethod
-    def of(cls, events: tuple[Event, ...], number: int = 0) -> Stop:
-        """The stop of ``events``, oldest first; where there are none, of a state that comes with event ``number``."""
+    def of(cls, events: tuple[Event, ...], code: int = 0) -> Stop:
+        """The stop of ``events``, oldest first; where there are none, of a state that comes with event ``code``."""
         first: dict[int, Event] = {}
         for event in events:
             first.setdefault(event.code, event)
         causes = tuple(explain(event) for event in first.values()) or (
-            explain(Event(0, EventType.INFORMATION, number, "", _STOP_TITLES[number], _STOP_TITLES[number])),
+            explain(Event(0, EventType.INFORMATION, code, "", _STOP_TITLES[code], _STOP_TITLES[code])),
         )
         newest = events[-1].number if events else 0
-        identity = f"{events[-1].code if events else number}-{newest}-{secrets.token_hex(3)}"
-        return cls(identity, causes, tuple(first) or (number,))
+        identity = f"{events[-1].code if events else code}-{newest}-{secrets.token_hex(3)}"
+        return cls(identity, causes, tuple(first) or (code,))
 
     def refusal(self, state: ControllerState) -> Message:
         """Why nothing moves while it is open, the stop that is still active included."""
@@ -367,7 +367,7 @@ class StopLog:
         self._recent.extendleft((event, now) for event in reversed(fresh))
         stop = self._known.stop
         confirmed = next((index for index, event in enumerate(fresh) if event.code == _AUTO_CONFIRMED), len(fresh))
-        if confirmed < len(fresh) and stop is not None and all(map(_is_guard_stop, stop.numbers)):
+        if confirmed < len(fresh) and stop is not None and all(map(_is_guard_stop, stop.event_codes)):
             # Leaving AUTO is a guard stop, too; who has confirmed AUTO at the FlexPendant has looked at the robot.
             self._stop_events, stop = (), None
         stops = tuple(
@@ -376,7 +376,7 @@ class StopLog:
             if needs_person(event.code) and (index < confirmed or not _is_guard_stop(event.code))
         )
         is_awaited = not self._stop_events and now <= self._awaits_event_until
-        if stops and stop is not None and is_awaited and stop.numbers == (stops[-1].code,):
+        if stops and stop is not None and is_awaited and stop.event_codes == (stops[-1].code,):
             # The event of a stop that was known by the state alone; a person may know its id already.
             self._stop_events = stops
             stop = replace(Stop.of(stops), id=stop.id)
