@@ -671,7 +671,7 @@ def test_robot_that_hears_nothing_is_reported_within_300_ms_and_goals_are_refuse
     loop.run(0.3)
     (event,) = (event for event in loop.events if isinstance(event, ReferencesIgnored))
     assert event.deactivated == (CONTROLLER,)
-    assert "its replies may be lost; check that this machine's firewall lets UDP out" in str(event)
+    assert "the driver's replies may not reach the robot; check that this machine's firewall lets UDP out" in str(event)
     assert loop.snapshot.problem is Problem.REFERENCES_IGNORED
     with pytest.raises(CommandRefused, match="the robot does not follow the references"):
         loop.line.check_follows()
@@ -714,7 +714,7 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     assert loop.line.state is not None
     assert dist(lost[0].position, OTHER_ARM) < 1e-5
     assert lost[0].is_other_arm
-    assert "left and right EGM ports are exchanged?" in str(lost[0])
+    assert lost[0].said.values["cause"].code == "positions_of_other_arm"
 
 
 def in_motion(changed: Callable[[RobotMessage], RobotMessage] | None = None) -> Attacked:

@@ -161,7 +161,7 @@ def test_topic_starts_from_the_reference_again_after_the_controller_was_activate
         (
             [NAMES[1]],
             [-130.0],
-            "yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; give radians.",
+            "yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; use yumi.degrees",
         ),
     ],
 )
@@ -251,7 +251,7 @@ def test_topic_takes_the_time_of_a_goal_from_its_stamp_where_that_can_be_true(
 def test_topic_refuses_a_goal_with_an_impossible_speed(topic: JointCommandTopic, node: Node, buffers: Boxes) -> None:
     topic.take(JointState(name=[NAMES[0]], position=[0.1], velocity=[9.0]))
     assert buffers.goals.read() is None
-    assert node.warnings == ["Goal refused: yumi_joint_1_r is 515.7°/s; it reaches 180°/s."]
+    assert node.warnings == ["Goal refused: yumi_joint_1_r is 515.7°/s; its highest speed is 180°/s."]
 
 
 def commanding(kind: type[CommandTopic], node: Node, buffers: Boxes, middle: Joints) -> CommandTopic:
@@ -305,7 +305,7 @@ def test_forward_topic_passes_seven_speeds_on(node: Node, buffers: Boxes) -> Non
             GoalKind.FORWARD_POSITION,
             {"mine"},
             [0.0, -130.0, -135.0, 30.0, 0.0, 40.0, 0.0],
-            "Goal refused: yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; give",
+            "Goal refused: yumi_joint_2_r is -7448.5°; its range is -143.5° to 43.5°; -130 looks like degrees; use",
         ),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [0.0] * 14, "Speed refused: it has 14 values; an arm has 7 joints."),
         (GoalKind.FORWARD_VELOCITY, {"mine"}, [inf] * 7, "Speed refused: yumi_joint_1_r is inf; a speed is a finite"),
@@ -326,11 +326,11 @@ def test_forward_topic_refuses_with_a_sentence_and_changes_nothing(
     ("kind", "command", "sentence"),
     [
         (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[nan]), "yumi_joint_1_r is nan; a speed is a finite"),
-        (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; it reaches 180°/s."),
+        (JointVelocityTopic, JointState(name=[NAMES[0]], velocity=[3.2]), "is 183.3°/s; its highest speed is 180°/s."),
         (
             JointVelocityTopic,
             JointState(name=[NAMES[0]], velocity=[30.0]),
-            "is 1718.9°/s; it reaches 180°/s; 30 looks like degrees: speeds are in radians a second.",
+            "is 1718.9°/s; its highest speed is 180°/s; 30 looks like degrees; give radians per second.",
         ),
         (JointVelocityTopic, JointState(name=[NAMES[0]]), "name has 1 entries, velocity has 0; give one velocity for"),
     ],
@@ -380,7 +380,7 @@ def test_each_of_six_different_bad_goals_is_answered_however_soon_it_follows(
         "'yumi_joint_8_r' i",
         "'joint_2' is not a",
         "name has 0 entries",
-        "name has 1 entry, ",
+        "name has 1 entries",
     ]
 
 

@@ -115,10 +115,10 @@ def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() 
 @pytest.mark.parametrize(
     ("robot", "sentence"),
     [
-        ("irb120", "The controller at memory is an IRB 120 (mechanical unit ROB_1), not a YuMi"),
+        ("irb120", "the controller at memory is an IRB 120 (mechanical unit ROB_1), not a YuMi"),
         (
             "irb14050",
-            "The controller at memory is an IRB 14050 (mechanical units ROB_1, ROB_1_7), not a YuMi with two arms",
+            "the controller at memory is an IRB 14050 (mechanical units ROB_1, ROB_1_7), not a YuMi with two arms",
         ),
     ],
 )
@@ -273,7 +273,7 @@ def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_
     ufw.write_text("# /etc/ufw/ufw.conf\nENABLED=yes\n")
     found = firewall(lambda command: subprocess.CompletedProcess(command, 1, "", ""), ufw)
     assert found.said == message("ufw_is_on", robot="192.0.2.1", ports="6511:6512")
-    assert found.remedy == "sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp"  # a command to copy
+    assert found.remedy == "run `sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp`"  # a command to copy
 
 
 def firewall(run: Run, ufw: Path) -> Finding:

@@ -174,7 +174,7 @@ def test_arm_is_jogged_while_speeds_come_and_stops_by_its_controllers_timeout(dr
         moved = driver.snapshot(Side.LEFT).position
         assert 0.3 < moved[0] - start[0] < 0.5 * (driver.now() - begun)
         check_stands_soon(driver, Side.LEFT)
-        for speeds, words in (([0.1] * 6, "expected 7 speeds"), ([nan, *[0.0] * 6], "finite number")):
+        for speeds, words in (([0.1] * 6, "expected 7 finite speeds"), ([nan, *[0.0] * 6], "finite number")):
             with pytest.raises(CommandRefused, match=words):
                 attached.jog("left", speeds)
 
@@ -329,7 +329,7 @@ def test_collision_is_confirmed_before_anything_moves(driver: Driver) -> None:
     driver.wait(0.5)
     driver.refused("start")
     state = json.loads(driver.done("state", "--json"))
-    assert "50204" in state["cause"]
+    assert [each["values"]["number"] for each in state["causes"]] == [50204]
     assert f"yumi recover --confirm {state['stop']}" in driver.refused("recover")
     assert "50204" in driver.done("recover", "--confirm", state["stop"])
     assert json.loads(driver.done("state", "--json"))["arms"]["right"]["mode"] == "holding"

@@ -38,7 +38,7 @@ from yumi.virtual.mechanics.gripper import CupObject, Workpiece
 CLOSE = grip(Direction.INWARDS, 10.0)
 SPREAD = grip(Direction.OUTWARDS, 8.0)
 OPEN = go_to(TRAVEL)
-IN_EGM = r"The left gripper cannot be calibrated: a state machine is not idle \(left arm: RUN_EGM_ROUTINE\); end EGM"
+IN_EGM = r"The gripper cannot be calibrated: a state machine is not idle \(left arm: RUN_EGM_ROUTINE\); end EGM"
 REPORTED = 0.1
 """By then the controller has reported a change of a gripper [s]."""
 
@@ -114,7 +114,7 @@ def test_grippers_are_calibrated_only_where_it_is_needed(system: System) -> None
 @pytest.mark.parametrize("fault", [Fault.COLLISION, Fault.EMERGENCY_STOP])
 def test_manager_calibrates_nothing_while_a_stop_is_open_that_was_not_seen_yet(system: System, fault: Fault) -> None:
     system.faults.inject(fault)
-    with pytest.raises(StopNotConfirmed, match="call recover with the id"):
+    with pytest.raises(StopNotConfirmed, match="The robot was stopped by"):
         system.manager.calibrate(system.grippers[Side.RIGHT])
     assert not system.grippers[Side.RIGHT].is_calibrated()
 

@@ -120,4 +120,4 @@ def test_remarks_are_reported_once_with_the_next_steps(system: System) -> None:
         system.bringup.check_controller(HERE)
         system.bringup.make_ready()
     told = [step for step in system.steps if "SmartGripper" in step]
-    assert told == [message("grippers_missing", product="SmartGripper")]
+    assert told == [str(message("grippers_missing", product="SmartGripper"))]

@@ -7,6 +7,7 @@ from typing import NoReturn
 import httpx
 import pytest
 
+from refusals import refused
 from system.recovery_bench import MovingSystem
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
@@ -28,9 +29,9 @@ def system() -> MovingSystem:
 @pytest.mark.parametrize(
     ("fault", "why"),
     [
-        (Fault.PROGRAM_STOP, "10125 Program stopped: the RAPID program was stopped, on the FlexPendant"),
-        (Fault.MOTORS_OFF, "10010 Motors OFF: the motors were switched off"),
-        (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high: the references asked for more torque than an arm has"),
+        (Fault.PROGRAM_STOP, "10125 Program stopped"),
+        (Fault.MOTORS_OFF, "10010 Motors OFF"),
+        (Fault.DYNAMIC_LOAD, "50375 Dynamic load too high"),
     ],
 )
 def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: Fault, why: str) -> None:
@@ -38,7 +39,7 @@ def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: 
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     told = system.recover()
-    assert told.startswith(f"The robot was stopped by {why}")
+    assert told.startswith(f"Recovered after {why}: ")
     assert told.endswith("EGM runs on both arms, the controllers are active.")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
@@ -50,7 +51,7 @@ def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: 
         (
             Fault.MANUAL_MODE,
             Fault.AUTO_MODE,
-            "10015 Manual mode selected: .* The controller is in MANR; turn it to AUTO on the FlexPendant",
+            "10015 Manual mode selected: .* the controller is in MANR; set the controller to AUTO on the FlexPendant",
         ),
         (
             Fault.WRONG_PROGRAM,
@@ -103,7 +104,7 @@ def test_robot_that_got_no_answer_in_time_is_brought_back() -> None:
     system = MovingSystem(EgmMotionSettings(comm_timeout=1.0))
     system.be_silent(1.5)
     told = system.recover()
-    assert "41822 No data from the UdpUc device: no EGM answer reached the robot in time" in told
+    assert "41822 No data from the UdpUc device" in told
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -148,7 +149,7 @@ def test_driver_that_stood_still_for_longer_takes_its_arms_again(system: MovingS
     stand_still(system, 0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     system.recover()
-    assert system.told == ["No stop cause found in the event log", *ACTIVATION]
+    assert system.told == ["No stop cause found in the event log.", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -161,7 +162,7 @@ def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: Mo
         assert not system.arms[side].line.manager.is_commanding
     system.wait(0.05)
     system.recover()
-    assert system.told == ["No stop cause found in the event log", *ACTIVATION]
+    assert system.told == ["No stop cause found in the event log.", *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -171,8 +172,7 @@ def test_egm_that_goes_on_without_its_program_is_not_started_again(
 ) -> None:
     monkeypatch.setattr(type(system.bringup.panel), "is_running", property(lambda _: False))
     begin = system.now()
-    sentence = r"^The RAPID program has stopped, yet the arms still report that EGM runs; stop EGM, then start again\.$"
-    with pytest.raises(RobotNotReady, match=sentence):
+    with refused(RobotNotReady, "egm_does_not_end"):
         system.manager.start_egm()
     assert system.now() - begin == pytest.approx(1.0, abs=0.2)
 
@@ -240,7 +240,7 @@ def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: Mo
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
     system.faults.inject(Fault.PROGRAM_STOP)
-    assert system.recover().startswith("The robot was stopped by 10125 Program stopped")
+    assert system.recover().startswith("Recovered after 10125 Program stopped")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 

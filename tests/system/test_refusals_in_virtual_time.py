@@ -83,14 +83,14 @@ def seen(system: System) -> tuple[object, ...]:
     )
 
 
-TO_AUTO = "controller is in MANR; turn it to AUTO on the FlexPendant"
+TO_AUTO = "controller is in MANR; set the controller to AUTO on the FlexPendant"
 PRESSED = "the emergency stop is pressed; release it where it was pressed"
-GUARD = "a guard stop keeps the motors off; close the guard, or press motors on at the controller"
-BUSY = "A routine cannot run: a state machine is not idle (left arm: RUN_EGM_ROUTINE); end EGM"
-STOPPED = "A routine cannot run: the RAPID program is stopped; start it first"
+GUARD = "a guard stop keeps the motors off; close the guard, or end what else causes the guard stop"
+BUSY = "a state machine is not idle (left arm: RUN_EGM_ROUTINE); end EGM"
+STOPPED = "the RAPID program is stopped; call robot.recover()"
 NOBODY = "Nothing answers in this memory"
-START_RAPID = "The RAPID program cannot start: the motors are off; switch the motors on"
-PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop it first"
+START_RAPID = "The RAPID program cannot start: the motors are off; call robot.recover()"
+PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop the program first"
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop
         (in_manual, [("write_signal", "RUN_SG_ROUTINE", "1")], TO_AUTO),
         (in_emergency_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], PRESSED),
         (in_emergency_stop, [("start_rapid",), RUN_ROUTINE, ("make_ready",)], PRESSED),
-        (in_emergency_stop, [("start_egm",), RECOVER], "Nothing moves until a person has looked at the robot and"),
+        (in_emergency_stop, [("start_egm",), RECOVER], "after that, look at the robot and call robot.recover("),
         (motors_off, [("start_rapid",)], START_RAPID),
         (in_guard_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], GUARD),
         (in_egm, [("pp_to_main",)], PP_TO_MAIN),
@@ -116,7 +116,7 @@ PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop
         (gone, [("stop_egm",), SET_MODE, ("write_signal", "RUN_SG_ROUTINE", "1"), ("read_signal", "x")], NOBODY),
         (gone, [("read_variable", "T_ROB_L", "TRobSG", "x")], NOBODY),
         (ready, [("set_speed_ratio", 101)], "A speed ratio of 101 % is not possible; give 0 to 100"),
-        (ready, [("run_routine", Side.LEFT, "2nd")], "'2nd' is not a name of a RAPID routine; give one of up to 32"),
+        (ready, [("run_routine", Side.LEFT, "2nd")], "'2nd' is not a name of a RAPID routine; give a letter, then"),
         (ready, [("load_module", Side.LEFT, "Pick.txt", MODULE)], "'Pick.txt' is not a name of a RAPID file; give"),
         (ready, [("write_signal", "nothing", "1"), ("read_signal", "nothing")], "look at its list of I/O signals"),
         (ready, [("write_variable", "T_ROB_L", "TRobSG", "2nd", "1")], "'2nd' is not a RAPID name; give task, module"),

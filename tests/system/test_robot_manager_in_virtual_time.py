@@ -151,7 +151,7 @@ def test_next_driver_knows_the_tool_centre_but_counts_no_payload_twice(system: S
     manager = system.manager
     assert manager.tcp(Side.RIGHT).position == pytest.approx(TCP.position)
     assert manager.tcp(Side.LEFT).position == (0.0, 0.0, 0.0)
-    with pytest.raises(CommandRefused, match=r"The tool of the right arm is not known: .* Set the tool first"):
+    with pytest.raises(CommandRefused, match=r"The tool of the right arm is not known: .* set the tool first"):
         manager.set_payload(Side.RIGHT, CUP)
     assert robots_tool(system, Side.RIGHT, "settings") == before
     manager.set_tool(Side.RIGHT, TCP, HAND)
@@ -243,11 +243,11 @@ def test_manager_switches_step_by_step(system: System) -> None:
 
 
 def test_manager_refuses_steps_in_the_wrong_state(system: System) -> None:
-    with pytest.raises(RobotNotReady, match="The RAPID program cannot start: the motors are off; switch the motors on"):
+    with pytest.raises(RobotNotReady, match="The RAPID program cannot start: the motors are off"):
         system.manager.start_rapid()
     system.manager.make_ready()
     with pytest.raises(
-        RobotNotReady, match="The program pointers cannot be moved: the RAPID program runs; stop it first"
+        RobotNotReady, match="The program pointers cannot be moved: the RAPID program runs; stop the program first"
     ):
         system.manager.pp_to_main()
     with pytest.raises(CommandRefused, match="A speed ratio of 101 % is not possible; give 0 to 100"):

@@ -72,7 +72,7 @@ def test_robot_that_stopped_itself_is_brought_back_by_the_next_driver(system: Mo
     system.arms = {}
     system.wait(TIMEOUT + 0.5)
     system.start_driver()
-    assert system.recover().startswith("The robot was stopped by 80001 Stopped by the watchdog")
+    assert system.recover().startswith("Recovered after 80001 Stopped by the watchdog")
     system.manager.start_egm()
     assert system.is_moving_again()
 

@@ -103,7 +103,8 @@ def sentence(said: Message, front_end: FrontEnd | None = None) -> str:
     if said.code == "text":  # what others have said, as they said it
         return str(said.values["text"])
     text = _full(said, front_end)
-    if _template(said).what.startswith(_BEGINNINGS):  # not where it begins with a file, a name or a number
+    is_name = "_" in text.partition(" ")[0]
+    if _template(said).what.startswith(_BEGINNINGS) and not is_name:  # nor where it begins with a file or a number
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?", ":")) else f"{text}."
 

@@ -107,17 +107,17 @@ class _ToolTopic(CommandTopic):
         self._goals = control.buffers[side].tool_goals
         super().__init__(node, side, control.buffers[side].goals, partial(control.snapshot, side), now)
 
-    def _pose(self, message: Any) -> Pose:
+    def _pose(self, received: Any) -> Pose:
         """The pose of a PoseStamped in the robot's base."""
         try:
             # In its own frame the pose is what was sent: an orientation of another length must not move its place.
-            return compose(self._frames.to_base(message.header.frame_id), checked_pose(pose_of(message.pose)))
+            return compose(self._frames.to_base(received.header.frame_id), checked_pose(pose_of(received.pose)))
         except CommandRefused as error:
             raise CommandRefused(message("command_refused", noun=self.noun, reason=error.said)) from error
 
-    def take(self, message: Any, waited: float = 0.0) -> None:
+    def take(self, received: Any, waited: float = 0.0) -> None:
         try:
-            super().take(message, waited)
+            super().take(received, waited)
         except YumiError as error:  # the control process has ended
             self._refusals.warn(str(error))
 
@@ -127,9 +127,9 @@ class _StreamTopic(_ToolTopic):
 
     _timeout, _asked_at = 0.0, -inf
 
-    def _check_age(self, message: Any, time: float) -> None:
+    def _check_age(self, received: Any, time: float) -> None:
         """Refuse what has been under way for longer than a velocity counts."""
-        stamp = message.header.stamp
+        stamp = received.header.stamp
         if not (stamp.sec or stamp.nanosec):
             return
         made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
@@ -181,13 +181,13 @@ class TargetPoseTopic(_ToolTopic):
         super().__init__(*args)
         self.turn = Lock()  # one goal of an action at a time is planned
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         side = self._side
         if max(map(abs, snapshot.velocity)) > STANDING:
             # The line begins where the arm stands: what it follows now ends first.
             self.command(CancelTrajectory())
             raise _target_refused(message("arm_still_moved", arm=side.word))
-        plan = self.plan(LineGoal((message,)))
+        plan = self.plan(LineGoal((received,)))
         self.command(FollowTrajectory(plan, next(_numbers)), snapshot.activation)
 
     def plan(self, goal: LineGoal) -> ArmPlan:
@@ -237,10 +237,10 @@ class ServoPoseTopic(_StreamTopic):
 
     topic, type, noun = "servo_pose", PoseStamped, "Pose"
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        self._check_age(message, time)
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._check_age(received, time)
         tool = self._frames.tcp(self._side)
-        self._goals.write(pose_goal(snapshot.session, self._pose(message), tool, time=time))
+        self._goals.write(pose_goal(snapshot.session, self._pose(received), tool, time=time))
 
 
 class ServoTwistTopic(_StreamTopic):
@@ -248,10 +248,10 @@ class ServoTwistTopic(_StreamTopic):
 
     topic, type, noun = "servo_twist", TwistStamped, "Velocity"
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        self._check_age(message, time)
-        side, frame = self._side, message.header.frame_id
-        linear, angular = message.twist.linear, message.twist.angular
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        self._check_age(received, time)
+        side, frame = self._side, received.header.frame_id
+        linear, angular = received.twist.linear, received.twist.angular
         vectors: list[Vector] = [(linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z)]
         check_twist([value for vector in vectors for value in vector])
         try:

@@ -146,34 +146,34 @@ class CommandTopic(ABC):
         """Take no more commands."""
         self._node.destroy_subscription(self._subscription)
 
-    def _receive(self, message: Any, info: Mapping[str, Any]) -> None:
+    def _receive(self, received: Any, info: Mapping[str, Any]) -> None:
         waited = waited_for(info)
         try:
             check_wait(self.noun, waited)
         except CommandRefused as error:
-            if not self.is_stop(message):
+            if not self.is_stop(received):
                 self._refusals.warn(str(error))
                 return
-        self.take(message, waited)
+        self.take(received, waited)
 
-    def take(self, message: Any, waited: float = 0.0) -> None:
+    def take(self, received: Any, waited: float = 0.0) -> None:
         """Pass on a command that was received ``waited`` [s] ago, or say why not."""
         time = self._now() - waited
         try:
-            self._accept(message, time - self._age(message))
+            self._accept(received, time - self._age(received))
         except CommandRefused as error:
             self._refusals.warn(str(error))
 
-    def is_stop(self, message: Any) -> bool:
+    def is_stop(self, received: Any) -> bool:
         """Whether a command does nothing but end a motion, and is never too late."""
         return False
 
     @abstractmethod
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        """Check ``message`` and write its command to the box.
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        """Check ``received`` and write its command to the box.
 
         Args:
-            message: of the topic's type.
+            received: of the topic's type.
             snapshot: of an arm that a matching controller commands.
             time: when it arrived [s].
             is_new: whether it is the first since the controller was activated.
@@ -186,8 +186,8 @@ class CommandTopic(ABC):
         """Whether a controller that takes goals of ``kind`` takes these."""
         return self.kind in kind
 
-    def _age(self, message: Any) -> float:
-        """How long ago the sender made ``message`` [s]; 0 where its stamp does not say."""
+    def _age(self, received: Any) -> float:
+        """How long ago the sender made ``received`` [s]; 0 where its stamp does not say."""
         return 0.0
 
     def check(self) -> Snapshot:
@@ -206,10 +206,10 @@ class CommandTopic(ABC):
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         return snapshot
 
-    def _accept(self, message: Any, time: float) -> None:
+    def _accept(self, received: Any, time: float) -> None:
         snapshot = self.check()
         now = (snapshot.session, snapshot.activation)
-        self.put(message, snapshot, time, is_new=self._given_in != now)
+        self.put(received, snapshot, time, is_new=self._given_in != now)
         self._given_in = now
 
 
@@ -221,22 +221,22 @@ class JointCommandTopic(CommandTopic):
 
     _goal: Joints = ZERO
 
-    def _age(self, message: Any) -> float:
+    def _age(self, received: Any) -> float:
         """The stream's predictor uses the stamps where they can be true, else the times of arrival."""
-        stamp = message.header.stamp
+        stamp = received.header.stamp
         if not stamp.sec:
             return 0.0
         made = nanoseconds(stamp, f"{self.noun} refused: header.stamp")
         age = (self._node.get_clock().now().nanoseconds - made) * 1e-9
         return age if 0.0 <= age <= OLDEST_STAMP else 0.0
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         if is_new and snapshot.reference is None:
             reason = message("no_reference_yet", arm=self._side.word)
             raise CommandRefused(message("command_refused", noun=self.noun, reason=reason))
         base = snapshot.reference if is_new and snapshot.reference is not None else self._goal
-        goal = goal_of(message, self._side, base)
-        write_goal(self._box, snapshot.session, goal, goal_speeds_of(message, self._side), time)
+        goal = goal_of(received, self._side, base)
+        write_goal(self._box, snapshot.session, goal, goal_speeds_of(received, self._side), time)
         self._goal = goal
 
 
@@ -246,11 +246,11 @@ class JointVelocityTopic(CommandTopic):
     name, type, noun = "joint_velocity_commands", JointState, "Speed"
     kind, taker, controller = GoalKind.VELOCITY, "velocity controller", "joint_velocity_controller"
 
-    def is_stop(self, message: Any) -> bool:
-        return not any(message.velocity)
+    def is_stop(self, received: Any) -> bool:
+        return not any(received.velocity)
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
-        write_speeds(self._box, snapshot.session, velocities_of(message, self._side), time)
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+        write_speeds(self._box, snapshot.session, velocities_of(received, self._side), time)
 
 
 class ForwardTopic(CommandTopic):
@@ -289,15 +289,15 @@ class ForwardTopic(CommandTopic):
     def is_for(self, kind: GoalKind) -> bool:
         return bool(kind & (GoalKind.FORWARD_POSITION | GoalKind.FORWARD_VELOCITY))
 
-    def is_stop(self, message: Any) -> bool:
-        return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(message.data)
+    def is_stop(self, received: Any) -> bool:
+        return GoalKind.FORWARD_VELOCITY in self._snapshot().goal_kind and not any(received.data)
 
-    def put(self, message: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
+    def put(self, received: Any, snapshot: Snapshot, time: float, *, is_new: bool) -> None:
         self._check_active(snapshot.activation)
         if GoalKind.FORWARD_VELOCITY in snapshot.goal_kind:
-            write_speeds(self._speeds, snapshot.session, speeds_of(message, self._side), time)
+            write_speeds(self._speeds, snapshot.session, speeds_of(received, self._side), time)
         else:
-            write_goal(self._positions, snapshot.session, positions_of(message, self._side), time=time)
+            write_goal(self._positions, snapshot.session, positions_of(received, self._side), time=time)
 
     def on_event(self, event: object) -> None:
         """A forward controller has no events."""

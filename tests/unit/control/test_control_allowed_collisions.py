@@ -7,6 +7,7 @@ from typing import cast
 
 import pytest
 
+from refusals import refused
 from yumi.clock import ManualClock
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
@@ -84,7 +85,7 @@ def test_parts_touch_slowly_until_it_is_ended(bench: Bench) -> None:
 
 def test_the_end_of_parts_that_do_not_exist_is_refused(bench: Bench) -> None:
     bench.allowed.allow(RIGHT, LEFT, 10.0)
-    with pytest.raises(CommandRefused, match="Nothing was changed: there are no two parts 'right gripper' and 'shelf'"):
+    with refused(CommandRefused, "no_such_parts", part="right gripper", other="shelf"):
         bench.allowed.end(RIGHT, "shelf")
     assert bench.state[0] == ((LEFT, RIGHT),)
 
@@ -116,7 +117,7 @@ def test_the_time_begins_anew_when_it_is_asked_for_again_while_the_arms_move(ben
     ("part", "other", "seconds", "sentence"),
     [
         (RIGHT, "shelf", 1.0, "no two parts 'right gripper' and 'shelf'"),
-        (RIGHT, LEFT, 0.0, "the time is 0 s; give more than 0, up to 60 s"),
+        (RIGHT, LEFT, 0.0, "the time is 0 s; allowed is more than 0, up to 60 s"),
         (RIGHT, LEFT, -1.0, "the time is -1 s"),
         (RIGHT, LEFT, nan, "the time is nan s"),
         (RIGHT, LEFT, 61.0, "the time is 61 s"),
@@ -214,7 +215,7 @@ def test_it_is_allowed_after_a_motion_whose_controller_stays_active(controller: 
     else:
         arm.go(AWAY)
     arm.rig.run(0.1)
-    with pytest.raises(CommandRefused, match="the left arm moves; wait until it stands"):
+    with pytest.raises(CommandRefused, match="the left arm moves; wait until the arm is at rest"):
         arm.allow()
     arm.rig.run(3.0)
     assert arm.sent == pytest.approx(AWAY, abs=1e-6)
@@ -227,7 +228,7 @@ def test_arm_that_is_held_before_its_goal_is_refused_by_name() -> None:
     arm.rig.switch_to("position")
     arm.go(INTO_BODY)
     arm.rig.run(3.0)
-    with pytest.raises(CommandRefused, match=r"the left arm is held, and its goal lies 0\.\d+ rad beyond; stop"):
+    with pytest.raises(CommandRefused, match=r"the left arm is held, and its goal lies 18\.0° beyond; stop"):
         arm.allow()
     arm.go(arm.sent)
     arm.rig.run(1.0)

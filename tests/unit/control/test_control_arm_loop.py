@@ -3,6 +3,8 @@ from __future__ import annotations
 import pytest
 
 from egm_loop import EgmLoop
+from refusals import assert_says
+from yumi.catalogue import message
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.cycle import WireCounters
@@ -137,10 +139,7 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
     loop.watch_silence(1.062)
     (event,) = loop.take_events()
     assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
-    assert str(event) == (
-        "Left arm: EGM feedback lost, the robot has been silent for 62 ms; pusher deactivated. "
-        "Call start_egm when the controller is back."
-    )
+    assert event.said == message("feedback_lost", arm="left", silence=0.062, controllers=("pusher",))
     assert read_snapshot(snapshots) == Snapshot(
         time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
     )
@@ -158,10 +157,7 @@ def test_loop_that_stood_still_ends_what_commanded_before_it_answers_what_waits(
     lost, resumed, _ = loop.take_events()
     assert isinstance(lost, SessionLost)
     assert (lost.silence, lost.deactivated, lost.stood_still) == (2.3, ("pusher",), pytest.approx(2.3))
-    assert str(lost) == (
-        "Left arm: the control process stood still for 2.3 s, the arm was not controlled meanwhile; pusher "
-        "deactivated. Call start_egm to go on."
-    )
+    assert_says(lost.said, "driver_stood_still_in_motion", arm="left", controllers=("pusher",))
     assert resumed == SessionResumed(Side.LEFT, 1)
     assert not loop.manager.is_commanding
 
@@ -242,7 +238,8 @@ def test_loop_holds_and_tells_when_a_controller_fails(loop: ArmLoop, arm: Script
         Pusher.fault = False
     (event,) = loop.take_events()
     assert isinstance(event, ControllerFailed)
-    assert "Left arm: Controller 'pusher' failed with RuntimeError: broken" in str(event)
+    assert_says(event.said, "controller_failed", arm="left")
+    assert event.failure.values["controller"] == "pusher"
     assert arm.told[-1] == ArmCommand(middle)
 
 

@@ -163,7 +163,10 @@ def test_loop_sends_commands_to_controllers_of_both_arms(arms: Arms) -> None:
     [
         (ControllerCommand(RIGHT, "double", "bad"), "The order is bad; send a good one."),
         (ControllerCommand(RIGHT, "nobody", "good"), "There is no controller 'nobody'; loaded are: double."),
-        (ControllerCommand(LEFT, "double", "good"), "Controller 'double' of l is sent 2 commands at once; send one."),
+        (
+            ControllerCommand(LEFT, "double", "good"),
+            "Controller 'double' of the left arm is sent 2 commands at once; send one.",
+        ),
     ],
 )
 def test_loop_sends_no_command_when_one_is_refused(arms: Arms, second: ControllerCommand, sentence: str) -> None:
@@ -182,4 +185,4 @@ def test_loop_passes_reports_on(arms: Arms) -> None:
     arms.doubles[LEFT].notices = ["arrived"]
     (event,) = arms.loops[LEFT].take_events()
     assert event == ControllerReport(LEFT, "double", "arrived")
-    assert str(event) == "Left arm: double: arrived"
+    assert str(event) == "Left arm: double: arrived."

@@ -279,7 +279,8 @@ class TalkativeArm(Arm):
             self.heard.append(self._driver.receive())
             if self.heard[-1] == ReportsDropped(Side.LEFT, 29 * 100 - len(self.heard) + 2):
                 self._driver.send(Stop())
-        return tuple(ControllerFailed(Side.RIGHT, f"{number}".ljust(1000)) for _ in range(100 if number < 30 else 0))
+        failed = ControllerFailed(Side.RIGHT, message("text", text=f"{number}".ljust(1000)))
+        return (failed,) * (100 if number < 30 else 0)
 
 
 @pytest.mark.timeout(20)
@@ -293,7 +294,7 @@ def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_
     pipe.close()
     assert silent.settled >= 31
     events = [each for each in talkative.heard if isinstance(each, ControllerFailed)]
-    first = [int(each.sentence) for each in events]
+    first = [int(str(each.failure)) for each in events]
     assert first == sorted(first)
     assert 256 <= len(events) < 29 * 100
     dropped = [each for each in talkative.heard if isinstance(each, ReportsDropped)]

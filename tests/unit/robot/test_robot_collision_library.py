@@ -49,7 +49,7 @@ def test_processes_that_compile_at_once_load_the_same_library(installed: Path, t
 @pytest.mark.parametrize(
     ("variables", "sentence"),
     [
-        ({"PATH": "", "CXX": ""}, "no C++ compiler was found: install one (Debian, Ubuntu: apt install g++)"),
+        ({"PATH": "", "CXX": ""}, "no C++ compiler was found; install one (Debian, Ubuntu: apt install g++)"),
         ({"CXX": "no-such-compiler"}, "could not be compiled: [Errno 2] No such file or directory"),
         ({"CXX": "c++ --no-such-option"}, "could not be compiled: c++ --no-such-option"),
     ],

@@ -15,6 +15,7 @@ import pytest
 
 from browser import browser
 from fake_driver import FakeDriver
+from yumi.catalogue import message
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
@@ -177,11 +178,11 @@ def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
         driver.manager.robot = replace(
             driver.manager.robot,
             controller_state=ControllerState.EMERGENCY_STOP,
-            reason="the emergency stop is pressed; a person must confirm the stop 10013-1-abc",
+            reasons=(message("emergency_stop_pressed"), message("stop_open", stop="10013-1-abc")),
             stop="10013-1-abc",
         )
-        becomes("document.querySelector('#recover').disabled")
-        assert page.get_attribute("#recover", "title").startswith("The emergency stop is pressed")
+        becomes("document.querySelector('#recover').title.startsWith('The emergency stop is pressed')")
+        assert page.is_disabled("#recover")
         assert page.is_hidden("#remedy-button")  # of a real robot: a person releases it
     assert errors == []
 

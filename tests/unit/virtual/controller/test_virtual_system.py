@@ -127,7 +127,7 @@ def test_program_that_cannot_be_installed_is_refused(tmp_path: Path, programs: d
 @pytest.mark.parametrize(
     ("cfg", "sentence"),
     [
-        ("", "a cfg file begins with its domain"),
+        ("", "A cfg file begins with its domain"),
         ('EIO:CFG_1.0::\nEIO_SIGNAL:\n-Name "x" -SignalType "XX"', "the signal x of the EIO parameters has the"),
         ('SYS:CFG_1.0::\nCAB_TASKS:\n-Name "x" -Type "ODD"', "the task x has the type 'ODD'"),
     ],
