@@ -233,12 +233,12 @@ def test_parameters_of_every_type_reach_the_controller(watcher: Watcher, manager
         (
             "weights",
             numbers([1.0, 10.0]),
-            "Parameter 'weights' of controller 'watcher' is (1.0, 10.0); allowed is 0 to",
+            "Controller 'watcher': weights is (1.0, 10.0); allowed is 0 to 9 kg.",
         ),
         (
             "weights",
             numbers([float("nan")]),
-            "Parameter 'weights' of controller 'watcher' is (nan,); allowed is 0 to 9",
+            "Controller 'watcher': weights is (nan,); allowed is 0 to 9 kg.",
         ),
     ],
 )

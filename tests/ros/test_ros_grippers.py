@@ -298,7 +298,7 @@ def test_vacuum_that_the_gripper_does_not_have_is_refused(hand: Hand) -> None:
     answer = hand.switch("vacuum_2", is_on=True)
     assert not answer.success
     assert answer.message == (
-        "The left gripper has vacuum 1 only: it is configured as servo+vacuum. If it has vacuum 2, set gripper.left in "
+        "The left gripper has vacuum 1 only: it is configured as servo+vacuum; if it has vacuum 2, set gripper.left in "
         "yumi.yaml."
     )
 

@@ -15,6 +15,7 @@ from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from ros_bench import Client, rclpy
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from yumi.catalogue import message
 from yumi.clock import SystemClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, State
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
@@ -187,7 +188,7 @@ def test_goal_for_an_inactive_controller_is_refused_before_it_is_planned(
     goals.destroy()
 
 
-ENDED = ControlProcessEnded(Side.RIGHT, 1), "The control process has ended; call recover, which starts another one."
+ENDED = ControlProcessEnded(Side.RIGHT, 1), str(message("control_process_is_gone"))
 DROPPED = ReportsDropped(Side.RIGHT, 300), str(ReportsDropped(Side.RIGHT, 300))
 
 

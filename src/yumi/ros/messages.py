@@ -28,7 +28,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from yumi_interfaces.msg import ControllerEvent
 from yumi_interfaces.msg import RobotState as RobotStateMessage
 
-from yumi.catalogue import Message, clause, remedy_of
+from yumi.catalogue import Message, clause, quoted, remedy_of
 from yumi.catalogue import message as said  # a message here is one of ROS
 from yumi.catalogue.texts.events import KNOWN_NUMBERS
 from yumi.clock import Clock
@@ -414,7 +414,7 @@ def tolerances_of(goal: Any, sides: Sequence[Side]) -> tuple[Mapping[Side, Toler
     own: Mapping[Side, Tolerances] = {side: Tolerances() for side in sides}
     for each in (*goal.path_tolerance, *goal.goal_tolerance):
         if each.name not in known:
-            return own, f"{each.name!r} is not a joint of this controller"
+            return own, f"{quoted(each.name)} is not a joint of this controller"
         values = (each.position, each.velocity, each.acceleration)
         if any(map(isnan, values)):
             raise refused(said("joint_tolerance_not_a_number", joint=each.name))
