@@ -378,5 +378,5 @@ def test_control_process_refuses_to_start_controllers_before_egm_runs(idle_contr
 
 
 def test_control_process_refuses_a_gain_out_of_range(idle_control: ControlProcess) -> None:
-    with pytest.raises(CommandRefused, match="'p' of controller 'joint_position_controller' is 9"):
+    with pytest.raises(CommandRefused, match="Controller 'joint_position_controller': p is 9"):
         idle_control.call(Commands.set_parameters, RIGHT, POSITION, {"p": 9.0})

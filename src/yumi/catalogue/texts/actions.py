@@ -55,7 +55,7 @@ _BY_FRONT_END: dict[str, dict[str, Words]] = {
         "stop_egm": Words("run `yumi stop`", "`yumi stop`"),
         "restart_egm": Words("run `yumi stop`, then `yumi start`", "`yumi stop`, then `yumi start`"),
         "recover": Words("run `yumi recover`", "`yumi recover`"),
-        "confirm_stop": Words("look at the robot and confirm the stop with `yumi recover`", "`yumi recover`"),
+        "confirm_stop": Words("look at the robot and confirm the stop {stop} with `yumi recover`", "`yumi recover`"),
         "calibrate": Words("run `yumi calibrate`", "`yumi calibrate`"),
         "motors_on": Words("run `yumi start`", "`yumi start`"),
         "turn_to_auto": _ON_PAGE["turn_to_auto"],
