@@ -178,7 +178,7 @@ def test_stop_is_confirmed_by_its_id(driver: Command, robot: VirtualRobot) -> No
     assert stopped.stop in refusal("start")
     assert "50204" in run("recover", "--confirm", stopped.stop)
     assert state()["arms"]["right"]["mode"] == "holding"
-    events = [event["sentence"] for event in state()["events"]]
+    events = [event["said"]["sentence"] for event in state()["events"]]
     assert any("50204" in event for event in events)
 
 

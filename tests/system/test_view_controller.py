@@ -92,11 +92,16 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
 
         # The arrow is at one of the moves, and comes to the other one.
         for number, move in ((6, "MoveAbsJ high, v50, fine, tool0;"), (7, "MoveAbsJ low, v50, fine, tool0;")):
-            page.wait_for_function(
-                "line => document.querySelector('.code .at')?.innerText.includes(line)", arg=move, polling=50
-            )
-            assert re.fullmatch(rf"➜\s*{number}\s+{move}", page.inner_text(".code .at").strip())
-        assert page.inner_text(".task-head").split() == ["T_ROB1", "running", "Cell/main,", "line", "7"]
+            shown = page.wait_for_function(
+                """line => {
+                  const at = document.querySelector('.code .at')?.innerText;
+                  return at?.includes(line) && [at, document.querySelector('.task-head').innerText];
+                }""",
+                arg=move,
+                polling=50,
+            ).json_value()
+            assert re.fullmatch(rf"➜\s*{number}\s+{move}", shown[0].strip())
+            assert shown[1].split() == ["T_ROB1", "running", "Cell/main,", "line", str(number)]
         page.wait_for_function("() => document.querySelector('#rapid-log').innerText.includes('[T_ROB1] round')")
 
         # The joints move, in the numbers and in the picture.
