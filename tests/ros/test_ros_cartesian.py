@@ -82,7 +82,7 @@ def test_target_pose_moves_the_tool_on_a_line(tool: Tool) -> None:
     begin = tool.height
     tool.target.publish(tool.moved(0.05))
     tool.client.until(lambda: abs(tool.height - begin - 0.05) < 1e-3, what="the target")
-    tool.client.until(tool.client.hears("The goal is reached"), what="the end of the line")
+    tool.client.until(tool.client.hears("the goal is reached"), what="the end of the line")
 
 
 def test_a_stream_of_velocities_moves_the_tool_and_stops(tool: Tool) -> None:
@@ -314,7 +314,7 @@ def test_both_tools_move_as_one_motion_or_not_at_all(both: Goals) -> None:
     status, result = both.end(handle)
     lines.destroy()
     assert status == GoalStatus.STATUS_ABORTED
-    assert result.message == "Right arm: The motion was cancelled; the arm is at rest."
+    assert result.message == ("The right arm did not reach its goal: the motion was cancelled; the arm is at rest.")
     both.client.until(lambda: max(map(abs, heard[-1].velocity)) < 1e-3, what="standstill of both arms")
 
 

@@ -95,7 +95,7 @@ def test_description_is_there_for_late_comers(client: Client) -> None:
 @pytest.mark.smoke
 def test_goal_before_egm_is_refused_with_a_sentence(idle: Client) -> None:
     arm = Arm(idle, Side.RIGHT)
-    sentence = "Goal refused: EGM is not running on the right arm; call start_egm first."
+    sentence = "Goal refused: EGM is not running on the right arm; call start_egm."
     idle.until(lambda: _publish_until_heard(idle, arm, "yumi_joint_1_r", 0.1, sentence))
 
 

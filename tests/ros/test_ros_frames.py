@@ -78,7 +78,7 @@ def test_a_finger_is_where_it_stands_and_unknown_where_it_is_not_heard(robot: Ro
 @pytest.mark.parametrize("heard_at", [None, 8.9])
 def test_a_frame_of_an_arm_that_is_not_heard_lately_is_refused(robot: Robot, heard_at: float | None) -> None:
     robot.heard_at = {} if heard_at is None else {Side.RIGHT: heard_at}
-    with pytest.raises(CommandRefused, match="where frame 'yumi_link_3_r' is, is not known: its arm is not heard"):
+    with pytest.raises(CommandRefused, match="Where frame 'yumi_link_3_r' is, is not known: its arm is not heard"):
         robot.frames.to_base("yumi_link_3_r")
     robot.frames.to_base("yumi_body")
 
@@ -117,10 +117,10 @@ def test_frames_that_lead_nowhere_are_refused(robot: Robot) -> None:
     robot.fix("broken", "yumi_base", inf, 0.0, 0.0)
     robot.fix("flat", "yumi_base", 0.0, 0.0, 0.0, turn=(0.0, 0.0, 0.0, 0.0))
     for name in ("egg", "island", "sea"):
-        with pytest.raises(CommandRefused, match=f"frame '{name}' is not connected to the robot"):
+        with pytest.raises(CommandRefused, match=f"Frame '{name}' is not connected to the robot"):
             robot.frames.to_base(name)
     for name in ("broken", "flat", "moon"):
-        with pytest.raises(CommandRefused, match=f"there is no frame '{name}'; take yumi_base"):
+        with pytest.raises(CommandRefused, match=f"There is no frame '{name}'; take yumi_base"):
             robot.frames.to_base(name)
 
 
@@ -129,7 +129,7 @@ def test_tools_are_frames_that_are_fixed_to_the_flange(robot: Robot) -> None:
     assert is_same(robot.frames.tool(Side.RIGHT, "yumi_tcp_r"), TOOL)
     assert robot.frames.tool(Side.RIGHT, "gripper_r_fingertips").position == pytest.approx((0.0, 0.0, 0.1142))
     for name in ("yumi_base", "gripper_r_finger", "yumi_tool0_l", "yumi_link_6_r"):
-        with pytest.raises(CommandRefused, match=f"frame '{name}' is not fixed to the flange of the right arm"):
+        with pytest.raises(CommandRefused, match=f"Frame '{name}' is not fixed to the flange of the right arm"):
             robot.frames.tool(Side.RIGHT, name)
     seen = robot.frames.in_tool(Side.RIGHT, "yumi_tool0_r")
     assert seen is not None
