@@ -195,7 +195,7 @@ def test_vacuum_that_the_gripper_does_not_have_is_refused(client: Client) -> Non
     answer = client.call(SetBool, "r/gripper/vacuum_1", SetBool.Request(data=True))
     assert (answer.success, answer.message) == (
         False,
-        "The right gripper has no vacuum: it is configured as servo. If it has vacuum 1, set gripper.right in "
+        "The right gripper has no vacuum: it is configured as servo; if it has vacuum 1, set gripper.right in "
         "yumi.yaml.",
     )
 
