@@ -561,7 +561,7 @@ def test_task_that_stays_switched_off_is_an_error_that_names_it(
         assert said == message("tasks_left_off", tasks=tasks)
     else:
         assert said == message("tasks_left_off_after", tasks=tasks, reason=error.said)
-        assert str(raised.value).endswith(f"Before that: {error}")
+        assert str(raised.value).startswith(f"An earlier step failed: {error}")
     assert "T_LOG" in progress[-1]
     assert not yumi.world.controller.is_running
 
