@@ -361,7 +361,7 @@ def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDri
             assert driver.manager.speed.value == 0.5
             assert (await page.ask("grip", arm="left", action="close", force=8.0))["result"]["outcome"] == "holding"
             refused = await page.ask("grip", arm="left", action="open", force=8.0)
-            assert "A gripper opens without a force" in refused["error"]["sentence"]
+            assert "The force is for closing only" in refused["error"]["sentence"]
             await other.until("view", lambda view: view["control"] == "elsewhere")
             assert (await other.ask("start_egm"))["error"]["code"] == "control_not_taken"
             assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page that may operate
