@@ -21,8 +21,8 @@ def test_doubted_position_that_is_the_other_arms_is_known_as_such(position: Join
 @pytest.mark.parametrize("is_other_arm", [True, False])
 def test_report_of_a_doubted_position_names_the_ports_where_it_is_the_other_arms(is_other_arm: bool) -> None:
     event = ImplausibleFeedback(Side.RIGHT, "yumi_joint_1_r", 0.5, LEFT, ("a",), True, is_other_arm)
-    assert ("left and right EGM ports are exchanged?" in str(event)) is is_other_arm
-    assert "yumi_joint_1_r is 28.6° from where the arm can be, the arm holds; a deactivated: " in str(event)
+    assert ("the left and right EGM ports may be exchanged" in str(event)) is is_other_arm
+    assert "yumi_joint_1_r is 28.6° from where the arm can be; the arm holds; a deactivated. Cause: " in str(event)
 
 
 def test_snapshot_passes_the_problem_on() -> None:
