@@ -8,14 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side
+from yumi.robot.joints import YUMI_LIMITS, Joints, Pose, Quaternion, Side, rotate
 from yumi.robot.kinematics import (
     compose,
     euler_zyx,
     inverse,
     multiply,
     quaternion_from_euler_zyx,
-    rotate,
     tool0_to_body,
     tool0_to_foot,
     upper_half,

@@ -169,7 +169,10 @@ def test_driver_says_that_its_folder_for_logs_cannot_be_written(
     assert code == 2, error
     assert error.startswith("Error: ROS 2 does not start: ")
     assert str(folder) in error
-    assert "; set ROS_LOG_DIR to a folder that can be written, or unset it, and check ROS_DOMAIN_ID" in error
+    assert error.endswith(
+        "; set ROS_LOG_DIR to a folder that can be written, or unset it, and check ROS_DOMAIN_ID, RMW_IMPLEMENTATION "
+        "and the --ros-args."
+    )
     assert len(error.splitlines()) == 1
 
 

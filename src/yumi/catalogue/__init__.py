@@ -16,12 +16,13 @@ from string import Formatter, ascii_lowercase
 from types import MappingProxyType
 from typing import Any
 
+from yumi.catalogue.text import Text
 from yumi.catalogue.texts import ACTIONS, TEXTS
 
 Value = Any
 """A number, a text, a :class:`Message`, or a tuple of these."""
 
-_BEGINNINGS = (*ascii_lowercase, "{arm}", "{reason}", "{what}")
+_WORDED = {"arm", "changes", "reason", "what", "text"}  # values that are words of a sentence, wherever they stand
 _LONGEST_QUOTE = 80  # of what others have sent [characters]
 
 
@@ -103,8 +104,7 @@ def sentence(said: Message, front_end: FrontEnd | None = None) -> str:
     if said.code == "text":  # what others have said, as they said it
         return str(said.values["text"])
     text = _full(said, front_end)
-    is_name = "_" in text.partition(" ")[0]
-    if _template(said).what.startswith(_BEGINNINGS) and not is_name:  # nor where it begins with a file or a number
+    if _begins_with_a_word(said):
         text = text[:1].upper() + text[1:]
     return text if text.endswith((".", "!", "?", ":")) else f"{text}."
 
@@ -158,7 +158,7 @@ def is_known(said: Message) -> bool:
     """Whether this program has the texts of a message and of those in it, with all values: some may be newer."""
     if said.code not in TEXTS or not _fields(said.code) <= said.values.keys() | _ACTION_FIELDS.keys():
         return False
-    if Action.CONFIRM_STOP in _own_actions(said) and "stop" not in said.values:
+    if not _fields_of_actions(said) <= said.values.keys():
         return False
     return all(map(is_known, _messages_in(said)))
 
@@ -186,8 +186,18 @@ _ACTION_FIELDS: Mapping[str, Action] = {
 }
 
 
-def _template(said: Message) -> Any:
+def _template(said: Message) -> Text:
     return TEXTS[said.code]
+
+
+def _begins_with_a_word(said: Message) -> bool:
+    """Whether a sentence begins with a word that is written with a capital: not with a file, a name or a number."""
+    what = _template(said).what
+    if what[:1] in ascii_lowercase:
+        return "_" not in what.partition(" ")[0]
+    name = next((name for name, _ in _parts(said.code)), "") if what.startswith("{") else ""
+    value = said.values.get(name)
+    return _begins_with_a_word(value) if isinstance(value, Message) else name in _WORDED
 
 
 def _parts(code: str) -> Iterator[tuple[str, str]]:
@@ -201,6 +211,12 @@ def _parts(code: str) -> Iterator[tuple[str, str]]:
 
 def _fields(code: str) -> set[str]:
     return {name for name, _ in _parts(code)}
+
+
+def _fields_of_actions(said: Message) -> set[str]:
+    """The values that the words of its actions have, in any front end."""
+    words = (each.do for action in _own_actions(said) for each in ACTIONS[action.value].values())
+    return {name for text in words for _, name, _, _ in Formatter().parse(text) if name is not None}
 
 
 def _messages_in(said: Message) -> Iterator[Message]:

@@ -45,7 +45,7 @@ from yumi.catalogue import Message, message
 from yumi.control.trajectory import ArmPlan, TrajectoryPoint, smooth_spline_through
 from yumi.errors import CommandRefused
 from yumi.robot.inverse_kinematics import Unreachable
-from yumi.robot.joints import CYCLE, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
+from yumi.robot.joints import CYCLE, JointLimits, Joints, Pose, Side, Vector, joint_names, joints, rotate
 from yumi.robot.kinematics import (
     FLANGE,
     IDENTITY,
@@ -53,7 +53,6 @@ from yumi.robot.kinematics import (
     inverse,
     multiply,
     quaternion_of,
-    rotate,
     rotated_to_foot,
     rotation_vector,
     target_error,

@@ -118,7 +118,7 @@ class StateLog:
             self._stopped += worse
             self._since = min(self._since, now)
         if better:
-            self.report(logging.INFO, f"{_sentence(better)}.")
+            self.report(logging.INFO, message("robot_changed", changes=tuple(better)))
         self._events += [event for event in self._stops.take_news() if event.type is EventType.ERROR]
         if self._events or (after.stop and after.stop != self._logged_stop):
             self._since = min(self._since, now)
@@ -137,7 +137,7 @@ class StateLog:
         if state.stop:
             self._logged_stop = state.stop
         if parts or is_new_stop:
-            what = message("text", text=_sentence(parts)) if parts else message("robot_was_stopped")
+            what = tuple(dict.fromkeys(parts)) or message("robot_was_stopped")
             if state.stop:
                 said = message("changed_by_stop", changes=what, causes=state.causes, stop=state.stop)
             elif state.causes:
@@ -190,11 +190,6 @@ _MOTORS = {
     ControllerState.SYSTEM_FAILURE: "system failure",
     ControllerState.INIT: "controller starting",
 }
-
-
-def _sentence(parts: list[str]) -> str:
-    text = ", ".join(dict.fromkeys(parts))
-    return text[0].upper() + text[1:]
 
 
 EVENT_LOG = event_log()

@@ -41,6 +41,7 @@ from yumi.robot.joints import (
     finger_names,
     joint_names,
     prefixed,
+    rotate,
 )
 from yumi.robot.kinematics import (
     IDENTITY,
@@ -49,7 +50,6 @@ from yumi.robot.kinematics import (
     foot_to_body,
     quaternion_from_euler_zyx,
     quaternion_from_matrix,
-    rotate,
 )
 
 FINGER_TRAVEL = 0.025

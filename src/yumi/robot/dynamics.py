@@ -12,7 +12,7 @@ from math import cos, pi, sin, tanh
 from typing import cast
 
 from yumi.robot.description import JOINT_FRICTION, JOINT_ORIGINS, Mass, link_mass
-from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Quaternion, Side, Vector
+from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Quaternion, Side, Vector, rotate
 from yumi.robot.kinematics import (
     ELBOW_OFFSET,
     FLANGE,
@@ -26,7 +26,6 @@ from yumi.robot.kinematics import (
     foot_to_body,
     inverse,
     quaternion_from_euler_zyx,
-    rotate,
 )
 
 GRAVITY = 9.81

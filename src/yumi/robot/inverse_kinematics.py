@@ -353,16 +353,15 @@ def _descended(
 
 
 def unreachable(
-    side: Side, tool0: Pose, reason: Message | str, seed: Joints, limits: JointLimits = YUMI_LIMITS
+    side: Side, tool0: Pose, reason: Message, seed: Joints, limits: JointLimits = YUMI_LIMITS
 ) -> Unreachable:
     """The error of a pose that no posture has: with the posture that is nearest to it, and where that is."""
     position, there = nearest_reachable_posture(side, tool0, seed, limits)
     away, turn = (float(np.linalg.norm(each)) for each in _difference(tool0, there))
-    why = reason if isinstance(reason, Message) else message("text", text=reason)
     if max(away, turn) <= _SAME_POSE:
-        return Unreachable(message("nearest_arm_angle", reason=why, angle=arm_angle(side, position)), position)
+        return Unreachable(message("nearest_arm_angle", reason=reason, angle=arm_angle(side, position)), position)
     x, y, z = there.position
-    return Unreachable(message("nearest_pose", reason=why, x=x, y=y, z=z, distance=away, turn=turn), position)
+    return Unreachable(message("nearest_pose", reason=reason, x=x, y=y, z=z, distance=away, turn=turn), position)
 
 
 def _targets(side: Side, tool0s: Sequence[Pose], angles: Sequence[float]) -> _Targets:

@@ -135,6 +135,18 @@ Quaternion = tuple[float, float, float, float]
 """A unit quaternion, w first."""
 
 
+def rotate(rotation: Quaternion, vector: Vector) -> Vector:
+    """``vector`` turned by ``rotation``."""
+    w, x, y, z = rotation
+    vx, vy, vz = vector
+    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
+    return (
+        vx + w * tx + y * tz - z * ty,
+        vy + w * ty + z * tx - x * tz,
+        vz + w * tz + x * ty - y * tx,
+    )
+
+
 @dataclass(frozen=True, slots=True)
 class Pose:
     """One frame seen from another, which the name of the value gives (``tool0_to_body``).
@@ -164,8 +176,6 @@ class Pose:
             raise CommandRefused(message("pose_moved_along_unknown_frame", frame=frame))
         if not all(isinstance(each, SupportsFloat) and isfinite(float(each)) for each in (x, y, z)):
             raise CommandRefused(message("pose_moved_by_no_numbers", by=(str(x), str(y), str(z))))
-        from yumi.robot.kinematics import rotate  # noqa: PLC0415 - which needs this class
-
         by = (float(x), float(y), float(z))
         (px, py, pz), (dx, dy, dz) = self.position, rotate(self.orientation, by) if frame == "tool" else by
         return replace(self, position=(px + dx, py + dy, pz + dz))

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector, joints
+from yumi.robot.joints import Joints, Pose, Quaternion, Side, Vector, joints, rotate
 
 # The arm in its all-zero pose, in the foot frame: x forward, z along axis 1 [m].
 SHOULDER_HEIGHT = 0.166
@@ -49,18 +49,6 @@ def multiply(a: Quaternion, b: Quaternion) -> Quaternion:
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,
         aw * bz + ax * by - ay * bx + az * bw,
-    )
-
-
-def rotate(rotation: Quaternion, vector: Vector) -> Vector:
-    """``vector`` turned by ``rotation``."""
-    w, x, y, z = rotation
-    vx, vy, vz = vector
-    tx, ty, tz = 2.0 * (y * vz - z * vy), 2.0 * (z * vx - x * vz), 2.0 * (x * vy - y * vx)
-    return (
-        vx + w * tx + y * tz - z * ty,
-        vy + w * ty + z * tx - x * tz,
-        vz + w * tz + x * ty - y * tx,
     )
 
 

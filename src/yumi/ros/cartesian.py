@@ -55,8 +55,19 @@ from yumi.control.trajectory import ArmPlan, stretched, time_to_start
 from yumi.driver.control_process import ENDED, ControlProcess
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.inverse_kinematics import arm_angle, jacobian, postures, unreachable
-from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Pose, Side, Vector, joint_names, joints
-from yumi.robot.kinematics import compose, inverse, rotate, tool0_to_body
+from yumi.robot.joints import (
+    JOINT_COUNT,
+    YUMI_LIMITS,
+    JointLimits,
+    Joints,
+    Pose,
+    Side,
+    Vector,
+    joint_names,
+    joints,
+    rotate,
+)
+from yumi.robot.kinematics import compose, inverse, tool0_to_body
 from yumi.ros.controller_manager import MakeInterface
 from yumi.ros.messages import SERVICES, nanoseconds, pose_of, say_why
 from yumi.ros.nodes import is_cancelled

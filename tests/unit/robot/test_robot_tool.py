@@ -9,8 +9,7 @@ from refusals import refused
 from yumi.errors import CommandRefused
 from yumi.robot.description import Mass, Tool, principal_inertia
 from yumi.robot.dynamics import HAND
-from yumi.robot.joints import Pose
-from yumi.robot.kinematics import rotate
+from yumi.robot.joints import Pose, rotate
 
 IDENTITY = (1.0, 0.0, 0.0, 0.0)
 NO_INERTIA = (0.0,) * 6

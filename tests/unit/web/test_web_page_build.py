@@ -92,7 +92,7 @@ def test_page_is_built_once_and_again_when_a_source_changes(copied: Path) -> Non
 
 def test_machine_without_node_reads_what_to_install(copied: Path) -> None:
     program(copied / "node", "echo v18.20.0")  # too old
-    with pytest.raises(MissingPrerequisite, match=r"no Node.js 20 or newer with npm: run `make setup WITH=page`"):
+    with pytest.raises(MissingPrerequisite, match=r"no Node.js 20 or newer with npm; run `make setup WITH=page`"):
         page_build.built()
     (copied / "node").unlink()
     os.environ["PATH"] = str(copied)

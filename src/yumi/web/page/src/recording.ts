@@ -24,7 +24,7 @@ export function ofTime(recording: Recording, time: number): Partial<Page> {
   });
   const event = newest(recording.events, time);
   const fault = event?.is_fault && time - event.time < SHOWN_FOR ? [event.sentence] : [];
-  const told = (sentences: readonly string[] = []): Said[] => sentences.map((sentence) => ({ code: "text", sentence, action: null }));
+  const asMessages = (sentences: readonly string[] = []): Said[] => sentences.map((sentence) => ({ code: "text", sentence, action: null }));
   const state: DriverState = {
     robot: recording.name,
     operating_mode: robot?.operating_mode ?? null,
@@ -38,7 +38,7 @@ export function ofTime(recording: Recording, time: number): Partial<Page> {
     grippers: byArm((name) => recordedGripper(recording, name, time)),
   };
   return {
-    state, stateTime: time, reasons: told(robot?.reasons), causes: told(robot?.causes?.length ? robot.causes : fault), stop: robot?.stop ?? "",
+    state, stateTime: time, reasons: asMessages(robot?.reasons), causes: asMessages(robot?.causes?.length ? robot.causes : fault), stop: robot?.stop ?? "",
     problems: {}, limited: {}, nearest: null,
   };
 }

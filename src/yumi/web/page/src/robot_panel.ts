@@ -46,9 +46,9 @@ function confirmStop(): Promise<boolean> {
 /** What is still pressed comes first, also where it was pressed while the dialog was open; then nothing is confirmed. */
 function showDialog(page: Page): void {
   const open = inTheWay(page);
-  const told = open.length ? open : page.causes.length ? page.causes : page.reasons;
+  const shown = open.length ? open : page.causes.length ? page.causes : page.reasons;
   text(at("confirm-title"), open.length ? "Not yet: first end what stops the robot" : "Confirm the stop");
-  text(at("confirm-cause"), told.map(({ sentence }) => sentence).join(" "));
+  text(at("confirm-cause"), shown.map(({ sentence }) => sentence).join(" "));
   at("confirm-question").hidden = open.length > 0;
   button("confirm-yes").hidden = open.length > 0;
   text(at("confirm-no"), open.length ? "Close" : "No, leave it stopped");
