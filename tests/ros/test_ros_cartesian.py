@@ -283,6 +283,9 @@ def test_both_tools_move_as_one_motion_or_not_at_all(both: Goals) -> None:
     # The left tool has farther to go; both begin and end together.
     heard: list[Any] = []
     both.client.node.create_subscription(JointState, "/joint_states", heard.append, 10)
+    at_rest = "standstill of both arms after the motion before"
+    both.client.until(lambda: bool(heard) and max(map(abs, heard[-1].velocity)) < 1e-3, what=at_rest)
+    heard.clear()
     status, result = both.end(
         both.send(right=up[Side.RIGHT][:1], left=up[Side.LEFT], speed=0.05, left_tool_frame="gripper_l_fingertips")
     )

@@ -73,10 +73,15 @@ def test_egm_goes_on_while_long_modules_are_loaded_and_their_texts_are_set(tmp_p
         assert "x + 2 * 96" in client.module_text("COOK", "Long")
         numbers = [arm.numbers[count:] for arm, count in zip(arms, counts, strict=True)]
         times = [arm.times[count:] for arm, count in zip(arms, counts, strict=True)]
-    gaps = [after - before for each in times for before, after in pairwise(each)]
-    mean, longest = 1e3 * statistics.mean(gaps), 1e3 * max(gaps)
-    tell(f"Two modules in {taken:.1f} s; EGM cycle mean {mean:.3f} ms, longest {longest:.1f} ms")
     for each in numbers:
         assert each == list(range(each[0], each[0] + len(each))), "a cycle is missing"
-        assert len(each) > 0.9 * taken / CYCLE
-    assert max(gaps) < 0.1 * taken  # under the lock of the world it would be most of it
+    for each in times:
+        gaps = [after - before for before, after in pairwise(each)]
+        stood = sum(gap for gap in gaps if gap > 5 * CYCLE)
+        mean, longest = 1e3 * statistics.mean(gaps), 1e3 * max(gaps)
+        tell(
+            f"Two modules in {taken:.1f} s; EGM cycle mean {mean:.3f} ms, longest {longest:.1f} ms; stood {stood:.2f} s"
+        )
+        # Loading under the lock of the world, EGM would stand for most of the time. A slow machine may make every cycle
+        # somewhat longer.
+        assert stood < 0.1 * taken

@@ -174,7 +174,7 @@ def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) ->
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     page.press("#confirm-yes")
-    page.wait("#toast", "The robot was stopped by .*Emergency stop")
+    page.wait("#toast", "Recovered after 10013 Emergency stop: ")
     page.wait("#verdict", "Ready")
     page.mend("Start EGM")
     page.wait("#verdict", "EGM holds both arms")
