@@ -105,10 +105,10 @@ def evaluate(
 
     \b
     Examples:
-      yumi evaluate --virtual-time                        everything but ROS 2, in about twenty seconds
+      yumi evaluate --virtual-time           without ROS 2: about twenty seconds
       yumi evaluate --virtual-time --json figures.json
-      yumi evaluate                                       over ROS 2 and the network, too: about ten minutes
-      yumi evaluate --robot 192.168.125.1                 on a real robot; the workspace has to be free
+      yumi evaluate                          over ROS 2, too: about ten minutes
+      yumi evaluate --robot 192.168.125.1    a real robot with a free workspace
     """
     if virtual_time and robot:
         raise CommandRefused(message("real_robot_in_virtual_time"))
@@ -353,7 +353,7 @@ def measure(
 
     \b
     Examples:
-      yumi measure right --robot 127.0.0.1 --yes    with `yumi controller` in another terminal
+      yumi measure right --robot 127.0.0.1 --yes    a running `yumi controller`
       yumi measure both --robot 192.168.125.1
     """
     _demand_extra()

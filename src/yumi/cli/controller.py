@@ -172,7 +172,7 @@ def controller(
     \b
     Example:
       yumi controller --left-object 0.02
-      curl --digest -u "Default User:robotics" http://127.0.0.1:8080/rw/panel/ctrlstate?json=1
+      curl --digest -u "Default User:robotics" "127.0.0.1:8080/rw/panel/ctrlstate?json=1"
     """
     from yumi.virtual.controller.system import (  # noqa: PLC0415
         ROBOTS,
@@ -294,7 +294,7 @@ def fault(
       yumi fault emergency-stop
       yumi fault egm-silence --arm left --duration 1
       yumi fault egm-loss --by 50 --duration 2
-      yumi fault egm-loss --way to-robot --duration 0.5    the robot receives nothing
+      yumi fault egm-loss --way to-robot --duration 0.5    robot receives nothing
       yumi fault egm-delay --by 20 --arm right --duration 2
       yumi fault warm-restart --robot 127.0.0.1:8080
     """
@@ -472,7 +472,10 @@ def rws_watch(client: RwsClient, targets: tuple[str, ...], count: int | None, js
     It subscribes again after a break, and says so. With --json each line is an object.
 
     \b
-    TARGETS: ctrlstate, opmode, speedratio, coldetstate, execution, signal:NAME, TASK/MODULE/NAME (PERS), elog
+    TARGETS: ctrlstate, opmode, speedratio, coldetstate, execution, elog,
+      signal:NAME, TASK/MODULE/NAME (PERS)
+
+    \b
     Examples:
       yumi rws watch ctrlstate opmode execution
       yumi rws watch --json signal:EGM_STOP

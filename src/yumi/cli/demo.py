@@ -326,7 +326,7 @@ def demo(
     Examples:
       yumi demo
       yumi demo --robot 192.168.125.1
-      yumi demo --robot 127.0.0.1                      the same with `yumi controller` in another terminal
+      yumi demo --robot 127.0.0.1    with `yumi controller` in another terminal
     """
     options = tuple(
         text

@@ -341,7 +341,7 @@ def doctor(
     \b
     Examples:
       yumi doctor --robot 192.168.125.1
-      yumi doctor --robot 127.0.0.1                      with `yumi controller` in another terminal
+      yumi doctor --robot 127.0.0.1    with `yumi controller` in another terminal
       yumi doctor --robot 192.168.125.1 --json
       yumi doctor --robot 192.168.125.1 --stream --html robot.html
     """

@@ -92,7 +92,7 @@ def state(watch: bool, rate: float, robot: str | None, json_output: JsonOutput) 
     Examples:
       yumi state
       yumi state --json
-      yumi state --watch --rate 5 --json      a line of JSON five times a second, with new events
+      yumi state --watch --rate 5 --json    a line of JSON five times a second
     """
     with attach(robot or "") as driver:
         states = driver.watch(rate) if watch else iter((driver.state,))
@@ -296,8 +296,8 @@ def move(
       yumi move both home
       yumi move right j1=20 j7=-135 --degrees
       yumi move right 0 -130 30 0 40 0 -135 --abb --degrees
-      yumi move right 0.4 -0.2 0.3 --pose                   the tool in use there; its orientation stays
-      yumi move right 0.4 -0.2 0.2 --pose --linear          on a straight line
+      yumi move right 0.4 -0.2 0.3 --pose             its orientation stays
+      yumi move right 0.4 -0.2 0.2 --pose --linear    on a straight line
     """
     if (linear or speed is not None) and not pose:
         raise SettingsError(message("line_options_need_pose"))
@@ -466,8 +466,8 @@ def shell(**options: Any) -> None:
 
     \b
     Examples:
-      yumi shell                            driver.state, driver.move_to(right="home")
-      yumi shell --robot 192.168.125.1      robot.right.position, robot.right.move_to("home")
+      yumi shell                          driver.move_to(right="home")
+      yumi shell --robot 192.168.125.1    robot.right.move_to("home")
     """
     if options["robot"] is None:
         if any(value is not None for value in options.values()):

@@ -162,12 +162,12 @@ def up(
     \b
     Examples:
       yumi up --robot 192.168.125.1
-      yumi up --robot 127.0.0.1                      with `yumi controller` in another terminal
-      yumi up --robot 127.0.0.1 --wait               with one that may start later
-      yumi up --robot 192.168.125.1 --no-bringup     changes nothing on the robot until it is asked to
-      yumi up --robot 192.168.125.1 --namespace cell1    one of several robots: /cell1/r/joint_states
-      yumi up --robot 192.168.125.1 --no-ros         no ROS 2 is needed; move it with `yumi start`, `yumi move`
-      yumi state                                     what it does, in another terminal
+      yumi up --robot 127.0.0.1            `yumi controller` in another terminal
+      yumi up --robot 127.0.0.1 --wait     the controller may start later
+      yumi up --robot 192.168.125.1 --no-bringup         only reads at first
+      yumi up --robot 192.168.125.1 --namespace cell1    /cell1/r/joint_states
+      yumi up --robot 192.168.125.1 --no-ros             no ROS 2 is needed
+      yumi state                           what it does, in another terminal
       ros2 service call /yumi_robot_manager/start_egm std_srvs/srv/Trigger
     """
     if with_ros:
@@ -541,11 +541,11 @@ def view(
 
     \b
     Examples:
-      yumi view                               the robot of the driver that runs, or will
-      yumi view --virtual                     a virtual robot to try
-      yumi view --robot 192.168.125.1         with a driver that only reads, where none runs
-      yumi view --robot 127.0.0.1:8080        what `yumi controller --program x.mod --start` does
-      yumi view session.mcap                  a recording or flight record, with a time slider
+      yumi view                          the robot of the running driver
+      yumi view --virtual                a virtual robot to try
+      yumi view --robot 192.168.125.1    a driver that only reads is started
+      yumi view --robot 127.0.0.1:8080   any program of `yumi controller`
+      yumi view session.mcap             a recording or flight record
     """
     from yumi.web.controller import ControllerReader, open_controller  # noqa: PLC0415 - a quick --help
     from yumi.web.page_build import page_folder  # noqa: PLC0415

@@ -145,7 +145,7 @@ _BACKGROUND = {
     "version in": ("the interface differs from version to version", "Program Editor, TRobMain"),
     "signal": ("they start and stop EGM; a client may write those with Access All", f"{_CONFIGURATION}, I/O, Signal"),
     "UDPUC device": (
-        "it is where an arm sends its datagrams",
+        "the UDPUC device says where an arm sends its datagrams",
         f"{_CONFIGURATION}, Communication, Transmission Protocol",
     ),
     "motion data": ("EGM is set up with it", f"{_CONFIGURATION}, Motion, External Motion Interface Data"),
