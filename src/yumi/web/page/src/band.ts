@@ -49,8 +49,8 @@ function chip(name: string, value: string, level = ""): void {
 }
 
 function showChips({ view, state, recording }: Page): void {
-  at("chips").hidden = !state;
-  if (!state) return;
+  at("chips").hidden = !state || Boolean(view.why_no_robot); // what was last seen may not be so any more
+  if (!state || view.why_no_robot) return;
   const known = (name: string, value: string | null, good: string): void => {
     if (value !== null || !recording) chip(name, value ?? "unknown", value === good ? "good" : "warn"); // a flight record has the cycles alone
   };
@@ -78,10 +78,12 @@ function showControl(page: Page): void {
   const has = hasControl(page);
   document.body.classList.toggle("operates", has);
   document.body.classList.toggle("records", view.is_recording);
-  at("take").hidden = view.is_recording || Boolean(view.why_not_operated && !has);
+  document.body.classList.toggle("last-seen", Boolean(view.why_no_robot && page.state));
+  const isWatched = view.is_recording || Boolean(view.why_not_operated && !has);
+  at("take").hidden = isWatched || Boolean(view.why_no_robot && !has);
   text(at("take"), has ? "Give control back" : "Take control");
   at("take").classList.toggle("primary", !has);
-  at("stop").hidden = at("take").hidden;
+  at("stop").hidden = isWatched; // without a connection it says that nothing was sent
   at("robot-panel").hidden = !has;
   const note = view.control === "elsewhere" ? "Another page has control." : view.why_not_operated || "View only.";
   text(at("control-note"), has || view.is_recording || view.controller || view.why_no_robot ? "" : note);

@@ -25,6 +25,7 @@ export class Picture {
       await scene.load();
       scene.onDrag = (isDragged) => this.onDrag(isDragged);
       this.scene = scene;
+      for (const name of armsOf(this.store.page.model)) scene.showArm(name, this.homeOf(this.store.page, name), null, false); // until a state comes
     } catch (error) {
       console.error(error);
       at("no-webgl").hidden = false;
@@ -58,11 +59,14 @@ export class Picture {
 
   private showArm(scene: Scene, page: Page, name: ArmName): void {
     const gripper = page.state?.grippers[name] ?? null;
-    const home = page.model.arms[name]!.poses.home ?? null;
-    const position = jointsOf(page, name) ?? (scene.isPlaced(name) ? null : home);
+    const position = jointsOf(page, name) ?? (scene.isPlaced(name) ? null : this.homeOf(page, name));
     scene.showArm(name, position, gripper ? gripper.width / 2 : null, Boolean(gripper?.is_holding));
     scene.showGhost(name, this.ghostOf(page, name));
     if (page.state?.arms[name]?.position && !page.recording) scene.addTrace(name);
+  }
+
+  private homeOf({ model }: Page, name: ArmName): Joints | null {
+    return model.arms[name]!.poses.home ?? null;
   }
 
   /** The plan or goal that is previewed, or the goal of the active controller where it is not where the arm is. */

@@ -16,6 +16,9 @@ export const HANDLE_GOAL = "the handle";
 
 const MOST_LINES = 100; // of a log
 
+/** Why no robot is shown until the first message. */
+export const CONNECTING = "The page is connecting.";
+
 export interface Page {
   model: Model;
   view: Omit<ViewMessage, "type" | "events" | "log">;
@@ -50,7 +53,7 @@ export function initialPage(model: Model, workObject: Frame | null): Page {
   return {
     model,
     view: {
-      is_recording: false, controller: null, why_no_robot: "The page is connecting.", is_virtual: false, why_not_operated: "",
+      is_recording: false, controller: null, why_no_robot: CONNECTING, is_virtual: false, why_not_operated: "",
       control: "none", surroundings: { boxes: [] }, faults: [],
     },
     state: null, stateTime: 0, reasons: [], causes: [], stop: "", problems: {}, limited: {}, nearest: null,

@@ -1,7 +1,7 @@
 /** The band: whether the robot moves, else why not and what to do, and the button that does it. */
 
 import { armsOf, type ArmName, type Said } from "./messages";
-import { silentArms, type Page } from "./store";
+import { CONNECTING, silentArms, type Page } from "./store";
 
 export type Level = "good" | "warn" | "error" | "wait";
 
@@ -68,7 +68,8 @@ function ofRapid({ state, missing }: Page): Verdict {
 function live(page: Page): Verdict {
   const { view, state } = page;
   const say = (level: Level, head: string, ...lines: string[]): Verdict => ({ level, kind: "", head, lines });
-  if (view.why_no_robot) return say("error", "No robot", view.why_no_robot);
+  if (view.why_no_robot === CONNECTING) return say("wait", CONNECTING);
+  if (view.why_no_robot) return say("error", state ? "No connection" : "No robot", view.why_no_robot);
   if (!state) return say("wait", "Waiting for the robot");
   const first = canTakeControl(page) ? ["Take control first."] : [];
   const todo = page.reasons.length ? first : [];

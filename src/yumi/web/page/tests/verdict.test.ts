@@ -5,7 +5,7 @@ import { permissions } from "../src/permissions";
 import { ofTime } from "../src/recording";
 import { inTheWay, remedyButton, verdict } from "../src/verdict";
 import type { Said } from "../src/messages";
-import { ofController } from "../src/store";
+import { CONNECTING, ofController, ofLoss } from "../src/store";
 import { arm, CONTROLLER, controllerMessage, driverState, off, page, reason } from "./page";
 
 const PRESSED = reason("The emergency stop is pressed.", "release_stop");
@@ -122,6 +122,13 @@ test("band of a controller without a driver says whether RAPID runs, and what is
   assert.deepEqual([at("stopped").level, at("stopped").head], ["wait", "View only: RAPID is stopped"]);
   assert.equal(at(null).head, "View only: RAPID is being read");
   assert.equal(verdict({ ...seen, state: null }).head, "Waiting for the robot");
-  const gone = page({ view: { controller: CONTROLLER, why_no_robot: "It does not answer." } });
+  const gone = { ...page({ view: { controller: CONTROLLER, why_no_robot: "It does not answer." } }), state: null };
   assert.deepEqual([verdict(gone).head, verdict(gone).lines], ["No robot", ["It does not answer."]]);
+});
+
+test("band of a page that connects, or whose connection is lost, says nothing of the robot", () => {
+  const { level, head } = verdict({ ...page({ view: { why_no_robot: CONNECTING } }), state: null });
+  assert.deepEqual([level, head], ["wait", CONNECTING]);
+  const lost = { ...page(), ...ofLoss(page(), "It ended.") }; // the state is the one last seen
+  assert.deepEqual([verdict(lost).head, verdict(lost).lines], ["No connection", ["It ended."]]);
 });
