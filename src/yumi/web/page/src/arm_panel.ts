@@ -35,8 +35,9 @@ export class ArmPanel {
 
   private addRow(axis: number, index: number, jogging: Jogging): Row {
     const { lower, upper } = this.store.page.model.limits;
-    const [marker, goal] = [make("i", { className: "now" }), make("i", { className: "goal" })];
+    const [marker, goal] = [make("i", { className: "now", hidden: true }), make("i", { className: "goal", hidden: true })];
     const [value, error] = [make("td", { className: "number" }), make("td", { className: "number error" })];
+    for (const each of [value, error]) text(each, "–"); // until a state comes
     const title = lower.length ? `${(lower[index]! * DEGREES).toFixed(1)}° to ${(upper[index]! * DEGREES).toFixed(1)}°` : "";
     const bar = make("div", { className: "bar", title }, goal, marker);
     at("joints").append(
@@ -91,7 +92,7 @@ export class ArmPanel {
     const frame = frameOf(page);
     const coordinates = (point: Vector): string =>
       (frame ? seenFrom(frame, point) : point).map((value, axis) => `${"xyz"[axis]}\u00a0${millimetres(value)}`).join(", ");
-    const where = frame ? ` in ${choice("jog-frame").selectedOptions[0]?.text}` : "";
+    const where = frame ? ` from the ${page.frame}` : "";
     const source = page.state!.arms[page.arm]!.position ? "" : ", as the controller reports while EGM is off";
     const { tip } = page.model;
     const tool0 = tip === "tool0" ? "" : ` (tool0: ${coordinates(scene.flange(page.arm))})`;
