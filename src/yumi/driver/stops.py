@@ -99,11 +99,11 @@ def _are_without_person(events: Iterable[Event]) -> bool:
 
 
 def explain(event: Event) -> Message:
-    """An event with its cause and remedy; ABB's words where we have none, and beside ours where it is an error."""
+    """An event with its cause and remedy; ABB's words where we have none, and beside ours where an error's say more."""
     own = (event.description or event.title).strip().removesuffix(".")
     if event.code not in KNOWN_NUMBERS:
         return message("event", number=event.code, title=event.title, detail=own)
-    if event.type is EventType.ERROR:
+    if event.type is EventType.ERROR and event.code != _EMERGENCY_STOP:  # of which ABB says the same
         return Message(f"event_{event.code}_with_detail", {"number": event.code, "title": event.title, "detail": own})
     return Message(f"event_{event.code}", {"number": event.code, "title": event.title})
 

@@ -49,6 +49,11 @@ def test_known_error_is_explained_with_the_controllers_own_text() -> None:
     assert explain(event) == message("event_50204_with_detail", **values)
 
 
+def test_emergency_stop_is_explained_once() -> None:
+    (event,) = log((10013, ERROR))
+    assert explain(event) == message("event_10013", number=10013, title="title 10013")
+
+
 def test_known_information_is_explained_without_it() -> None:
     (event,) = log((10125, INFORMATION))
     assert explain(event) == message("event_10125", number=10125, title="title 10125")
