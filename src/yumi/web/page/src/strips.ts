@@ -27,8 +27,8 @@ const KINDS: Kind[] = [
       return now === null || then === null ? null : Math.max(0, now - then);
     },
   },
-  { name: "jitter", unit: " ms", digits: 2, of: ({ cycles, session }) => (cycles && session ? cycles.jitter * 1000 : null) },
-  { name: "period", unit: " ms", digits: 2, of: ({ cycles, session }) => (cycles && session ? cycles.period * 1000 : null) },
+  { name: "jitter", unit: " ms", digits: 2, of: ({ cycles, mode }) => (cycles && mode !== "no_egm" ? cycles.jitter * 1000 : null) },
+  { name: "period", unit: " ms", digits: 2, of: ({ cycles, mode }) => (cycles && mode !== "no_egm" ? cycles.period * 1000 : null) },
 ];
 
 class Strip {

@@ -47,7 +47,7 @@ export function remedyButton(page: Page): string {
   if (blocking) return (page.view.is_virtual && VIRTUAL_BUTTONS[blocking.action ?? ""]) || "";
   if (page.stop) return "recover"; // it confirms the stop, and does the rest
   const known = [...page.reasons, ...Object.values(page.problems)].map(({ action }) => BUTTONS[action ?? ""]).find(Boolean);
-  return known ?? (isWhole(page) ? "" : "start");
+  return known ?? (isWhole(page) && !uncommanded(page).length ? "" : "start");
 }
 
 function isSilent(page: Page): boolean {
@@ -104,7 +104,7 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
   if (!arms.length) return say("warn", "Ready: EGM is off, the arms follow no commands", ...start);
   const free = uncommanded(page);
   if (free.length) {
-    const activate = page.view.why_not_operated ? [] : [...first, "Choose a controller under Poses and press “Activate”, or jog."];
+    const activate = page.view.why_not_operated ? [] : [...first, "Press “Start EGM”, jog, or activate a controller under Poses."];
     return say("warn", `EGM holds ${both(arms)}, but no controller commands ${free.length > 1 ? "them" : both(free)}`, ...activate);
   }
   if (isWhole(page)) return say("good", "Ready: EGM holds both arms");

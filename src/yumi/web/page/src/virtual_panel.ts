@@ -63,7 +63,8 @@ export class VirtualPanel {
   private explain(page: Page): void {
     const fault = this.chosen(page);
     const ofArm = fault?.has_side ? ` Chosen: the ${page.arm} arm.` : "";
-    text(at("fault-meaning"), fault ? `${fault.meaning.charAt(0).toUpperCase()}${fault.meaning.slice(1)}.${ofArm}` : "");
+    const endless = fault?.has_duration && fault.default_duration === null ? " Without a duration it does not end by itself." : "";
+    text(at("fault-meaning"), fault ? `${fault.meaning.charAt(0).toUpperCase()}${fault.meaning.slice(1)}.${ofArm}${endless}` : "");
     at("fault-strength").hidden = !fault?.unit;
     input("fault-by").value = String(fault?.default ?? "");
     text(at("fault-unit"), fault?.unit ?? "");

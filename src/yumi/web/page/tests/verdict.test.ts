@@ -20,10 +20,12 @@ test("band is green while controllers command both arms", () => {
 
 test("band is yellow while no controller commands an arm that EGM holds", () => {
   const controllers = { right: [{ name: "joint_goal_controller", commands: true }], left: [{ name: "joint_goal_controller", commands: false }] };
-  const { level, head, lines } = verdict(page({ state: driverState({ controllers }) }));
+  const idle = page({ state: driverState({ controllers }) });
+  const { level, head, lines } = verdict(idle);
+  assert.equal(remedyButton(idle), "start");
   assert.equal(level, "warn");
   assert.equal(head, "EGM holds both arms, but no controller commands the left arm");
-  assert.match(lines.join(" "), /“Activate”/);
+  assert.match(lines.join(" "), /“Start EGM”/);
 });
 
 test("cause comes first, then what is in the way, once", () => {
