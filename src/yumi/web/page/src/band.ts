@@ -54,11 +54,12 @@ function showChips({ view, state, recording }: Page): void {
   const known = (name: string, value: string | null, good: string): void => {
     if (value !== null || !recording) chip(name, value ?? "unknown", value === good ? "good" : "warn"); // a flight record has the cycles alone
   };
-  chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
+  if (!recording) chip("robot", view.is_virtual ? `${state.robot}, virtual` : state.robot);
   known("mode", state.operating_mode, "AUTO");
   known("motors", state.motors === null ? null : (MOTORS[state.motors] ?? state.motors), "on");
   known("program", state.program, "running");
   for (const name of view.controller ? [] : armsOf(state)) {
+    if (recording && !recording.states.length && !recording.arms[name]!.time.length) continue; // a flight record has one arm
     const leading = state.controllers[name]!.filter((each) => each.commands).map((each) => readable(each.name));
     const isRunning = state.egm[name] === "running";
     const isIdle = isRunning && !leading.length && !recording;

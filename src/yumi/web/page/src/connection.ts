@@ -83,7 +83,7 @@ export class Connection {
 
   private receive(message: ServerMessage): void {
     if (message.type === "step") {
-      if (this.pending.has(message.id) && message.step) toast(message.step, "info");
+      if (this.pending.has(message.id) && message.step) toast(`${message.step.charAt(0).toUpperCase()}${message.step.slice(1)}`, "info");
     } else if (message.type === "done" || message.type === "failed") {
       const waiting = this.pending.get(message.id);
       this.pending.delete(message.id);
