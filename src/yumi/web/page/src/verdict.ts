@@ -28,6 +28,9 @@ const running = ({ model, state }: Page): ArmName[] => armsOf(model).filter((nam
 const moving = ({ model, state }: Page): ArmName[] => armsOf(model).filter((name) => state?.arms[name]?.mode === "moving");
 const isWhole = (page: Page): boolean => running(page).length === armsOf(page.model).length;
 const sentencesOf = (said: readonly Said[]): string[] => said.map(({ sentence }) => sentence);
+/** Why the arms do not move, without what is a cause as well and said before. */
+const afterCauses = ({ causes, reasons }: Page): string[] =>
+  sentencesOf(reasons).filter((each) => !sentencesOf(causes).includes(each));
 const canTakeControl = ({ view }: Page): boolean => view.control === "none" && !view.why_not_operated;
 
 /** The arms that EGM holds and no controller commands. */
@@ -81,7 +84,7 @@ function live(page: Page): Verdict {
     return say("error", `Cannot move: the robot runs EGM on the ${silent} arm, but its datagrams do not arrive`,
       check, ...first, "Then press “Recover…”.");
   }
-  const sentences = sentencesOf(page.reasons);
+  const sentences = afterCauses(page);
   if (page.causes.length) {
     return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences, ...todo);
   }
@@ -116,7 +119,7 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
 function recorded(page: Page): Verdict {
   const say = (level: Level, head: string, ...lines: string[]): Verdict =>
     ({ level, kind: `Recording ${page.recording?.name} at ${page.stateTime.toFixed(2)} s`, head, lines });
-  const sentences = sentencesOf(page.reasons);
+  const sentences = afterCauses(page);
   if (page.causes.length) return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences);
   if (sentences.length) return say("warn", `The arms could not move: ${sentences[0]}`, ...sentences.slice(1));
   if (moving(page).length) return say("good", `The ${moving(page).join(" and the ")} arm moved`);

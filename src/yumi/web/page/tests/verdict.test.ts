@@ -29,6 +29,8 @@ test("band is yellow while no controller commands an arm that EGM holds", () => 
 });
 
 test("cause comes first, then what is in the way, once", () => {
+  const silent = page({ causes: [reason("No answer.")], reasons: [reason("No answer.")] });
+  assert.deepEqual([verdict(silent).head, verdict(silent).lines], ["Stopped: No answer.", []]);
   const stopped = page({ causes: [reason("Emergency stop.")], reasons: [PRESSED, CONFIRM], stop: "10013-1" });
   const { level, head, lines } = verdict(stopped);
   assert.deepEqual([level, head, lines], ["error", "Stopped: Emergency stop.", [PRESSED.sentence, CONFIRM.sentence]]);
