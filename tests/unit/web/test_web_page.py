@@ -214,6 +214,7 @@ def test_what_is_used_together_is_seen_together_and_the_picture_stays_on_a_telep
 
         page.set_viewport_size({"width": 390, "height": 844})
         for tab, jog in (("joints", "joint 6 1"), ("tool", "elbow 1")):
+            page.evaluate("scrollTo(0, 0)")
             page.click(f"#tab-{tab}")
             page.locator(f'[data-jog="{jog}"]').scroll_into_view_if_needed()
             needed = ["#scene", "#stop", f'[data-jog="{jog}"]']
