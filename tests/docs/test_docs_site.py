@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import sys
+from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 import pytest
@@ -14,12 +16,17 @@ sys.path.append(str(ROOT / "setup"))
 
 import docs_site
 
+import yumi
+from yumi.cli.main import main
+from yumi.control.controllers.joint_trajectory import trajectory_parameters
 from yumi.driver.bringup import ANNOUNCEMENT, REQUIRED_OPTIONS
 from yumi.driver.settings import Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE
+from yumi.robot.joints import Side, joint_names
 
 DOCS = ROOT / "docs"
 REAL_ROBOT = "docs/how-to/real-robot.md"
+SCRIPT = "docs/how-to/script-without-ros.md"
 FILES = sorted(DOCS.rglob("*.md"))
 _LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
 
@@ -169,6 +176,53 @@ def test_first_page_begins_as_the_readme_does() -> None:
     assert page.count("\n# ") + page.startswith("# ") == 1
     for target in re.findall(r"\]\(([^)#]+)", docs_site.rewritten(page, ROOT / "docs" / "index.md")):
         assert "://" in target or (ROOT / "docs" / target).exists() or target in docs_site.GENERATED, target
+
+
+def test_readme_shows_the_page_of_a_virtual_robot_before_the_tests() -> None:
+    commands = re.findall(r"^(?:make \w+|\.venv/bin/yumi [\w -]*\w)", _text("README.md"), re.MULTILINE)
+    assert commands[:3] == ["make demo", ".venv/bin/yumi view --virtual", "make test"]
+
+
+def test_python_api_has_a_page_for_each_class() -> None:
+    def classes(page: Path) -> list[str]:
+        """The classes that mkdocstrings writes into a page."""
+        found = re.findall(r"^::: ([\w.]+)\.(\w+)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+        return [name for module, name in found if isinstance(getattr(import_module(module), name, None), type)]
+
+    assert classes(DOCS / "reference" / "python-api.md") == []
+    named = {page.stem: classes(page) for page in (DOCS / "reference" / "python").glob("*.md")}
+    assert {"Robot", "Arm", "Gripper", "Motion", "RunningDriver"} <= {name for each in named.values() for name in each}
+    assert {page: each for page, each in named.items() if len(each) > 2} == {}
+
+
+@pytest.mark.parametrize("name", ["up", "controller", "doctor"])
+def test_command_with_many_options_has_them_as_a_list_and_each_is_one_of_its_own(name: str) -> None:
+    text = _text("docs/reference/command-line.md")
+    (row,) = re.findall(rf"^\| `yumi {name}` \|.*$", text, re.MULTILINE)
+    assert row.count("--") == 0
+    (listed,) = re.findall(rf"^Options of `yumi {name}`.*:\n\n((?:(?:- |  ).*\n)+)", text, re.MULTILINE)
+    own = {option for each in main.commands[name].params for option in (*each.opts, *each.secondary_opts)}
+    assert listed.count("\n- ") > 1
+    assert set(re.findall(r"`(--[\w-]+)", listed)) - own <= {"--ros-args"}  # which ROS takes
+
+
+def test_factors_that_multiply_are_a_table_with_the_defaults_of_connect() -> None:
+    rows = dict(re.findall(r"^\| `(\w+)` \|.*\| ([^|]+) \| `connect\(", _text(SCRIPT), re.MULTILINE))
+    given = signature(yumi.connect).parameters
+    assert {name: float(rows[name]) for name in ("default_speed_scale", "acceleration")} == {
+        name: given[name].default for name in ("default_speed_scale", "acceleration")
+    }
+    assert rows["speed_scale"] == f"1 on this machine, {FIRST_SPEED_SCALE:g} elsewhere"
+
+
+def test_page_about_streams_has_python_and_slow_streams() -> None:
+    text = _text("docs/how-to/follow-a-stream.md")
+    parts = dict(re.findall(r"^## (.*)\n((?:(?!^## ).*\n?)*)", text, re.MULTILINE))
+    assert "robot.right.stream(" in parts["From Python"]
+    named = set(re.findall(r"`(positions_upsampling\.\w+)`", parts["At 10 to 50 goals a second"]))
+    parameters = {each.name for each in trajectory_parameters(joint_names(Side.RIGHT))}
+    assert named
+    assert named <= parameters
 
 
 def test_no_link_of_the_contributing_page_leads_out_of_the_pages() -> None:

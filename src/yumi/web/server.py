@@ -654,8 +654,9 @@ def page_recording(file: Path) -> dict[str, Any]:
     connected = (index for index, each in enumerate(states) if each.get("is_connected", True))
     states = states[next(connected, 0) :]
     start = min([*times, *(each["time"] for each in states)])
-    if states:  # what was known first is shown from the beginning
-        states[0] = {**states[0], "time": start}
+    for known in (states, *grippers.values()):  # what was known first is shown from the beginning
+        if known:
+            known[0] = {**known[0], "time": start}
 
     def rounded(values: Joints | None) -> list[float] | None:
         return None if values is None else [round(value, 5) for value in values]  # what is not a number becomes null

@@ -358,8 +358,9 @@ def test_motion_that_the_limiter_holds_says_which_parts_and_offers_a_planned_pat
     notice = TrajectoryEnded(motion.identity, Outcome.ABORTED, ResultCode.GOAL_TOLERANCE_VIOLATED, "It is late.")
     robot.motions.note(ControllerReport(Side.RIGHT, TRAJECTORY_CONTROLLER, notice))
     limited = message("parts_not_compared", part="right gripper", other="body", distance=0.062)
-    with refused(GoalNotReached, "goal_not_reached_limited", arm="right", limited=limited):
+    with refused(GoalNotReached, "goal_not_reached_limited", arm="right", limited=limited) as refusal:
         motion.wait()
+    assert "retreat" in {each.value for each in refusal.value.said.actions}
 
 
 @pytest.mark.parametrize(

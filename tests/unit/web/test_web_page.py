@@ -187,6 +187,42 @@ def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
     assert errors == []
 
 
+IN_VIEW = """ids => ids.filter(id => {
+    const box = document.querySelector(id).getBoundingClientRect();
+    return box.height > 0 && box.top >= 0 && box.bottom <= innerHeight;
+})"""
+"""Those of some elements that are seen whole, without scrolling."""
+
+
+@pytest.mark.timeout(120)
+def test_what_is_used_together_is_seen_together_and_the_picture_stays_on_a_telephone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    errors: list[str] = []
+    with browser() as chromium, running(), served() as url:
+        page = operated(chromium, url, errors)
+        page.set_viewport_size({"width": 1440, "height": 757})
+        always = ["#scene", "#stop", "#start", "#recover", "#tool-pose", "#open", "#close"]
+        for tab, own in {
+            "joints": ['[data-jog="joint 0 1"]', '[data-jog="joint 6 -1"]'],
+            "tool": ['[data-jog="linear x 1"]', '[data-jog="elbow 1"]'],
+            "poses": ["#pose", "#plan", "#move", "#activate"],
+        }.items():
+            page.click(f"#tab-{tab}")
+            assert page.evaluate(IN_VIEW, [*always, *own]) == [*always, *own], tab
+
+        page.set_viewport_size({"width": 390, "height": 844})
+        for tab, jog in (("joints", "joint 6 1"), ("tool", "elbow 1")):
+            page.evaluate("scrollTo(0, 0)")
+            page.click(f"#tab-{tab}")
+            page.locator(f'[data-jog="{jog}"]').scroll_into_view_if_needed()
+            needed = ["#scene", "#stop", f'[data-jog="{jog}"]']
+            assert page.evaluate(IN_VIEW, needed) == needed, tab
+        assert page.evaluate("document.documentElement.scrollWidth") == 390
+    assert errors == []
+
+
 @pytest.mark.timeout(120)
 def test_goal_is_that_of_the_arm_that_is_chosen_and_an_empty_field_moves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

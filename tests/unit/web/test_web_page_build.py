@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from yumi.catalogue.texts.actions import ACTIONS
 from yumi.errors import MissingPrerequisite
 from yumi.virtual.faults import Fault
 from yumi.web import page_build
@@ -45,6 +47,16 @@ def test_every_fault_of_the_virtual_robot_has_words_on_the_page() -> None:
     words = (page_build.SOURCES / "src" / "faults.ts").read_text()
     without = [each.value.name for each in Fault if not any(f"{q}{each.value.name}{q}:" in words for q in ('"', ""))]
     assert without == []
+
+
+def test_button_that_a_sentence_of_the_page_names_is_there_by_that_name() -> None:
+    sources = [page_build.SOURCES / "index.html", *(page_build.SOURCES / "src").glob("*.ts")]
+    markup = "\n".join(each.read_text() for each in sources)
+    words = [ACTIONS[action][front_end] for action in ACTIONS for front_end in ("page", "virtual_page")]
+    said = "\n".join([markup, *(f"{each.do}; {each.name}" for each in words)])
+    named = set(re.findall("“([^“”]+)”", said))
+    assert {"Start EGM", "Stop (ends EGM)", "Recover…", "Calibrate grippers"} <= named
+    assert [name for name in sorted(named) if not re.search(rf"[>\"]{re.escape(name)}[<\"]", markup)] == []
 
 
 @pytest.fixture

@@ -90,6 +90,15 @@ def test_what_was_known_first_is_shown_from_the_first_cycle_on(tmp_path: Path) -
     assert shown["states"][0]["time"] == shown["arms"]["right"]["time"][0] == 0.0
 
 
+def test_gripper_that_was_read_after_the_robot_was_connected_is_shown_from_the_beginning(tmp_path: Path) -> None:
+    with RecordingWriter(tmp_path / "session.mcap", 0.0) as writer:
+        writer.add_value("state", 100.0, RobotState(is_connected=True))
+        for time, position in ((101.2, 0.0), (104.0, 0.011)):
+            writer.add_value("r/gripper", time, GripperState(ServoState.READY, 0, True, position, 0.0, 10.0))
+    shown = page_recording(tmp_path / "session.mcap")["grippers"]["right"]
+    assert [(each["time"], each["position"]) for each in shown] == [(0.0, 0.0), (4.0, 0.011)]
+
+
 def test_recording_of_a_robot_that_never_answered_shows_that(tmp_path: Path) -> None:
     with RecordingWriter(tmp_path / "session.mcap", 1.8e9) as writer:
         writer.add_value("state", 100.0, RobotState(is_connected=False))

@@ -1,6 +1,6 @@
 /** The faults of a virtual robot, in groups and in words. */
 
-import type { Fault } from "./messages";
+import type { ArmName, Fault } from "./messages";
 
 /** By group: the faults' names in commands, and what a person reads. */
 export const GROUPS: Record<string, Record<string, string>> = {
@@ -50,6 +50,13 @@ export const GROUPS: Record<string, Record<string, string>> = {
     "object-lost": "Part is taken away",
   },
 };
+
+/** What a fault does, in a sentence of its own; then the arm that is chosen, and whether the fault stays. */
+export function explanation(fault: Fault, arm: ArmName): string {
+  const ofArm = fault.has_side ? ` Chosen: the ${arm} arm.` : "";
+  const endless = fault.has_duration && fault.default_duration === null ? " Without a duration it does not end by itself." : "";
+  return `${fault.meaning.charAt(0).toUpperCase()}${fault.meaning.slice(1)}.${ofArm}${endless}`;
+}
 
 export interface FaultGroup {
   label: string;

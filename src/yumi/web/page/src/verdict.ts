@@ -28,9 +28,11 @@ const running = ({ model, state }: Page): ArmName[] => armsOf(model).filter((nam
 const moving = ({ model, state }: Page): ArmName[] => armsOf(model).filter((name) => state?.arms[name]?.mode === "moving");
 const isWhole = (page: Page): boolean => running(page).length === armsOf(page.model).length;
 const sentencesOf = (said: readonly Said[]): string[] => said.map(({ sentence }) => sentence);
-/** Why the arms do not move, without what is a cause as well and said before. */
-const afterCauses = ({ causes, reasons }: Page): string[] =>
-  sentencesOf(reasons).filter((each) => !sentencesOf(causes).includes(each));
+/** What stopped the robot; where the driver knows no cause, it repeats why the robot cannot move. */
+const causesOf = ({ causes, reasons }: Page): string[] => {
+  const [stopped, cannot] = [sentencesOf(causes), sentencesOf(reasons)];
+  return stopped.join() === cannot.join() ? [] : stopped;
+};
 const canTakeControl = ({ view }: Page): boolean => view.control === "none" && !view.why_not_operated;
 
 /** The arms that EGM holds and no controller commands. */
@@ -84,10 +86,9 @@ function live(page: Page): Verdict {
     return say("error", `Cannot move: the robot runs EGM on the ${silent} arm, but its datagrams do not arrive`,
       check, ...first, "Then press “Recover…”.");
   }
-  const sentences = afterCauses(page);
-  if (page.causes.length) {
-    return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences, ...todo);
-  }
+  const sentences = sentencesOf(page.reasons);
+  const causes = causesOf(page);
+  if (causes.length) return say("error", `Stopped: ${causes.join(" ")}`, ...sentences, ...todo);
   if (page.stop) return say("error", `Stopped: ${sentences[0] ?? page.stop}`, ...sentences.slice(1), ...todo);
   if (sentences.length) return say("warn", `Cannot move: ${sentences[0]}`, ...sentences.slice(1), ...todo);
   const [problem, ...others] = sentencesOf(Object.values(page.problems));
@@ -119,8 +120,9 @@ function resting(page: Page, say: (level: Level, head: string, ...lines: string[
 function recorded(page: Page): Verdict {
   const say = (level: Level, head: string, ...lines: string[]): Verdict =>
     ({ level, kind: `Recording ${page.recording?.name} at ${page.stateTime.toFixed(2)} s`, head, lines });
-  const sentences = afterCauses(page);
-  if (page.causes.length) return say("error", `Stopped: ${sentencesOf(page.causes).join(" ")}`, ...sentences);
+  const sentences = sentencesOf(page.reasons);
+  const causes = causesOf(page);
+  if (causes.length) return say("error", `Stopped: ${causes.join(" ")}`, ...sentences);
   if (sentences.length) return say("warn", `The arms could not move: ${sentences[0]}`, ...sentences.slice(1));
   if (moving(page).length) return say("good", `The ${moving(page).join(" and the ")} arm moved`);
   const arms = running(page);

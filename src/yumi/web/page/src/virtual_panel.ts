@@ -3,7 +3,7 @@
 import type { Connection } from "./connection";
 import { withNumber } from "./arm_panel";
 import { at, choice, input, make, press, text } from "./dom";
-import { faultGroups } from "./faults";
+import { explanation, faultGroups } from "./faults";
 import type { Fault } from "./messages";
 import type { Page, Store } from "./store";
 
@@ -62,9 +62,7 @@ export class VirtualPanel {
 
   private explain(page: Page): void {
     const fault = this.chosen(page);
-    const ofArm = fault?.has_side ? ` Chosen: the ${page.arm} arm.` : "";
-    const endless = fault?.has_duration && fault.default_duration === null ? " Without a duration it does not end by itself." : "";
-    text(at("fault-meaning"), fault ? `${fault.meaning.charAt(0).toUpperCase()}${fault.meaning.slice(1)}.${ofArm}${endless}` : "");
+    text(at("fault-meaning"), fault ? explanation(fault, page.arm) : "");
     at("fault-strength").hidden = !fault?.unit;
     input("fault-by").value = String(fault?.default ?? "");
     text(at("fault-unit"), fault?.unit ?? "");

@@ -3,7 +3,7 @@ import { test } from "node:test";
 
 import { gripperWords } from "../src/arm_panel";
 import { outcomeOf } from "../src/connection";
-import { faultGroups, GROUPS } from "../src/faults";
+import { explanation, faultGroups, GROUPS } from "../src/faults";
 import { shortened, rotate, seenFrom } from "../src/frames";
 import { ofGoal, ofHandle } from "../src/goals";
 import { atRest, toolJog } from "../src/jogging";
@@ -69,6 +69,13 @@ test("faults stand in groups, those without words in one of their own", () => {
   ]);
   const words = Object.values(GROUPS).flatMap((group) => Object.values(group));
   assert.equal(new Set(words).size, words.length);
+});
+
+test("arm that a fault is for is named beside the sentence that says what the fault does", () => {
+  const fault = { name: "x", meaning: "datagrams are lost", has_side: true, has_duration: false, default_duration: null, unit: "", default: null };
+  assert.equal(explanation(fault, "left"), "Datagrams are lost. Chosen: the left arm.");
+  assert.equal(explanation({ ...fault, has_side: false }, "left"), "Datagrams are lost.");
+  assert.match(explanation({ ...fault, has_duration: true }, "left"), /does not end by itself/);
 });
 
 test("gripper and what it came to are read in words", () => {

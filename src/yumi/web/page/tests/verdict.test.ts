@@ -29,11 +29,15 @@ test("band is yellow while no controller commands an arm that EGM holds", () => 
 });
 
 test("cause comes first, then what is in the way, once", () => {
-  const silent = page({ causes: [reason("No answer.")], reasons: [reason("No answer.")] });
-  assert.deepEqual([verdict(silent).head, verdict(silent).lines], ["Stopped: No answer.", []]);
   const stopped = page({ causes: [reason("Emergency stop.")], reasons: [PRESSED, CONFIRM], stop: "10013-1" });
   const { level, head, lines } = verdict(stopped);
   assert.deepEqual([level, head, lines], ["error", "Stopped: Emergency stop.", [PRESSED.sentence, CONFIRM.sentence]]);
+});
+
+test("robot that nothing has stopped is not called stopped, and its reason stands there once", () => {
+  const off = [reason("The motors are off.", "motors_on")];
+  const { level, head, lines } = verdict(page({ reasons: off, causes: off }));
+  assert.deepEqual([level, head, lines], ["warn", "Cannot move: The motors are off.", []]);
 });
 
 test("recover is offered when nothing is left that only a person can end", () => {
@@ -117,6 +121,9 @@ test("band of a recording says what was so at its time, and asks for nothing", (
   const stopped = { ...recording, states: [{ time: 0, reasons: [CONFIRM.sentence], causes: ["Emergency stop."] }] };
   const { head, lines } = verdict({ ...page(), recording: stopped, ...ofTime(stopped, 0) });
   assert.deepEqual([head, lines], ["Stopped: Emergency stop.", [CONFIRM.sentence]]);
+  const motorsOff = { ...recording, states: [{ time: 0, reasons: ["The motors are off."], causes: ["The motors are off."] }] };
+  const begun = verdict({ ...page(), recording: motorsOff, ...ofTime(motorsOff, 0) });
+  assert.deepEqual([begun.level, begun.head, begun.lines], ["warn", "The arms could not move: The motors are off.", []]);
 });
 
 test("band of a controller without a driver says whether RAPID runs, and what is not shown", () => {
