@@ -307,7 +307,7 @@ def test_13_silence_stops_a_program_that_does_not_wait(bench):
     failure = bench.egm.take_failure()
     assert (failure.outcome, failure.sentence) == (
         EgmOutcome.COMM_TIMEOUT,
-        "No data from the UdpUc device for 1 s (41822).",
+        "No datagram has come for 1 s.",
     )
     assert bench.egm.take_failure() is None
 

@@ -262,4 +262,4 @@ def test_driver_logs_when_egm_begins_and_ends(idle: Client) -> None:
         idle.until(idle.hears(f"{arm} arm: the robot follows commands."))
     assert idle.call(Trigger, "yumi_robot_manager/stop_egm").success
     for arm in ("Right", "Left"):
-        idle.until(idle.hears(f"{arm} arm: the robot follows commands no longer."))
+        idle.until(idle.hears(f"{arm} arm: the robot no longer follows commands."))

@@ -340,6 +340,8 @@ def test_failed_goal_has_its_reason_in_the_state(hand: Hand) -> None:
     assert hand.trigger("calibrate").success
     hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
-    with pytest.raises(GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear it"):
+    with pytest.raises(
+        GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear the error"
+    ):
         hand.application.begin(0.01)()
     assert hand.trigger("clear_error").success

@@ -70,7 +70,7 @@ STOPS = [
         "10015 Manual mode selected.*MANR",
         Fault.AUTO_MODE,
     ),
-    Scenario(Fault.COLLISION, "see what it touched and free it", "50204 Motion supervision"),
+    Scenario(Fault.COLLISION, "see what the arm touched, and free the arm", "50204 Motion supervision"),
     Scenario(Fault.DYNAMIC_LOAD, "lower acceleration, or set the tool's load", "50375 Dynamic load too high"),
     Scenario(
         Fault.WRONG_PROGRAM,

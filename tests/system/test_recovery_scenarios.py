@@ -51,7 +51,8 @@ def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: 
         (
             Fault.MANUAL_MODE,
             Fault.AUTO_MODE,
-            "10015 Manual mode selected: .* the controller is in MANR; set the controller to AUTO on the FlexPendant",
+            "10015 Manual mode selected: .* the controller is in operating mode MANR, not in AUTO; set the "
+            "controller to AUTO on the FlexPendant",
         ),
         (
             Fault.WRONG_PROGRAM,

@@ -83,7 +83,7 @@ def seen(system: System) -> tuple[object, ...]:
     )
 
 
-TO_AUTO = "controller is in MANR; set the controller to AUTO on the FlexPendant"
+TO_AUTO = "controller is in operating mode MANR, not in AUTO; set the controller to AUTO on the FlexPendant"
 PRESSED = "the emergency stop is pressed; release it where it was pressed"
 GUARD = "a guard stop keeps the motors off; close the guard, or end what else causes the guard stop"
 BUSY = "a state machine is not idle (left arm: RUN_EGM_ROUTINE); end EGM"

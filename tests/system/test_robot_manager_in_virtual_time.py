@@ -315,7 +315,7 @@ def test_manager_reads_and_writes_signals(system: System) -> None:
 @pytest.mark.parametrize(
     ("name", "value", "sentence"),
     [
-        ("nothing", "1", "The controller has no signal nothing; look at its list"),
+        ("nothing", "1", "The controller has no signal 'nothing'; look at its list"),
         ("RUN_SG_ROUTINE", "much", "'much' is not a value for signal RUN_SG_ROUTINE; give a number"),
         ("RUN_SG_ROUTINE", "nan", "Signal RUN_SG_ROUTINE cannot be nan; give a finite number"),
         ("../panel", "1", "'../panel' is not a name of a signal"),

@@ -163,7 +163,7 @@ def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) ->
     page.wait("#remedy", "emergency stop is pressed")
     assert "emergency stop is pressed" in str(page.tab.get_attribute("#recover:disabled", "title"))
     page.mend("Release the emergency stop")
-    page.wait("#remedy", "^A person must confirm the stop")
+    page.wait("#remedy", "^A stop waits for a person's confirmation")
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     inject_fault(str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0], "emergency-stop", {})

@@ -275,6 +275,8 @@ class _Words(Formatter):
     def _list(self, values: Sequence[Any], format_spec: str) -> str:
         is_list = format_spec in {"list", "or", "and"}
         texts = [self.format_field(each, "" if is_list else format_spec) for each in values]
+        if format_spec == "remedy":
+            texts = [each for each in texts if each]
         if is_list and not texts:
             return "none"
         if format_spec in {"or", "and"}:

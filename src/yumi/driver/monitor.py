@@ -33,7 +33,7 @@ from yumi.control.shared_state import (
 )
 from yumi.driver.readiness import EGM_OFF, EGM_RUNNING, EGM_STREAMING, RobotState, why_not_ready
 from yumi.driver.state_machine import MAIN, RUN_RAPID, START_JOINT, STOP, MachineState, SpeedSetting, read_machine_state
-from yumi.driver.stops import Cause, Stop, StopLog, explain, explained
+from yumi.driver.stops import Cause, Stop, StopLog, explain, explained, has_ended_egm
 from yumi.errors import ControllerRefused, ProtocolError, YumiError
 from yumi.process.supervision import Failures, SupervisedThread
 from yumi.robot.joints import ZERO, Side, joints
@@ -118,6 +118,8 @@ class StateLog:
             self._stopped += worse
             self._since = min(self._since, now)
         if better:
+            if self._stopped and not before.is_connected:
+                self._log(before)  # first what is over now
             self.report(logging.INFO, message("robot_changed", changes=tuple(better)))
         self._events += [event for event in self._stops.take_news() if event.type is EventType.ERROR]
         if self._events or (after.stop and after.stop != self._logged_stop):
@@ -140,6 +142,8 @@ class StateLog:
             what = tuple(dict.fromkeys(parts)) or message("robot_was_stopped")
             if state.stop:
                 said = message("changed_by_stop", changes=what, causes=state.causes, stop=state.stop)
+            elif state.causes and not state.is_connected:  # its cause is what has changed
+                said = message("controller_lost", changes=what, causes=state.causes)
             elif state.causes:
                 said = message("changed_by", changes=what, causes=state.causes)
             else:
@@ -353,6 +357,8 @@ class RobotMonitor:
         """Have ``then`` called with what happened to an arm: with the cause, once it is known, where EGM has ended."""
         if is_fault(event) and isinstance(event, SessionLost | SessionStarted | RobotStoppedFollowing):
             self.explain(lambda cause: then(explained(event, cause)))
+        elif self._unexplained:  # in the order in which it happened
+            self.explain(lambda cause: then(event.said))
         else:
             then(event.said)
 
@@ -366,8 +372,13 @@ class RobotMonitor:
             return self.cause()
 
     def cause(self) -> Cause:
-        """What stopped the robot, as far as it is known now; empty while it works."""
-        state = self.state()
+        """What stopped the robot, as far as it is known now; empty while it works.
+
+        Where the program goes on after an error that has ended EGM, that error is the cause.
+        """
+        state, event = self.state(), self._stops.cause
+        if not state.causes and event is not None and has_ended_egm(event):
+            return Cause((explain(event),))
         return Cause(state.causes, state.stop)
 
     # The thread
@@ -617,8 +628,9 @@ class RobotMonitor:
         with self._lock:
             due = [each for each in self._unexplained if is_over or is_known or each[0] <= now]
             self._unexplained = [each for each in self._unexplained if each not in due]
+        cause = self.cause() if due else Cause()
         for _, then in due:
-            self._failures.attempt("Reporting what stopped the robot", then, Cause(state.causes, state.stop))
+            self._failures.attempt("Reporting what stopped the robot", then, cause)
 
 
 def changed(state: RobotState, change: Change) -> RobotState:

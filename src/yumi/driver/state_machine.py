@@ -30,6 +30,8 @@ from yumi.rws.client import RwsClient
 from yumi.rws.types import RapidValue
 from yumi.settings import bounded
 
+_UNKNOWN_SYMBOL = 400  # status of HTTP
+
 LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
 
@@ -340,9 +342,14 @@ class StateMachines:
         """The state of one arm's machine.
 
         Raises:
-            RobotNotReady: the robot reports an unknown state.
+            RobotNotReady: the robot reports an unknown state, or another program is loaded.
         """
-        literal = self._client.symbol(side.task, MAIN, "current_state")
+        try:
+            literal = self._client.symbol(side.task, MAIN, "current_state")
+        except ControllerRefused as error:
+            if error.status != _UNKNOWN_SYMBOL:
+                raise
+            raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN)) from error
         try:
             return read_machine_state(literal)
         except ProtocolError as error:

@@ -40,6 +40,8 @@ _COLLISIONS = (50056, 50204)
 _SAFETY_CHAIN = range(90200, 90300)  # the safety chain was opened: emergency, automatic, general or superior stop
 _UNHANDLED = 40228  # it follows the event of the error that the program does not handle, EGM's time-out too
 
+_EGM_ERRORS = {_EGM_TIMEOUT, 41826, 41828, 41830, 50452}  # the program may go on after them
+
 # These accompany every other stop, and may come before the event that says more.
 _ACCOMPANYING = (_MOTORS_OFF, _PROGRAM_STOPPED)
 
@@ -67,6 +69,11 @@ def needs_person(code: int) -> bool:
     Emergency stop, guard stop (a guard that closes must not start motion) and collision, however they are reported.
     """
     return code in {_EMERGENCY_STOP, _GUARD_STOP, *_COLLISIONS} or code in _SAFETY_CHAIN
+
+
+def has_ended_egm(event: Event) -> bool:
+    """Whether an event is an error that ends EGM, also where the program goes on."""
+    return event.type is EventType.ERROR and event.code in _EGM_ERRORS
 
 
 def _is_guard_stop(code: int) -> bool:
@@ -103,7 +110,7 @@ def explain(event: Event) -> Message:
     own = (event.description or event.title).strip().removesuffix(".")
     if event.code not in KNOWN_NUMBERS:
         return message("event", number=event.code, title=event.title, detail=own)
-    if event.type is EventType.ERROR and event.code != _EMERGENCY_STOP:  # of which ABB says the same
+    if event.type is EventType.ERROR and event.code not in _STOPS:  # of those we say all that the controller does
         return Message(f"event_{event.code}_with_detail", {"number": event.code, "title": event.title, "detail": own})
     return Message(f"event_{event.code}", {"number": event.code, "title": event.title})
 
@@ -397,7 +404,11 @@ def because(said: Message, cause: Cause) -> Message:
     """A message with what stopped the robot, where something did."""
     if cause.stop:
         return message("explained_stop", event=said, causes=cause.causes, stop=cause.stop)
-    return message("explained", event=said, causes=cause.causes) if cause.causes else said
+    if not cause.causes:
+        return said
+    if any(each.actions for each in cause.causes):
+        return message("explained", event=said, causes=cause.causes)
+    return message("explained_to_go_on", event=said, causes=cause.causes)
 
 
 def _active_stop(state: ControllerState) -> Message | None:

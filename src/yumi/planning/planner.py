@@ -299,6 +299,8 @@ class Planner:
         nearest = self._collisions.nearest(goal if is_goal else start)[0]
         if nearest.distance > CLEARANCES[0]:
             where = message("arm_touches_itself")
+        elif nearest.distance < 0.0:
+            where = message("parts_overlap", part=nearest.part, other=nearest.other, depth=-nearest.distance)
         else:
             where = message("parts_are_near", part=nearest.part, other=nearest.other, distance=nearest.distance)
         raise CommandRefused(message("plan_goal_not_free" if is_goal else "plan_start_not_free", where=where))

@@ -99,7 +99,8 @@ def test_message_in_a_message_is_part_of_its_sentence():
     )
     assert sentence(said, FrontEnd.SCRIPT) == (
         "The robot was stopped by 10013 Emergency stop: an emergency stop was pressed; then 50204 Collision: an arm "
-        "has collided, or moves against a force; see what it touched and free it; look at the robot and call "
+        "has collided, or moves against a force; see that its button is released; see what the arm touched, and free "
+        "the arm; look at the robot and call "
         "robot.recover(confirm='10013-7-aa'); nothing moves before that."
     )
 

@@ -179,7 +179,7 @@ def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: S
     feed(loop, arm, middle)
     events = loop.take_events()
     assert events == [SessionResumed(Side.LEFT, 1), RobotFollows(Side.LEFT)]
-    assert str(events[0]) == "Left arm: EGM feedback is back, session 1 goes on and the arm holds."
+    assert events[0].said == message("session_resumed", arm="left", session=1)
 
 
 def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(

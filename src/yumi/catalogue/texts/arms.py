@@ -13,8 +13,8 @@ ARMS: Mapping[str, Text] = {
         "check that this machine's firewall lets UDP out to the controller",
     ),
     "feedback_implausible": Text(
-        "{arm} arm: the robot reports positions that the arm cannot have reached: datagrams are old, forged, or "
-        "another arm's, or a joint stands out of its range",
+        "{arm} arm: the robot reports positions that the arm cannot have reached: the datagrams are old, forged or "
+        "from another arm, or a joint is out of its range",
         "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint that "
         "is out of its range back",
     ),
@@ -22,30 +22,34 @@ ARMS: Mapping[str, Text] = {
     # ---- what happened
     "session_started": Text("{arm} arm: EGM session {session} started"),
     "session_restarted_in_motion": Text(
-        "{arm} arm: the robot began EGM session {session} in the middle of a motion; {controllers} deactivated. "
-        "{Start_egm} to go on"
+        "{arm} arm: the robot began EGM session {session} in the middle of a motion; {controllers} deactivated",
+        "{start_egm} to go on",
     ),
-    "session_resumed": Text("{arm} arm: EGM feedback is back, session {session} goes on and the arm holds"),
-    "session_ended": Text("{arm} arm: EGM has ended, the robot is silent for {silence:.0ms}"),
+    "session_resumed": Text(
+        "{arm} arm: EGM feedback is back, session {session} goes on and the arm holds", "{recover} to go on"
+    ),
+    "session_ended": Text("{arm} arm: EGM has ended; the robot has been silent for {silence:.0ms}"),
     "feedback_lost": Text(
-        "{arm} arm: EGM feedback lost, the robot has been silent for {silence:.0ms}; {controllers} deactivated. "
-        "{Start_egm} when the controller is back"
+        "{arm} arm: EGM feedback lost, the robot has been silent for {silence:.0ms}; {controllers} deactivated",
+        "{start_egm} when the connection is back",
     ),
     "driver_stood_still": Text(
         "{arm} arm: the control process stood still for {duration:.2g} s; the arm was not controlled meanwhile"
     ),
     "driver_stood_still_in_motion": Text(
         "{arm} arm: the control process stood still for {duration:.2g} s, the arm was not controlled meanwhile; "
-        "{controllers} deactivated. {Start_egm} to go on"
+        "{controllers} deactivated",
+        "{start_egm} to go on",
     ),
     "virtual_robot_was_late": Text(
         "{arm} arm: this machine was too busy for its virtual robot, which sent nothing for {silence:.0ms}; "
-        "{controllers} deactivated. {Start_egm} to go on"
+        "{controllers} deactivated",
+        "{start_egm} to go on",
     ),
     "robot_follows": Text("{arm} arm: the robot follows commands"),
-    "robot_stopped_following": Text("{arm} arm: the robot follows commands no longer"),
+    "robot_stopped_following": Text("{arm} arm: the robot no longer follows commands"),
     "robot_stopped_following_in_motion": Text(
-        "{arm} arm: the robot follows commands no longer; {controllers} deactivated. {Start_egm} to go on"
+        "{arm} arm: the robot no longer follows commands; {controllers} deactivated", "{start_egm} to go on"
     ),
     "position_not_believed": Text(
         "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be; the datagram was "
@@ -53,7 +57,8 @@ ARMS: Mapping[str, Text] = {
     ),
     "position_not_believed_for_long": Text(
         "{arm} arm: the reported position of {joint} is {distance:.1°} from where the arm can be; the arm "
-        "holds{ended}. Cause: {cause}; {cause:remedy}. {Restart_egm} when this is corrected",
+        "holds{ended}. Cause: {cause}",
+        "{cause:remedy}; {restart_egm} when this is corrected",
     ),
     "controllers_deactivated": Text("; {controllers} deactivated"),
     "nothing": Text(""),
@@ -62,13 +67,13 @@ ARMS: Mapping[str, Text] = {
         "check the remote ports of the controller's UDPUC devices ROB_L and ROB_R",
     ),
     "positions_implausible": Text(
-        "datagrams are old, forged, or another arm's, or a joint stands out of its range",
+        "the datagrams are old, forged or from another arm, or a joint is out of its range",
         "check what else sends to this port, and the remote ports of the controller's UDPUC devices; jog a joint that "
         "is out of its range back",
     ),
-    "arm_holds_ignored": Text("{problem:sentence} The arm holds{ended}"),
-    "references_followed_again": Text("{arm} arm: the robot follows the references again. {Recover} to go on"),
-    "positions_plausible_again": Text("{arm} arm: the reported positions are plausible again. {Recover} to go on"),
+    "arm_holds_ignored": Text("{problem}; the arm holds{ended}", "{problem:remedy}; then {recover}"),
+    "references_followed_again": Text("{arm} arm: the robot follows the references again", "{recover} to go on"),
+    "positions_plausible_again": Text("{arm} arm: the reported positions are plausible again", "{recover} to go on"),
     "parts_near": Text("{part} - {other}, {distance:.0mm}"),
     "parts_not_compared": Text("{part} - {other}, {distance:.0mm}, not shown to stay apart within one cycle"),
     "no_shared_memory": Text(
@@ -109,7 +114,7 @@ ARMS: Mapping[str, Text] = {
         "name them as the log does: 'right gripper' (with its fingers), 'right arm' (all of it), 'body', or a "
         "declared box",
     ),
-    "arm_waits_for_recovery": Text("the {arm} arm was stopped and waits: {fault}", "{recover}"),
+    "arm_waits_for_recovery": Text("goal refused: {fault}", "{fault:remedy}"),
     "goal_not_reached": Text("the {arm} arm did not reach its goal: {reason}"),
     "goal_not_reached_limited": Text(
         "the {arm} arm did not reach its goal: {reason}; the limiter keeps it apart: {limited}",
@@ -118,16 +123,17 @@ ARMS: Mapping[str, Text] = {
     "motion_limited": Text("{arm} arm: motion limited by {limited}"),
     "all_kept_apart": Text("all parts are kept apart again, and the arms have their speed"),
     "may_touch": Text("may touch for a while, slowly: {pairs:list}"),
-    "controller_failed": Text("{arm} arm: {failure}"),
+    "controller_failed": Text("{arm} arm: {failure}", "{recover} to go on"),
     "controller_reports": Text("{arm} arm: {controller}: {report}"),
-    "cycle_failed": Text("{arm} arm: a cycle could not be completed: {failure}"),
+    "cycle_failed": Text("{arm} arm: a cycle could not be completed: {failure}", "{recover} to go on"),
     "reports_dropped": Text(
         "{arm} arm: the driver did not read the control process's reports for a while and {count} were dropped; the "
-        "arms were served meanwhile, and hold now. Was the driver stopped or its machine overloaded? See the state "
-        "for what holds now"
+        "arms were served meanwhile, and hold now",
+        "see whether the driver was stopped or its machine is overloaded, then {recover}",
     ),
     "control_process_ended": Text(
         "{arm} arm: the control process has ended (exit code {exit_code}); the robot gets no answers any more and "
-        "keeps its last references. {Recover}, which starts another one"
+        "keeps its last references",
+        "{recover}, which starts another one",
     ),
 }

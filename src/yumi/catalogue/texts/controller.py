@@ -17,14 +17,14 @@ CONTROLLER: Mapping[str, Text] = {
     "is_a_yumi": Text("a YuMi"),
     "unit_missing": Text("the controller has no mechanical unit {unit}; it does not move a YuMi's {arm} arm"),
     "state_machine_missing": Text(
-        "task {task} has no state machine ({module})", "load the RAPID modules of this package on it"
+        "task {task} has no state machine ({module})", "load the RAPID modules of this package into it"
     ),
     "state_has_wrong_type": Text(
-        "{task}/{module}/current_state has type {kind}, not num", "load the RAPID modules of this package on it"
+        "{task}/{module}/current_state has type {kind}, not num", "load the RAPID modules of this package into it"
     ),
     "state_machine_of_other_version": Text(
         "task {task} has version {version} of the state machine, not {expected}",
-        "load the RAPID modules of this package on it",
+        "load the RAPID modules of this package into it",
     ),
     "udpuc_device_missing": Text(
         "the controller has no UDPUC device {device} (Communication, Transmission Protocol)",
@@ -61,7 +61,7 @@ CONTROLLER: Mapping[str, Text] = {
         "find what else writes this signal",
     ),
     "no_signal_name": Text("{name:quoted} is not a name of a signal", "give one of the controller's I/O signals"),
-    "signal_unknown": Text("the controller has no signal {signal}", "look at its list of I/O signals"),
+    "signal_unknown": Text("the controller has no signal {signal:quoted}", "look at its list of I/O signals"),
     "no_rapid_value": Text(
         "{value:quoted} is not a RAPID value; {module}/{variable} of {task} takes a {kind}, such as {example}"
     ),
@@ -89,7 +89,8 @@ CONTROLLER: Mapping[str, Text] = {
     "module_not_loaded": Text("{task} did not load {path}; it is not a correct RAPID module", "see the event log"),
     "program_stopped_in_routine": Text("the RAPID program stopped while {task} ran a routine", "see the event log"),
     "no_rapid_file_name": Text(
-        "{name:quoted} is not a name of a RAPID file", "give letters and digits and .mod or .sys"
+        "{name:quoted} is not a name of a RAPID file",
+        "give a letter, then letters and digits, and .mod or .sys at the end",
     ),
     "text_without_module": Text("the text of {file} declares no MODULE", "give a whole RAPID module"),
     "module_name_reserved": Text("modules TRob... such as {module} belong to the robot-side program", "rename yours"),

@@ -10,8 +10,8 @@ ENDPOINT: Mapping[str, Text] = {
     # ---- the driver
     "no_driver_runs": Text(
         "no driver runs on this machine for this user",
-        "start one with: yumi up --robot <address> (a virtual robot first: yumi controller, then yumi up --robot "
-        "127.0.0.1)",
+        "start one with `yumi up --robot <address>` (a virtual robot first: `yumi controller`, then `yumi up --robot "
+        "127.0.0.1`)",
     ),
     "no_driver_of_robot": Text("no driver of {robot:quoted} runs on this machine; there is one of {drivers:list}"),
     "several_drivers_run": Text("several drivers run on this machine: {drivers:list}", "name one with --robot"),

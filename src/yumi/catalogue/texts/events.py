@@ -11,8 +11,8 @@ from yumi.catalogue.text import Text
 
 _BY_NUMBER: Mapping[int, tuple[str, str]] = {
     10010: ("the motors were switched off", "{motors_on}"),
-    10012: ("a guard stop switched the motors off", ""),
-    10013: ("an emergency stop was pressed", ""),
+    10012: ("a guard stop switched the motors off", "see that the guard is closed"),
+    10013: ("an emergency stop was pressed", "see that its button is released"),
     10014: ("the controller went into system failure", "{recover} when it has been restarted"),
     10015: ("the mode switch was turned to manual", "{recover} when it is in AUTO again"),
     10016: ("AUTO was chosen and waits to be confirmed", "confirm AUTO on the FlexPendant, then {recover}"),
@@ -25,7 +25,7 @@ _BY_NUMBER: Mapping[int, tuple[str, str]] = {
     41438: ("the tool's load is undefined", "define mass and centre of gravity of the tool in use"),
     41822: (
         "no EGM answer reached the robot in time",
-        "check the network, the firewall and the UDPUC device's remote address; the driver must answer each cycle",
+        "check the network, the firewall and the UDPUC device's remote address",
     ),
     41826: ("EGM was set up for joints and run for poses", "use joints: RobotWare 6 moves a YuMi by them only"),
     41828: (
@@ -37,11 +37,11 @@ _BY_NUMBER: Mapping[int, tuple[str, str]] = {
         "check the UDPUC device's remote address and the cable, and restart the controller after a change",
     ),
     50027: ("a joint left its range", "bring the arm back into range, jogging if need be, then {recover}"),
-    50056: ("a joint met a resistance, as in a collision", "see what the arm touched and free it"),
-    50204: ("an arm has collided, or moves against a force", "see what it touched and free it"),
+    50056: ("a joint met a resistance, as in a collision", "see what the arm touched, and free the arm"),
+    50204: ("an arm has collided, or moves against a force", "see what the arm touched, and free the arm"),
     50375: (
         "the references asked for more torque than an arm has",
-        "lower acceleration, or set the tool's load, then {recover}",
+        "lower the acceleration, or set the tool's load, then {recover}",
     ),
     50376: ("the references asked for more speed than a joint has", "lower the speed, then {recover}"),
     50446: ("the end of EGM took longer than ordered", ""),

@@ -20,7 +20,7 @@ GRIPPERS: Mapping[str, Text] = {
         "the {gripper} gripper still reports an error", "check its 24 V supply and look at the event log"
     ),
     "gripper_reports_error": Text(
-        "the {gripper} gripper reports error {error:g}", "look at the event log, then clear it"
+        "the {gripper} gripper reports error {error:g}", "look at the event log, then clear the error"
     ),
     "gripper_command_not_taken": Text(
         "the {arm} arm took no gripper command within {timeout:g} s", "see that the RAPID program runs"

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 from yumi.catalogue.text import Text
 
 PLANNING: Mapping[str, Text] = {
-    "plan_goal_not_free": Text("the goal is not free: {where}. Plans keep clear of everything", "take another one"),
+    "plan_goal_not_free": Text("the goal is not free: {where}. Plans keep clear of everything", "choose another goal"),
     "plan_start_not_free": Text(
         "the start is not free: {where}. Plans keep clear of everything", "move the arm away from there first"
     ),
     "parts_are_near": Text("nearest are {part} and {other}, {distance:.0mm} apart"),
+    "parts_overlap": Text("{part} and {other} overlap by {depth:.0mm}"),
     "arm_touches_itself": Text("an arm touches itself"),
     "plan_joint_out_of_range": Text(
         "nothing was planned: {joint} is {position:.1°}; its range is {lower:.1°} to {upper:.1°}"

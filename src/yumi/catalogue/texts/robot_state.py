@@ -12,7 +12,7 @@ ROBOT_STATE: Mapping[str, Text] = {
         "the robot's state is not known: it was last read {age:.0f} s ago",
         "check the network and the controller",
     ),
-    "not_in_auto": Text("the controller is in {mode}", "{turn_to_auto}"),
+    "not_in_auto": Text("the controller is in operating mode {mode}, not in AUTO", "{turn_to_auto}"),
     "mode_unknown": Text("the controller is in an unknown mode", "{turn_to_auto}"),
     "emergency_stop_pressed": Text("the emergency stop is pressed", "{release_stop}"),
     "guard_stop_active": Text(
@@ -34,11 +34,11 @@ ROBOT_STATE: Mapping[str, Text] = {
         "the state machines are not idle ({machines})", "wait for the end of the RAPID routine, or {recover}"
     ),
     "machine": Text("{arm} arm: {machine}"),
-    "stop_open": Text("a person must confirm the stop {stop}", "{confirm_stop}"),
+    "stop_open": Text("a stop waits for a person's confirmation", "{confirm_stop}"),
     # ---- what is refused for it
     "not_ready": Text("the robot is not ready. {reasons:sentence}"),
-    "not_ready_after_stop": Text("the robot is not ready. {reasons:sentence} It was stopped by {causes}"),
-    "cannot_bring_up": Text("the robot cannot be brought to ready: {reason}", "{reason:remedy}"),
+    "not_ready_after_stop": Text("the robot is not ready: it was stopped by {causes}. {reasons:sentence}"),
+    "cannot_bring_up": Text("the robot cannot be made ready: {reason}", "{reason:remedy}"),
     "cannot_start_rapid": Text("the RAPID program cannot start: {reason}", "{reason:remedy}"),
     "cannot_run_routine": Text("a RAPID routine cannot run: {reason}", "{reason:remedy}"),
     "cannot_load_module": Text("a RAPID module cannot be loaded: {reason}", "{reason:remedy}"),
@@ -78,6 +78,7 @@ ROBOT_STATE: Mapping[str, Text] = {
     "robot_changed": Text("{changes}"),
     "robot_changed_as_requested": Text("{changes}, as requested"),
     "changed_by": Text("{changes}: {causes:full}"),
+    "controller_lost": Text("{changes}", "{causes:remedy}"),
     "changed_by_stop": Text(
         "{changes}: {causes}",
         "{causes:steps}{confirm_stop}; nothing moves before that",
@@ -106,19 +107,23 @@ ROBOT_STATE: Mapping[str, Text] = {
     "controller_is_gone": Text(
         "the controller at {address} has not answered for {duration:g} s", "check its power and the network cable"
     ),
-    "stop_requested_meanwhile": Text("a stop was requested meanwhile", "ask again if it is to be done all the same"),
+    "stop_requested_meanwhile": Text(
+        "a stop was requested meanwhile, which ended this request", "send the request again if it is still wanted"
+    ),
     "tool_unknown": Text(
         "the tool of the {arm} arm is not known: the robot has one load for tool and payload, and an earlier driver "
         "may have set it",
         "set the tool first (set_tool), or name it in the settings (egm_motion.tool)",
     ),
     # ---- what happened to an arm, and why
-    "explained": Text("{event:sentence} Cause: {causes:full}"),
+    "explained": Text("{event}. Cause: {causes}", "{causes:remedy}"),
+    "explained_to_go_on": Text("{event}. Cause: {causes}", "{causes:steps}{event:remedy}"),
     "explained_stop": Text(
-        "{event:sentence} Cause: {causes}",
+        "{event}. Cause: {causes}",
         "{causes:steps}{confirm_stop}; nothing moves before that",
     ),
     "ended_by_program": Text(
-        "{event:sentence} The controller reports no stop: its program has ended EGM, or another client has"
+        "{event}. The controller reports no stop: its program has ended EGM, or another client has",
+        "{event:remedy}",
     ),
 }

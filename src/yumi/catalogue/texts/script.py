@@ -28,7 +28,8 @@ SCRIPT: Mapping[str, Text] = {
     ),
     "goal_joint_count_of_arm": Text("goal refused: it has {count} positions; an arm has {joints} joints: {names:list}"),
     "goal_joint_unknown": Text(
-        "goal refused: {joint:quoted} is not a joint of the {arm} arm; it has {joints:list}, or j1 to j{count}"
+        "goal refused: {joint:quoted} is not a joint of the {arm} arm; its joints are {joints:list}, or j1 to "
+        "j{count} for short"
     ),
     "goal_joint_of_other_arm": Text(
         "goal refused: {joint:quoted} is a joint of the {other} arm, and this is the {arm} arm"

@@ -496,7 +496,7 @@ class EgmClient:
             self.fault = f"The {self._arm.kinematics.name} was stopped while EGM was running."
             self.abort()
         elif session.silence > self._comm_timeout:
-            sentence = f"No data from the UdpUc device for {self._comm_timeout:g} s (41822)."
+            sentence = f"No datagram has come for {self._comm_timeout:g} s."
             self._fail(EgmOutcome.COMM_TIMEOUT, sentence, self._data.ramp_time)
             if not (self.is_path_awaited if corrects else self._run.is_waited):
                 self._failure = EgmFailure(EgmOutcome.COMM_TIMEOUT, sentence)

@@ -281,7 +281,7 @@ def test_silence_ends_the_run_with_a_communication_error(bench):
         cycles += 1
     assert cycles * CYCLE == pytest.approx(1.0, abs=2 * CYCLE)
     assert bench.egm.outcome is EgmOutcome.COMM_TIMEOUT
-    assert bench.egm.fault == "No data from the UdpUc device for 1 s (41822)."
+    assert bench.egm.fault == "No datagram has come for 1 s."
     assert bench.sent[-1].mci is MciState.ERROR
 
 

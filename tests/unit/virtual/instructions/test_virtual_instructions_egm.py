@@ -51,7 +51,7 @@ def test_silent_sensor_raises_an_error_the_program_can_handle(bench: Instruction
 def test_run_without_handler_stops_the_program_when_the_sensor_is_silent(bench: InstructionBench) -> None:
     bench.run(MOVE + SETUP + ACT + RUN)
     assert "ERR_UDPUC_COMM" in bench.failure
-    assert "No data from the UdpUc device for 0.5 s" in bench.failure
+    assert "No datagram has come for 0.5 s" in bench.failure
 
 
 def test_run_without_waiting_goes_on_in_the_program(bench: InstructionBench) -> None:
@@ -70,7 +70,7 @@ def test_wait_needs_a_run(bench: InstructionBench) -> None:
 def test_silent_sensor_is_fatal_when_the_program_did_not_wait(bench: InstructionBench) -> None:
     start = RUN.replace("HOLD", "HOLD\\NoWaitCond")
     bench.run(MOVE + SETUP + ACT + start + 'EGMWaitCond egm; ERROR text:="handled"; RETURN;')
-    assert "No data from the UdpUc device for 0.5 s" in bench.failure
+    assert "No datagram has come for 0.5 s" in bench.failure
     assert bench.read("text") == '""'
 
 
