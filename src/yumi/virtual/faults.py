@@ -177,9 +177,7 @@ class Fault(Enum):
     WEB_SOCKET_DROP = FaultKind("web-socket-drop", "every WebSocket breaks; the subscriptions stay")
     GRIPPER_NOT_CALIBRATED = _of_arm("gripper-not-calibrated", "a gripper loses its power and calibration")
     GRIPPER_ERROR = _of_arm("gripper-error", "a gripper reports an internal error")
-    OBJECT_PLACED = _of_arm(
-        "object-placed", "a part is put between a gripper's fingers", Amount("mm", 20.0, 1.0, 50.0)
-    )
+    OBJECT_PLACED = _of_arm("object-placed", "a part is put between a gripper's fingers", Amount("mm", 20.0, 1.0, 50.0))
     OBJECT_UNDER_CUPS = _of_arm(
         "object-under-cups",
         "an object is put under a gripper's cups; a leak of 1 is as if none",
