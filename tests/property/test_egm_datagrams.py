@@ -28,7 +28,7 @@ from yumi.egm.codec import (
     RobotMessage,
     SensorCodec,
 )
-from yumi.egm.session import SensorSession
+from yumi.egm.session import LONG_SILENCE, SensorSession
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 
@@ -105,18 +105,54 @@ class Bystander:
         return True
 
 
+def true_datagrams(number: int, before: list[bytes]) -> list[bytes]:
+    """The newest of the robot's datagrams and this one, the last."""
+    time = 1.0 + number * CYCLE
+    return [*before[-200:], RobotCodec().encode(replace(MESSAGE, seqno=number, measured_time=time))]
+
+
 @pytest.mark.timeout(1200)
-def test_session_survives_any_datagram_and_answers_the_next_good_one() -> None:
-    codec, end, accepted = RobotCodec(), Bystander(), 0
+def test_session_answers_the_next_good_datagram_after_any_that_is_old_or_cannot_be_read() -> None:
+    """One that can be read and says something else is of a sender with the robot's own address (decision 55)."""
+    reader, end, chance = JointCodec(), Bystander(), Random(20)
     recent: list[bytes] = []
-    chance = Random(20)
+    read = 0
     for number in range(COUNT):
-        recent = [*recent[-200:], codec.encode(replace(MESSAGE, seqno=number, measured_time=1.0 + number * CYCLE))]
+        recent = true_datagrams(number, recent)
         assert end.answers(recent[-1])
-        accepted += end.answers(chance.choice(KINDS)(chance, chance.choice(recent)))
+        bad = chance.choice(KINDS)(chance, chance.choice(recent))
+        report = refused_or_read(reader.decode, bad)
+        is_old = isinstance(report, JointReport) and (number - 200 <= report.seqno <= number) and is_true(report)
+        if report is None or is_old:
+            assert not end.answers(bad)
+        read += report is not None
     assert end.session.number == 1
+    assert end.session.counters.received == COUNT
+    assert end.session.counters.malformed > 0.5 * COUNT
+    assert read < 0.3 * COUNT
+
+
+def is_true(report: JointReport) -> bool:
+    """Whether number and clock are those of one of the robot's datagrams."""
+    return report.measured_time == pytest.approx(1.0 + report.seqno * CYCLE, abs=2e-6)
+
+
+@pytest.mark.timeout(1200)
+def test_session_survives_any_datagram_and_goes_on_after_the_longest_silence() -> None:
+    end, chance, accepted = Bystander(), Random(21), 0
+    recent: list[bytes] = []
+    for number in range(COUNT):
+        recent = true_datagrams(number, recent)
+        end.answers(recent[-1])
+        accepted += end.answers(chance.choice(KINDS)(chance, chance.choice(recent)))
     assert end.session.counters.malformed > 0.5 * COUNT
     assert accepted < 0.3 * COUNT
+    answered = []
+    for number in range(COUNT, COUNT + 2 * round(LONG_SILENCE / CYCLE)):
+        recent = true_datagrams(number, recent)
+        answered.append(end.answers(recent[-1]))
+        end.now += 0.5 * CYCLE
+    assert all(answered[round(LONG_SILENCE / CYCLE) + 2 :])
 
 
 @pytest.mark.timeout(1200)

@@ -1,6 +1,8 @@
 """Whatever arrives from the network: what leaves for the robot keeps the limits, and never departs from where it is.
 
-The real classes (session, arm, controllers, limiter) behind a wire that may do anything, and a virtual robot.
+The real classes (session, arm, controllers, limiter) behind a wire that may do anything, and a virtual robot. After
+accidents the robot itself is led within the limits, too; a sender with the robot's own address and port may deceive it
+(docs/explanation/decisions/0055-threat-model.md).
 ``pytest -m soak tests/property/test_receive_path.py`` tries more of it.
 """
 
@@ -213,14 +215,17 @@ def not_running(cycles: int) -> Action:
     return act
 
 
+def truncated(seed: int) -> Action:
+    return lambda loop: loop.after.append(loop.true[-1][: Random(seed).randrange(len(loop.true[-1]))])
+
+
 def damaged(seed: int) -> Action:
+    """As no network does: UDP has a checksum."""
+
     def act(loop: Attacked) -> None:
         chance, datagram = Random(seed), bytearray(loop.true[-1])
-        if chance.random() < 0.5:
-            datagram = datagram[: chance.randrange(len(datagram))]
-        else:
-            for _ in range(chance.randrange(1, 6)):
-                datagram[chance.randrange(len(datagram))] ^= 1 << chance.randrange(8)
+        for _ in range(chance.randrange(1, 6)):
+            datagram[chance.randrange(len(datagram))] ^= 1 << chance.randrange(8)
         loop.after.append(bytes(datagram))
 
     return act
@@ -270,18 +275,10 @@ def restart(loop: Attacked) -> None:
 DITHERS = (0.0039, -0.0039, CYCLE - 2e-6, 0.5 * CYCLE, -0.5 * CYCLE)
 """By how much each second time of the robot is false [s]: some then are 2 µs apart."""
 
-ACTIONS = st.one_of(
+ACCIDENTS = (
     st.builds(old, st.integers(2, 250), st.integers(1, 5)),
     st.builds(old, st.integers(50, 250), st.integers(50, 100)),
-    st.builds(
-        forged,
-        st.integers(0, 6),
-        st.sampled_from((0.0, 0.03, -0.035, 0.09, -0.5, 3.0, -6.0, 100.0)),
-        st.integers(-70, 70) | st.sampled_from((-300, 1, 1, 1, 2, 5, 1000)),
-        st.sampled_from((CYCLE, 0.0, 2 * CYCLE, -0.5, 0.1, 10.0, 1e6)),
-    ),
-    st.builds(not_running, st.integers(1, 5)),
-    st.builds(damaged, st.integers(0, 10_000)),
+    st.builds(truncated, st.integers(0, 10_000)),
     st.builds(for_a_while, st.just("is_silent"), st.integers(1, 30) | st.integers(30, 120)),
     st.builds(for_a_while, st.just("is_swapped"), st.integers(1, 60)),
     st.builds(for_a_while, st.just("is_shuffled"), st.integers(2, 40)),
@@ -291,6 +288,19 @@ ACTIONS = st.one_of(
     st.just(take_over),
     st.just(take_over),
 )
+
+FORGERIES = (
+    st.builds(
+        forged,
+        st.integers(0, 6),
+        st.sampled_from((0.0, 0.03, -0.035, 0.09, -0.5, 3.0, -6.0, 100.0)),
+        st.integers(-70, 70) | st.sampled_from((-300, 1, 1, 1, 2, 5, 1000)),
+        st.sampled_from((CYCLE, 0.0, 2 * CYCLE, -0.5, 0.1, 10.0, 1e6)),
+    ),
+    st.builds(not_running, st.integers(1, 5)),
+    st.builds(damaged, st.integers(0, 10_000)),
+)
+"""Of a sender with the robot's own address and port."""
 
 
 def assert_within_limits(loop: Attacked) -> None:
@@ -344,8 +354,11 @@ def assert_led_within_limits(loop: Attacked) -> None:
             assert led.is_excused or abs(speed - before) <= 1.001 * strongest * CYCLE + missed
 
 
-def check_what_leaves(script: list[tuple[int, Action]], *, feeds_speed: bool) -> None:
-    """Let what the script says happen to datagrams of a motion, each action after a pause [cycles]."""
+Script = list[tuple[int, Action]]
+"""What happens to datagrams of a motion, each action before a pause [cycles]."""
+
+
+def check_what_leaves(script: Script, *, feeds_speed: bool) -> Attacked:
     loop = Attacked(feeds_speed=feeds_speed)
     loop.begin()
     loop.begun.append(loop.clock.now())
@@ -355,32 +368,20 @@ def check_what_leaves(script: list[tuple[int, Action]], *, feeds_speed: bool) ->
         loop.move(1 + pause)
     loop.move(40)
     assert_within_limits(loop)
-    assert_led_within_limits(loop)
     assert loop.sent == [pytest.approx(cycle.sent.position, abs=1e-6) for cycle in loop.cycles[: len(loop.sent)]]
+    return loop
 
 
-scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=6)
+def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
+    return st.lists(st.tuples(st.integers(0, 25), st.one_of(*actions)), min_size=1, max_size=6)
 
 
 @settings(suppress_health_check=list(HealthCheck))
-@example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
-    script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
-)
 @example(  # a command that turned round was taken for one that stands, and stopped at once
     script=[(18, for_a_while("is_silent", 7))], feeds_speed=True
 )
-@example(  # a copy of a datagram made a plan that moved look as if it stood, in a session that was none
-    script=[(0, for_a_while("is_shuffled", 2)), (0, not_running(1))], feeds_speed=False
-)
 @example(  # late datagrams of the session before were answered with its last command when the next had begun
     script=[(0, restart), (0, old(50, 50))], feeds_speed=False
-)
-@example(  # after the clock was set a single old datagram replaced a session that others had agreed with
-    script=[(0, not_running(1)), (6, damaged(0)), (9, set_clock(-10_000.0)), (2, old(13, 3)), (0, old(80, 3))],
-    feeds_speed=True,
-)
-@example(  # three copies, then motors that seem off, while the arm moves
-    script=[(0, old(3, 3)), (0, not_running(3))], feeds_speed=False
 )
 @example(  # a late datagram with the number that was due next made the plan of a new session look as if it moved
     script=[(1, restart), (0, old(61, 1))], feeds_speed=False
@@ -389,24 +390,32 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
     script=[(0, restart), (0, old(52, 50))], feeds_speed=False
 )
 @example(script=[(0, restart), (0, old(63, 61)), (0, old(50, 50))], feeds_speed=False)  # and so were two
+@given(scripts(*ACCIDENTS), st.booleans())
+def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents(
+    script: Script, feeds_speed: bool
+) -> None:
+    assert_led_within_limits(check_what_leaves(script, feeds_speed=feeds_speed))
+
+
+@settings(suppress_health_check=list(HealthCheck))
+@example(  # the plan that comes back after implausible ones was taken for the motion of one cycle
+    script=[(18, damaged(0)), (18, damaged(0)), (22, old(2, 1)), (0, for_a_while("is_swapped", 32))], feeds_speed=False
+)
+@example(  # a copy of a datagram made a plan that moved look as if it stood, in a session that was none
+    script=[(0, for_a_while("is_shuffled", 2)), (0, not_running(1))], feeds_speed=False
+)
+@example(  # after the clock was set a single old datagram replaced a session that others had agreed with
+    script=[(0, not_running(1)), (6, damaged(0)), (9, set_clock(-10_000.0)), (2, old(13, 3)), (0, old(80, 3))],
+    feeds_speed=True,
+)
+@example(  # three copies, then motors that seem off, while the arm moves
+    script=[(0, old(3, 3)), (0, not_running(3))], feeds_speed=False
+)
 @example(  # a forged plan that comes after a true datagram is a cycle later
     script=[(15, not_running(4)), (0, forged(0, 0.0, 2, CYCLE))], feeds_speed=False
 )
-@example(  # the reply to a forged plan waited at the robot behind those to datagrams forged before
-    script=[(15, not_running(5)), (0, forged(0, 0.0, 1, CYCLE))], feeds_speed=False
-)
 @example(  # a forged word that the motors are off came with a plan a cycle old, which was taken for a lead
     script=[(3, deaf(55)), (8, take_over), (3, not_running(1)), (0, not_running(1))], feeds_speed=True
-)
-@example(  # while positions were false the plan seemed to stand, so the arm braked by its lead besides
-    script=[
-        (0, damaged(0)),
-        (0, deaf(34)),
-        (2, not_running(1)),
-        (14, not_running(1)),
-        (1, for_a_while("is_swapped", 22)),
-    ],
-    feeds_speed=True,
 )
 @example(
     script=[
@@ -418,27 +427,33 @@ scripts = st.lists(st.tuples(st.integers(0, 25), ACTIONS), min_size=1, max_size=
     ],
     feeds_speed=True,
 )
-@given(scripts, st.booleans())
-def test_what_leaves_keeps_the_limits_whatever_arrives(script: list[tuple[int, Action]], feeds_speed: bool) -> None:
+@given(scripts(*ACCIDENTS, *FORGERIES), st.booleans())
+def test_what_leaves_keeps_the_limits_whatever_arrives(script: Script, feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)
 
 
 @pytest.mark.soak
 @pytest.mark.timeout(7200)
 @settings(max_examples=RECEIVE_EXAMPLES, suppress_health_check=list(HealthCheck))
-@given(scripts, st.booleans())
-def test_what_leaves_keeps_the_limits_whatever_arrives_for_long(
-    script: list[tuple[int, Action]], feeds_speed: bool
+@given(scripts(*ACCIDENTS), st.booleans())
+def test_what_leaves_and_how_the_robot_is_led_keep_the_limits_after_accidents_for_long(
+    script: Script, feeds_speed: bool
 ) -> None:
+    assert_led_within_limits(check_what_leaves(script, feeds_speed=feeds_speed))
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(7200)
+@settings(max_examples=RECEIVE_EXAMPLES, suppress_health_check=list(HealthCheck))
+@given(scripts(*ACCIDENTS, *FORGERIES), st.booleans())
+def test_what_leaves_keeps_the_limits_whatever_arrives_for_long(script: Script, feeds_speed: bool) -> None:
     check_what_leaves(script, feeds_speed=feeds_speed)
 
 
 ONE_DATAGRAM = {
     **{f"{behind} old": old(behind + 1, 1) for behind in (10, 20, 30, 60, 100, 200)},
     **{f"forged {by:g} rad": forged(2, by, 1, CYCLE) for by in (0.035, 0.09, 0.52, 10.0)},
-    "forged, 30 numbers ahead": forged(2, 0.5, 30, 30 * CYCLE),
     "burst of 100 old": old(220, 100),
-    "motors off": not_running(1),
     "duplicate": old(1, 1),
 }
 
@@ -457,7 +472,7 @@ def test_motion_goes_on_whatever_false_datagram_arrives(name: str) -> None:
     assert_within_limits(loop)
     assert loop.snapshot.session == 1
     assert len(loop.cycles) - before >= 61  # this end looks once a cycle, and may find the false one
-    assert loop.snapshot.is_commanded == (name != "motors off")
+    assert loop.snapshot.is_commanded
 
 
 @pytest.mark.parametrize("feeds_speed", [False, True])
@@ -637,6 +652,8 @@ def test_other_arms_positions_are_never_believed_by_a_young_session_that_knows_t
     loop.begin()
     loop.move(60)
     loop.restart()
+    while loop.snapshot.session == 1:
+        loop.move(1)
     loop.move(4)
     begun = len(loop.cycles)
     for_a_while("is_swapped", swapped)(loop)
@@ -745,10 +762,10 @@ def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_in_
     loop = in_motion()
     before, begun, first = len(loop.cycles), len(loop.events), loop.newest.seqno + 1
     loop.changed = lambda message: replace(message, seqno=message.seqno - first)
-    loop.move(200)
+    loop.move(400)
     assert_within_limits(loop)
     assert_led_within_limits(loop)
-    assert len(loop.cycles) - before >= 197  # three that agree with each other begin a session
+    assert len(loop.cycles) - before >= 400 - RECENT / CYCLE - 1  # as long as the robot may follow there is no reply
     assert (loop.snapshot.session, loop.snapshot.is_commanded) == (2, False)
     assert "the robot began EGM session 2 in the middle of a motion" in str(loop.events[begun])
     assert is_at_rest(loop)

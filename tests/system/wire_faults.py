@@ -61,9 +61,11 @@ class Attack:
 
 SINGLE = (
     *(Attack(Fault.EGM_STALE, old) for old in (20.0, 30.0, 60.0, 100.0, 200.0)),
-    *(Attack(Fault.EGM_FORGE, offset_deg) for offset_deg in (2.0, 5.0, 30.0, 340.0)),
+    # Of a sender with the robot's own address (decision 55): the true datagram with this number is a copy then.
+    *(Attack(Fault.EGM_FORGE, offset_deg, unanswered=1) for offset_deg in (2.0, 5.0, 30.0, 340.0)),
+    # Of the same; a session begins, and waits until the arm has come to where it was sent.
     *(
-        Attack(fault, offset_deg)
+        Attack(fault, offset_deg, unanswered=40)
         for fault in (Fault.EGM_FORGE_OLD, Fault.EGM_FORGE_AHEAD)
         for offset_deg in (2.0, 5.0, 30.0, 340.0)
     ),

@@ -90,7 +90,7 @@ class WireCounters(NamedTuple):
         stale: states that arrived after a newer one was answered.
         repeated: states that arrived before.
         malformed: datagrams that could not be read.
-        foreign: datagrams from other addresses than the robot's.
+        foreign: datagrams from other addresses than the robot's, while no session is open.
         jitter: mean difference of two datagrams' delays [s].
         worst_jitter: the largest such difference [s].
         drift_ppm: by how much the robot's clock is faster than ours [ppm].

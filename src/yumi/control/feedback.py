@@ -1,7 +1,7 @@
 """What an arm's feedback is worth: whether it can be true.
 
 That is decided by physics, not by the protocol, which does not prove it
-(docs/explanation/decisions/0014-feedback-is-doubted.md).
+(docs/explanation/decisions/0014-feedback-is-doubted.md): have the joints' highest speeds led the arm there?
 """
 
 from __future__ import annotations
@@ -22,17 +22,15 @@ OUTSIDE = 0.01
 robot does not jump there. An arm further out gets no reply."""
 
 LONGEST = 0.1
-"""Longest motion that may explain a position while others are implausible [s]."""
+"""By what a joint moves in this time, a measured position may be behind the planned one [s]."""
 
 FOLLOWED = 2.0 * CYCLE
-"""The same of a robot that follows: it is on the way to what was sent [s]."""
+"""A robot that follows is on the way to what was sent, or was by so much longer on the way before [s]."""
 
 EXCHANGED = 0.5
 """An implausible position as near to the other arm's as this is the other arm's [rad, over all joints]."""
 
 _MARGIN = 0.02  # [rad] a measured position may differ by from what a joint's speed explains
-_AGREEING = 3  # so many datagrams that agree with each other outweigh as many of the session before them
-_FEW = 25  # a session that was plausible for longer is not outweighed
 _SPEEDS = YUMI_LIMITS.velocity  # of the arm itself, whatever our limits are: RAPID may have moved it
 _SLOWEST = min(_SPEEDS)
 
@@ -58,13 +56,6 @@ class FeedbackCheck:
         self._limits = limits
         self._other_arm = other_arm
         self._last: ArmState | None = None  # the last plausible state
-        self._support = 0  # plausible states since the session began
-        self._doubt: ArmState | None = None  # the last implausible state since then
-        self._agreeing = 0  # implausible states that agree with each other
-
-    def begin(self) -> None:
-        """A session begins with the next accepted state."""
-        self._support = 0
 
     @property
     def is_lost(self) -> bool:
@@ -72,25 +63,33 @@ class FeedbackCheck:
         return self.in_a_row >= LOST
 
     def is_start(self, state: ArmState, sent: Joints) -> bool:
-        """Whether an arm can be there that got no command since it was sent to the position ``sent`` [rad], (7,)."""
+        """Whether an arm can be there at the begin of a session, that was sent to the position ``sent`` [rad], (7,).
+
+        It may have been moved to where the other one is since the last plausible state, but not in a doubt.
+        """
         rows = zip(self._limits.lower, self._limits.upper, state.position, strict=True)
         is_near_range = all(low - OUTSIDE <= now <= high + OUTSIDE for low, high, now in rows)
-        return is_near_range and _is_near_plan(state) and (self._last is None or self._can_follow(state, sent, inf))
+        is_exchanged = self.in_a_row > 0 and self._is_of_other_arm(state)
+        is_possible = is_near_range and _is_near_plan(state) and not is_exchanged
+        return is_possible and (self._last is None or self._can_reach(self._last, state, sent, inf))
 
     def is_plausible(self, state: ArmState, sent: Joints) -> bool:
         """Whether the arm can be where ``state`` says, and plan to be where it says, after the last plausible state.
 
-        While the robot may follow, it may have gone to the position ``sent`` last.
+        While the robot may follow, it may have gone to the position ``sent`` last. In doubt a robot that follows can be
+        on this way only. An arm that does not, with its motors off, may have been moved by hand: then its time since
+        the last plausible state explains it.
         """
         last = self._last
-        if last is None:
-            return self.is_start(state, sent)
+        assert last is not None  # a session begins with a plausible state
         if not self.in_a_row:  # nearly always all joints together have moved less than one may
             reach = _SLOWEST * state.dt + _MARGIN
             if dist(state.position, last.position) <= reach and dist(state.planned, last.planned) <= reach:
                 return True
-        follows = state.is_running and last.is_running  # so nothing but what is sent has moved it
-        return self._can_follow(state, sent, inf if not self.in_a_row else FOLLOWED if follows else LONGEST)
+        elif self._is_of_other_arm(state) or not _is_near_plan(state):
+            return False
+        is_led = self.in_a_row and state.is_running and last.is_running  # so nothing but what is sent has moved it
+        return self._can_reach(last, state, sent, FOLLOWED if is_led else inf)
 
     def accept(self, state: ArmState) -> ArmState:
         """``state`` is plausible; its velocity is corrected where it was that from or to a false position."""
@@ -98,49 +97,28 @@ class FeedbackCheck:
             passed = max(state.dt, state.time - self._last.time)
             velocity = change_rate(state.position, self._last.position, passed) if passed > 0.0 else ZERO
             state = state._replace(velocity=velocity)
-        self.in_a_row, self._doubt = 0, None
-        self._support += 1
+        self.in_a_row = 0
         self._last = state
         return state
 
-    def reject(self, state: ArmState) -> None:
-        """``state`` is implausible."""
+    def reject(self, state: ArmState) -> ArmState:
+        """``state`` is implausible; the last plausible position in place of it, or itself before the first."""
         self.implausible += 1
         self.in_a_row += 1
-        self._doubt, self.position = state, state.position
+        self.position, self.is_other_arm = state.position, self._is_of_other_arm(state)
+        return (self._last or state)._replace(time=state.time, dt=state.dt, session=state.session)
+
+    def _is_of_other_arm(self, state: ArmState) -> bool:
+        """Whether a position is near where the other arm was measured, and nearer than to where this one was."""
         other = self._other_arm()
         own = dist(state.position, self._last.position) if self._last else inf
-        self.is_other_arm = other is not None and dist(state.position, other) < min(EXCHANGED, own)
+        return other is not None and dist(state.position, other) < min(EXCHANGED, own)
 
-    def replace(self, state: ArmState) -> tuple[ArmState, bool]:
-        """What to use in place of an implausible ``state``, which is counted, and whether it is the state itself.
-
-        It is the last plausible position; or this one, at rest, if enough others agree with it and it is not the other
-        arm's: as many of those agree with each other as datagrams are exchanged.
-        """
-        before = self._doubt
-        self.reject(state)
-        agrees = False
-        if before is not None and _is_near_plan(state):  # an arm can be in both states, one after the other
-            time = max(state.dt, state.time - before.time)
-            rows = zip(before.position, state.position, _SPEEDS, strict=True)
-            agrees = all(abs(new - old) <= speed * time + _MARGIN for old, new, speed in rows)
-        self._agreeing = self._agreeing + 1 if agrees else 1
-        is_outweighed = self._agreeing >= max(_AGREEING, self._support) and self._support < _FEW
-        is_elsewhere = not state.is_running and self._agreeing >= _FEW  # motors off: it may have been moved by hand
-        is_possible = not self.is_other_arm and self._limits.outside(state.position) is None
-        if self._last is None or ((is_outweighed or is_elsewhere) and is_possible):
-            self._last = state._replace(velocity=ZERO)
-            return self.accept(state), True
-        return self._last._replace(time=state.time, dt=state.dt, session=state.session), False
-
-    def _can_follow(self, state: ArmState, sent: Joints, longest: float) -> bool:
-        """Whether the joints' speeds explain the way from the last plausible state, or from there to ``sent``.
+    def _can_reach(self, last: ArmState, state: ArmState, sent: Joints, longest: float) -> bool:
+        """Whether the joints' speeds explain the way from ``last``, or from there to ``sent``, in the time between.
 
         The robot's clock and ours may differ by what a network delays.
         """
-        last = self._last
-        assert last is not None
         time = min(max(state.dt, state.time - last.time), longest)
         for before, after in ((last.position, state.position), (last.planned, state.planned)):
             for old, new, goal, speed in zip(before, after, sent, _SPEEDS, strict=True):

@@ -434,7 +434,6 @@ _LATE = 1.25  # periods: the robot has repeated the last command meanwhile
 _NO_TIME = 0.1  # of a period: nothing follows from how far something moved meanwhile
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
-_CONTRADICTS = 1e-3  # [rad] a plan may move by besides what the last command explains
 _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its references follows again
 _SETTLING = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
@@ -514,10 +513,7 @@ class Limiter:
         self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
         self._session = 0
         self._sent_at = -inf
-        self._stopped_in_a_row = 0  # datagrams that say that the robot does not follow
         self._state: ArmState | None = None  # what was made of the newest state
-        self._entering: ArmState | None = None  # of a new session that got no reply yet
-        self._has_stood = False  # whether its plan did not move from one state to the next
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
         self._is_settling = False  # whether the arm is held, and its command not back where the arm is
         self._settling_for = 0.0  # [s]
@@ -584,19 +580,10 @@ class Limiter:
             self._state = self._enter(state)
         elif self._feedback.is_plausible(state, self._positions.position):
             self._state = self._accept(state)
-            self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
-            expected = self._references.expected(state) if 0 < self._stopped_in_a_row < DOUBTED else None
-            if expected is not None and largest_difference(expected.planned, state.planned) < _UNEXPECTED:
-                # Until several say that the robot stands, they may be forged, with a plan that is a cycle old.
-                self._state = state._replace(planned=expected.planned)
         else:
-            self._state, is_believed = self._feedback.replace(state)
-            if is_believed:
-                self.is_at_rest = False  # the command is not where the robot is
-                self._go_on_after_doubts(state)
-            else:
-                # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
-                self._state = self._references.expected(self._state) or self._state
+            # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
+            last = self._feedback.reject(state)
+            self._state = self._references.expected(last) or last
         self.counters.implausible = self._feedback.implausible
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
         if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
@@ -757,51 +744,36 @@ class Limiter:
         return ArmCommand(self._positions.position, self._speeds.velocity)
 
     def _enter(self, state: ArmState) -> ArmState | None:
-        """A session begins: whether the robot, which may still follow the last command, has to go on from there."""
+        """A session begins, where the robot is; as long as it may follow the last command, only from there on.
+
+        Until then a command that leads it is not answered: a robot without a reply keeps its last reference.
+        """
         last = self._last
-        if state.time - self._sent_at >= self._following:
-            if not self._feedback.is_start(state, last.position):
-                self._feedback.reject(state)
-                return None
-            self._is_new = True
-            return self._begin_session(state)
-        if not self._feedback.is_plausible(state, last.position):
+        if not self._feedback.is_start(state, last.position):
             self._feedback.reject(state)
             return None
-        before, self._entering = self._entering, state
-        self._is_new = False
-        if last.velocity is ZERO and dist(last.position, state.planned) < _SLIGHT_LEAD:
-            return self._begin_session(state)
-        if before is None or before.session != state.session or state.dt <= 0.0:
-            self._has_stood = False  # the next states show it: do their plans move as the last command leads them?
-        else:
-            led = max(hypot(*self._references.speeds(each, last)) for each in (before, state)) * state.dt
-            moved = dist(before.planned, state.planned)
-            stands = led >= _NO_LEAD and moved <= 0.1 * led
-            is_false = moved > 2.0 * led + _CONTRADICTS  # no robot moves so fast that follows: not both can be true
-            if not is_false and (self._has_stood or not stands):
-                self._is_new = stands
-                self._speeds.resume(state, last.position)
-                return self._begin_session(state)
-            self._has_stood = stands  # one datagram alone proves nothing: it may be a copy of the one before
-        return None
+        may_follow = state.time - self._sent_at < self._following
+        is_led = max(map(abs, self._references.speeds(state, last))) >= _SLIGHT_LEAD * EGM_GAIN
+        if may_follow and (is_led or dist(last.position, state.planned) >= _SLIGHT_LEAD):
+            self._accept(state)
+            return None
+        self._is_new = not may_follow
+        return self._begin_session(state._replace(dt=0.0))  # nothing was sent since the last command
 
     def _begin_session(self, state: ArmState) -> ArmState:
-        self._session, self._entering, self._stop_within = state.session, None, None
+        self._session, self._stop_within = state.session, None
         self.is_waiting = False
         self._delay.clear()
         self._references.begin(state)
-        self._feedback.begin()
         return self._accept(state)
 
     def _accept(self, state: ArmState) -> ArmState:
         if self._feedback.in_a_row:
-            self._go_on_after_doubts(state)
+            self._speeds.resume(state, self._positions.position)
+            self._stop_at = self._stop_within = None
+            if dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
+                self.is_at_rest = False  # the command is not where the robot is
         return self._feedback.accept(state)
-
-    def _go_on_after_doubts(self, state: ArmState) -> None:
-        self._speeds.resume(state, self._positions.position)
-        self._stop_at = self._stop_within = None
 
     def _begin(self, state: ArmState) -> ArmCommand:
         """The first command: where the robot is, at most at the end of its range."""

@@ -98,7 +98,7 @@ class Snapshot(NamedTuple):
         stale: datagrams that arrived after a newer one was answered.
         repeated: datagrams that arrived before.
         malformed: datagrams that could not be read.
-        foreign: datagrams from other addresses than the robot's.
+        foreign: datagrams from other addresses than the robot's, while no session is open.
         refused: commands with a value that is no finite number.
         position_limited: commands cut at a joint's range.
         slowed: commands that would have exceeded a speed, acceleration or jerk.

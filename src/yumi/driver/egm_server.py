@@ -469,7 +469,7 @@ class DatagramLink(Protocol):
 
     @property
     def foreign(self) -> int:
-        """How many datagrams came from elsewhere and were left aside."""
+        """How many datagrams came from elsewhere, while no sender was pinned, and were left aside."""
 
     @property
     def is_pinned(self) -> bool:

@@ -4,10 +4,9 @@ The robot speaks first and counts its datagrams from 0 in each session; nothing 
 (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the
 session goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
 
-UDP may deliver a datagram late, twice, or from another sender, so a single datagram proves little. One goes on with the
-session when its number, the robot's clock and our clock agree with the datagram accepted before. Where two accepted
-ones contradict each other, the one before them decides: a single false datagram never makes the true ones look old.
-Numbers that begin anew are believed when several datagrams in a row agree with each other.
+UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the next
+datagram of the session and from the first of another: accidents are meant, not a sender that forges both
+(docs/explanation/decisions/0055-threat-model.md).
 
 How regularly a robot's datagrams arrive: running estimates, a few additions per datagram and no memory of them.
 """
@@ -16,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import Enum
 from math import inf
 from typing import Generic, Protocol, TypeVar
 
@@ -92,21 +92,10 @@ REORDERED = 16
 LARGEST_GAP = 64
 """A sequence number higher by more than this is none of the session: so many cycles are a silence [datagrams]."""
 
-AGREEING = 3
-"""So many datagrams in a row that agree with each other, and not with the session, are a new session [datagrams]."""
-
 LONG_SILENCE = 1.0
-"""After this time a single datagram begins a session, if it is newer by the robot's clock [s]."""
-
-EARLIEST = 0.050
-"""By so much the time between two datagrams may be shorter by our clock than by the robot's: delays vary [s]."""
+"""After this time a datagram begins a session whatever the robot's clock says: the controller was restarted [s]."""
 
 _CLOCK_TOLERANCE = 0.05  # by so much the time a robot needed for its datagrams may differ from their number
-_CLOCK_STEPS = 2.0  # cycles by which its clock may jitter besides
-_EARLY = 0.75  # of a cycle: sooner than the fastest datagrams, the robot cannot have sent it
-_FORGETTING = 1.0 / 256.0  # how fast a fastest datagram is forgotten: the clocks drift against each other
-_SAME_CYCLE = 0.1  # two periods that differ by less are the same
-_PERIODS = 0.0005, 0.25  # [s] a robot's datagrams may have
 _RANGE = 2**32
 _SESSION_WINDOW = (2 << REORDERED) - 1
 
@@ -171,13 +160,22 @@ class _Heard(Generic[Message]):
     arrival: float
 
 
+class _State(Enum):
+    NONE = 0  # no robot has been heard
+    BEGUN = 1  # open, and the message accepted last is of a session that began with it, or with one just before it
+    RESUMED = 2  # the same of a session that has outlived a silence
+    OPEN = 3
+    SILENT = 4
+
+
+_NONE, _BEGUN, _RESUMED, _OPEN, _SILENT = _State  # an enumeration is slow to look into
+
+
 class SensorSession(Generic[Message]):
     """Turns datagrams into messages that count, and commands into datagrams.
 
     Attributes:
         number: number of the session, 0 before the first.
-        is_first: whether the message accepted last is the first of its session.
-        is_resumed: whether it is the first after a silence that the session has outlived.
         arrivals: how regularly its datagrams come.
         last_error: what was wrong with the malformed datagram that came last.
     """
@@ -186,34 +184,30 @@ class SensorSession(Generic[Message]):
         self.counters = SessionCounters()
         self.arrivals = Arrivals()
         self.number = 0
-        self.is_first = self.is_resumed = False
         self.last_error = ""
         self._codec = codec
         self._silence = silence
+        self._state = _NONE
         self._last: _Heard[Message] | None = None  # accepted last
-        self._sure: _Heard[Message] | None = None  # the newest before it that went on with its predecessor
-        self._is_last_sure = False  # whether the last one did
-        self._lost_with_last = 0
-        self._candidate: _Heard[Message] | None = None  # the last of a row that may become a session
-        self._candidates = 0
-        self._candidates_since = 0.0
-        self._candidates_cycle = CYCLE  # their period
         self._first_seqno = 0
-        self._cycle = CYCLE
-        self._other_cycle = 0.0  # a period seen last that was not believed
-        self._fastest = inf  # smallest difference of our clock and the robot's at an arrival
-        self._is_last_early = False
-        self._last_arrival = -inf
         self._seen = 0  # a bit for each of the newest sequence numbers, bit 0 for the last
-        self._seen_before = 0  # the same before the last was accepted
         self._sent = 0  # datagrams the robot sent since the one settled last
-        self._is_open = False
         self._reply_seqno = 0
 
     @property
     def is_open(self) -> bool:
         """Whether a session is going on."""
-        return self._is_open
+        return self._state is not _NONE and self._state is not _SILENT
+
+    @property
+    def is_first(self) -> bool:
+        """Whether the message accepted last is the first of its session."""
+        return self._state is _BEGUN
+
+    @property
+    def is_resumed(self) -> bool:
+        """Whether the message accepted last is the first after a silence that the session has outlived."""
+        return self._state is _RESUMED
 
     def accept(self, datagrams: Sequence[bytes], now: float) -> Message | None:
         """Take what has arrived, oldest first; the newest counts, the others are too late to answer.
@@ -226,7 +220,8 @@ class SensorSession(Generic[Message]):
             What is to be answered, or None.
         """
         accepted: Message | None = None
-        self.is_first = self.is_resumed = False
+        if self._state is _BEGUN or self._state is _RESUMED:
+            self._state = _OPEN
         for datagram in datagrams:
             try:
                 message = self._codec.decode(datagram)
@@ -234,7 +229,7 @@ class SensorSession(Generic[Message]):
                 self.counters.malformed += 1
                 self.last_error = str(error)
                 continue
-            if not self._is_newest(message, now):
+            if not self._takes(message, now):
                 continue
             if accepted is not None:
                 self.counters.late += 1
@@ -254,213 +249,78 @@ class SensorSession(Generic[Message]):
     def settle(self) -> None:
         """After the reply: take the message accepted last into the statistics."""
         if self._sent and self._last is not None:
-            self.arrivals.note(self._last_arrival, self._last.message.measured_time, self._sent)
+            self.arrivals.note(self._last.arrival, self._last.message.measured_time, self._sent)
             self._sent = 0
 
     def silence(self, now: float) -> float:
         """Time since the last datagram that counted [s]."""
-        return now - self._last_arrival
+        return now - self._last.arrival if self._last is not None else inf
 
     def close_if_silent(self, now: float) -> bool:
         """Close the session when the robot has been silent for too long; returns whether it was closed now."""
-        if not self._is_open or self.silence(now) <= self._silence:
+        if not self.is_open or self.silence(now) <= self._silence:
             return False
-        self._is_open = False
+        self._state = _SILENT
         return True
 
-    def _is_newest(self, message: Message, now: float) -> bool:
+    def _takes(self, message: Message, now: float) -> bool:
+        """Whether a message is newer than all before it: the session's next one, or the first of another."""
         last = self._last
         if last is None:
             self._begin(message, now)
             return True
         ahead = _ahead(last.message, message)
-        if self._is_open and (now - self._last_arrival <= self._silence or ahead == 1):
-            is_accepted = self._accept_live(last, message, ahead, now)
+        later = message.measured_time - last.message.measured_time
+        silence = now - last.arrival
+        if self._state is not _SILENT and (silence <= self._silence or ahead == 1):
+            # The very next number counts whatever the robot's clock says, which may have been set.
+            goes_on, is_new = ahead == 1 or (later > 0.0 and 0 < ahead <= LARGEST_GAP), later > 0.0
         else:
-            is_accepted = self._accept_after_silence(last, message, ahead, now)
-        if is_accepted:
-            return True
-        self._count_old(-ahead)
-        if message == last.message or self._is_overtaken(last, message, -ahead, now):  # these are no other session
-            return False
-        before = self._candidate
-        if not self._is_new_session(message, now):
-            return False
-        self._begin(message, now)
-        self._sure = before  # those that agreed with it have shown it: a single other one does not begin a session
-        return True
-
-    def _accept_live(self, last: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
-        """Whether the robot, heard a moment ago, goes on with ``message``."""
-        if 0 < ahead <= LARGEST_GAP and self._follows(last, message, ahead, now):
-            self._go_on(message, ahead, now, is_sure=True)
-            return True
-        sure = self._sure
-        if sure is not None and self._is_contradicted(last, message, ahead):
-            from_sure = _ahead(sure.message, message)
-            if 0 < from_sure <= LARGEST_GAP and self._follows(sure, message, from_sure, now):
-                self._replace_last(sure, message, from_sure, now)
-                return True
-        if ahead == 1:  # the very next number counts whatever the robot's clock says: the clock may have been set
-            self._go_on(message, ahead, now, is_sure=False)
-            return True
-        is_newer = message.measured_time > last.message.measured_time
-        if sure is None and is_newer and not self._agree(message, last.message, -ahead):
-            self._begin(message, now)  # of two that contradict each other the first is no better than the second
-            return True
-        return False
-
-    def _accept_after_silence(self, last: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
-        for heard in (last, self._sure):
-            if heard is None:
-                continue
-            gap = _ahead(heard.message, message)
-            if gap > 0 and self._has_counted_on(heard, message, gap, now):
-                if heard is last:
-                    self._go_on(message, gap, now, is_sure=True)
-                else:
-                    self._replace_last(heard, message, gap, now)
-                return True
-        if now - self._last_arrival > LONG_SILENCE and message.measured_time > last.message.measured_time:
+            is_of_session = self._agree(ahead, later)
+            goes_on = is_of_session and ahead > 0
+            is_new = not is_of_session and (later > 0.0 or silence > LONG_SILENCE)
+        if goes_on:
+            self._go_on(message, ahead, now)
+        elif is_new:
             self._begin(message, now)
-            return True
-        return False
+        else:
+            self._count_old(message, -ahead)
+        return goes_on or is_new
 
-    def _follows(
-        self, before: _Heard[Message], message: Message, ahead: int, now: float, cycle: float | None = None
-    ) -> bool:
-        """Whether the robot may have sent ``message`` ``ahead`` datagrams after ``before``, by its clock and ours."""
-        cycle = cycle or self._cycle
-        is_early = ahead * cycle - (now - before.arrival) > EARLIEST + cycle
-        return not is_early and self._agree(before.message, message, ahead, cycle)
+    def _agree(self, ahead: int, later: float) -> bool:
+        """Whether the robot's clock has gone on by the time of ``ahead`` datagrams, or back where these are negative.
 
-    def _agree(self, before: Message, message: Message, ahead: int, cycle: float | None = None) -> bool:
-        """Whether the robot's clock shows the time in which it sends ``ahead`` datagrams, one each ``cycle`` [s]."""
-        cycle = cycle or self._cycle
-        due = ahead * cycle
-        passed = message.measured_time - before.measured_time
-        tolerance = _CLOCK_STEPS * cycle + _CLOCK_TOLERANCE * due
-        return ahead > 0 and passed > -0.5 * cycle and abs(passed - due) <= tolerance
-
-    def _is_contradicted(self, last: _Heard[Message], message: Message, ahead: int) -> bool:
-        """Whether ``last`` and ``message`` cannot both be true, or ``last`` is the one to be doubted."""
-        if ahead == 0:
-            return message != last.message
-        if not self._is_last_sure:
-            return True
-        is_out_of_order = message.measured_time > last.message.measured_time - 0.1 * self._cycle
-        return ahead < 0 and (self._is_last_early or is_out_of_order)
-
-    def _has_counted_on(self, before: _Heard[Message], message: Message, ahead: int, now: float) -> bool:
-        """Whether a robot that was silent has sent as many datagrams as its number says, by its own clock and ours.
-
-        Ours does not count for the very next datagram: the robot has stood still with us, as a virtual one does on a
-        machine that stalls. It does where other datagrams have come that may begin a session: then this one is late.
+        Our clock does not count: a virtual robot stands still with us on a machine that stalls.
         """
-        passed = message.measured_time - before.message.measured_time
-        tolerance = self._cycle + _CLOCK_TOLERANCE * passed
-        if abs(passed - ahead * self._cycle) > tolerance:
-            return False
-        stood_still = ahead == 1 and not self._candidates
-        return stood_still or abs(passed - (now - before.arrival)) <= tolerance + self._silence
+        cycle = self.arrivals.cycle_time or CYCLE
+        return abs(later - ahead * cycle) <= cycle + _CLOCK_TOLERANCE * abs(later)
 
-    def _go_on(self, message: Message, ahead: int, now: float, *, is_sure: bool) -> None:
-        if self._is_last_sure or self._sure is None:
-            self._sure = self._last
-        self._seen_before = self._seen
-        self._take(message, ahead, now, is_sure=is_sure)
-
-    def _replace_last(self, sure: _Heard[Message], message: Message, ahead: int, now: float) -> None:
-        """Go on from ``sure``: what was accepted after it was no datagram of this session."""
-        self.counters.lost -= self._lost_with_last
-        self._seen = self._seen_before
-        self._sent = 0
-        self._take(message, ahead, now, is_sure=True)
-
-    def _take(self, message: Message, ahead: int, now: float, *, is_sure: bool) -> None:
-        self.is_resumed = self.is_resumed or not self._is_open
-        self._is_open = True
-        before, self._last = self._last, _Heard(message, now)
-        if before is not None and ahead == 1:
-            self._learn_cycle(message.measured_time - before.message.measured_time)
-        self._is_last_sure = is_sure
-        self._lost_with_last = ahead - 1
+    def _go_on(self, message: Message, ahead: int, now: float) -> None:
+        if self._state is _SILENT:
+            self._state = _RESUMED
+        self.counters.received += 1
         self.counters.lost += ahead - 1
         self._seen = (self._seen << min(ahead, REORDERED + 1) | 1) & _SESSION_WINDOW
         self._sent += ahead
-        self._note_arrival(message, now)
-
-    def _note_arrival(self, message: Message, now: float) -> None:
-        self.counters.received += 1
-        self._last_arrival = now
-        self._candidates = 0
-        later = now - message.measured_time - self._fastest
-        self._is_last_early = later < -_EARLY * self._cycle
-        if self._is_last_sure:
-            self._fastest += later * (1.0 if -_EARLY * self._cycle <= later < 0.0 else _FORGETTING)
-
-    def _learn_cycle(self, passed: float) -> None:
-        """Learn from the time between two datagrams; another period is believed when it comes twice."""
-        if 0.5 * self._cycle < passed < 1.5 * self._cycle:
-            self._cycle += (passed - self._cycle) / 16.0
-            return
-        shortest, longest = _PERIODS
-        if shortest < passed < longest and abs(passed - self._other_cycle) < _SAME_CYCLE * passed:
-            self._cycle = passed
-        self._other_cycle = passed
+        self._last = _Heard(message, now)
 
     def _begin(self, message: Message, now: float) -> None:
-        self._is_open = self.is_first = True
-        self.is_resumed = False
+        self._state = _BEGUN
         self.number += 1
+        self.counters.received += 1
         self._reply_seqno = self._sent = 0
-        self._seen = self._seen_before = 1
+        self._seen = 1
         self._first_seqno = message.seqno
-        self._sure, self._last = None, _Heard(message, now)
-        self._is_last_sure = True
-        self._lost_with_last = 0
-        self._fastest = now - message.measured_time
-        self._note_arrival(message, now)
+        self._last = _Heard(message, now)
         self.arrivals.begin(now, message.measured_time)
 
-    def _is_new_session(self, message: Message, now: float) -> bool:
-        """Whether a datagram that does not go on with the session is one of several that agree with each other."""
-        before, self._candidate = self._candidate, _Heard(message, now)
-        ahead = 0 if before is None or not self._candidates else _ahead(before.message, message)
-        if before is not None and self._candidates == 1:
-            self._candidates_cycle = self._cycle_between(before.message, message, ahead)
-        cycle = self._candidates_cycle
-        if before is None or not (0 < ahead <= LARGEST_GAP and self._follows(before, message, ahead, now, cycle)):
-            self._candidates, self._candidates_since = 1, now
-            return False
-        self._candidates += 1
-        # Old datagrams that arrive at once, or read in two cycles, agree with each other, too; a robot needs its time.
-        if self._candidates < AGREEING or now - self._candidates_since < 0.75 * (AGREEING - 1) * cycle:
-            return False
-        self._cycle = cycle
-        return True
-
-    def _is_overtaken(self, last: _Heard[Message], message: Message, behind: int, now: float) -> bool:
-        """Whether a datagram of this session is late: its number and its clock say so, and it was long on its way."""
-        is_late = now - message.measured_time - self._fastest > _EARLY * self._cycle
-        return is_late and 0 < behind <= LARGEST_GAP and self._agree(message, last.message, behind)
-
-    def _cycle_between(self, before: Message, message: Message, ahead: int) -> float:
-        """The period of a robot that sent these: the session's, or another one since it has begun anew."""
-        if ahead <= 0 or self._agree(before, message, ahead):
-            return self._cycle
-        shortest, longest = _PERIODS
-        cycle = (message.measured_time - before.measured_time) / ahead
-        return cycle if shortest < cycle < longest else self._cycle
-
-    def _count_old(self, behind: int) -> None:
+    def _count_old(self, message: Message, behind: int) -> None:
         """Count a datagram that is left aside; what belongs to another session is stale, too."""
         if 0 <= behind <= REORDERED and self._seen >> behind & 1:
             self.counters.repeated += 1
             return
         self.counters.stale += 1
-        last = self._last
-        if last is not None and 0 < behind <= REORDERED and behind < (last.message.seqno - self._first_seqno) % _RANGE:
+        if 0 < behind <= REORDERED and (message.seqno - self._first_seqno) % _RANGE < _RANGE // 2:
             self.counters.lost -= 1  # it was counted as such when a newer one came
             self._seen |= 1 << behind
 

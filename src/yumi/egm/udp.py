@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import errno
 import fcntl
+import os
 import select
 import socket
 import struct
@@ -21,26 +22,23 @@ from yumi.errors import NoConnection
 
 _BUFFER_SIZE = 2048
 _SIOCGIFADDR, _SIOCGIFNETMASK = 0x8915, 0x891B  # of Linux
-_WAITING = 256  # datagrams of other senders that are kept while it is open which of them is the robot
 _MOST = 256  # datagrams read at once: whatever arrives, the caller goes on after some milliseconds
-_FLOOD = 32  # datagrams of others since the last of the one that is pinned: more than answering it leaves time for
-_SO_ATTACH_FILTER, _SO_DETACH_FILTER = 26, 27  # of Linux
+
+_libc = ctypes.CDLL(None, use_errno=True)
 
 _Address = tuple[str, int]
 
 
 class UdpServer:
-    """Listens on one port and answers one sender at a time; never waits.
+    """Listens on one port and answers one sender; never waits.
 
-    Who that is, address and port, can be pinned: then nothing of any other sender is handed out. As long as it is not,
-    :meth:`receive` returns what one sender sent, and at the next call what another one did.
-
-    Others that send faster than the one that is pinned would fill the socket's buffer, where its datagrams are lost. So
-    after some of theirs the system drops them before they get there, until the sender is released.
+    Until a sender is pinned, :meth:`receive` returns what one sender sent, and at the next call what another one did.
+    Pinned, the socket is connected to the sender, address and port: the system drops what comes from any other, so
+    that nothing of it fills the socket's buffer.
 
     Attributes:
-        foreign: datagrams of other addresses than the remote's, and of other senders than the one that is pinned; but
-            for those that the system has dropped.
+        foreign: datagrams of other addresses than the remote's, and of other senders that waited when one was pinned.
+            What comes while a sender is pinned never gets here, and is not counted.
         is_pinned: whether only one sender is heard.
 
     Args:
@@ -57,9 +55,6 @@ class UdpServer:
         self.is_pinned = False
         self._remote = remote
         self._peer: _Address | None = None
-        self._in_a_row = 0  # datagrams of others since the last of the one that is pinned
-        self._is_filtered = False
-        self._others: deque[tuple[bytes, _Address]] = deque(maxlen=_WAITING)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         try:
@@ -70,6 +65,7 @@ class UdpServer:
                 raise NoConnection(message("udp_port_taken", port=port)) from error
             said = message("udp_port_not_opened", host=host, port=port, error=str(error.strerror))
             raise NoConnection(said) from error
+        self._own: _Address = self._socket.getsockname()
         self._receive = self._socket.recvfrom
 
     def __enter__(self) -> UdpServer:
@@ -85,11 +81,11 @@ class UdpServer:
 
     @property
     def host(self) -> str:
-        return str(self._socket.getsockname()[0])
+        return self._own[0]
 
     @property
     def port(self) -> int:
-        return int(self._socket.getsockname()[1])
+        return self._own[1]
 
     def fileno(self) -> int:
         return self._socket.fileno()
@@ -100,11 +96,9 @@ class UdpServer:
             datagram, peer = self._receive(_BUFFER_SIZE)
         except OSError:  # nothing waits, or an ICMP error of an earlier send
             return None
-        if peer != self._peer and (self.is_pinned or not self._is_from_remote(peer)):
-            self._leave_aside()
+        if peer != self._peer and not self._is_taken(peer):
             return None
         self._peer = peer
-        self._in_a_row = 0
         return datagram
 
     def receive(self) -> list[bytes]:
@@ -112,71 +106,52 @@ class UdpServer:
         datagrams: list[bytes] = []
         for _ in range(_MOST):
             try:
+                if datagrams and not self.is_pinned and self._receive(1, socket.MSG_PEEK)[1] != self._peer:
+                    break  # left for the next call
                 datagram, peer = self._receive(_BUFFER_SIZE)
             except BlockingIOError:
                 break
             except OSError:  # an ICMP error of an earlier send; it says nothing about what waits here
                 continue
-            if peer == self._peer:
+            if peer == self._peer or self._is_taken(peer):
+                self._peer = peer
                 datagrams.append(datagram)
-                self._in_a_row = 0
-            elif self.is_pinned or not self._is_from_remote(peer):
-                self._leave_aside()
-            else:
-                self._others.append((datagram, peer))
-        if not datagrams and self._others:
-            peer = self._peer = self._others[0][1]
-            datagrams = [each for each, sender in self._others if sender == peer]
-            self._others = deque([each for each in self._others if each[1] != peer], maxlen=_WAITING)
         return datagrams
 
     def pin(self) -> None:
         """From now on hear only the sender of what was handed out last."""
+        if self._peer is None or self.is_pinned:
+            return
+        try:
+            self._socket.connect(self._peer)
+        except OSError:  # no way there at the moment; the next datagram of a session pins its sender
+            return
         self.is_pinned = True
-        self.foreign += len(self._others)
-        self._others.clear()
 
     def release(self) -> None:
         """From now on hear every sender again."""
+        if not self.is_pinned:
+            return
         self.is_pinned = False
-        self._in_a_row = 0
-        if self._is_filtered:
-            self._is_filtered = False
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_DETACH_FILTER, 0)
-
-    def _leave_aside(self) -> None:
-        """Count a datagram that is none of the sender's; of too many, have the system drop those that follow."""
-        self.foreign += 1
-        self._in_a_row += 1
-        if self._in_a_row != _FLOOD or not self.is_pinned or self._peer is None:
-            return
-        host, port = self._peer
-        source = int.from_bytes(socket.inet_aton(host), "big")
-        # Classic BPF, (code, jump if true, jump if false, value): what another address or port sent is dropped.
-        program = (
-            (0x20, 0, 0, 0xFFF0000C),  # load the source address, from the IP header
-            (0x15, 0, 3, source),
-            (0x28, 0, 0, 0),  # load the source port, with which the UDP header begins
-            (0x15, 0, 1, port),
-            (0x06, 0, 0, 0xFFFF),  # keep it whole
-            (0x06, 0, 0, 0),  # drop it
-        )
-        code = ctypes.create_string_buffer(b"".join(struct.pack("HBBI", *each) for each in program))
-        where = struct.pack("HP", len(program), ctypes.addressof(code))
-        try:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_ATTACH_FILTER, where)
-        except OSError:  # a system without such filters; all are read, and counted
-            return
-        self._is_filtered = True
+        # connect(2): an address of the family AF_UNSPEC dissolves the association. Python's connect takes none.
+        nowhere = ctypes.create_string_buffer(struct.pack("=H14x", socket.AF_UNSPEC), 16)
+        if _libc.connect(self._socket.fileno(), nowhere, 16) != 0:
+            error = ctypes.get_errno()
+            raise OSError(error, os.strerror(error))
+        if self._socket.getsockname() != self._own:  # Linux keeps a port that was asked for, and gives up any other
+            self._socket.bind(self._own)
 
     def send(self, datagram: bytes) -> None:
         """Answer the sender of what was handed out last; a reply that cannot leave is lost, as on any network."""
-        if self._peer is None:
-            return
-        _send(self._socket, datagram, self._peer)
+        if self._peer is not None:
+            _send(self._socket, datagram, None if self.is_pinned else self._peer)
 
-    def _is_from_remote(self, peer: _Address) -> bool:
-        return self._remote is None or peer[0] == self._remote
+    def _is_taken(self, peer: _Address) -> bool:
+        """Whether what a sender sent is handed out; else it is counted."""
+        # What waited when a sender was pinned may be of others.
+        is_taken = not self.is_pinned and (self._remote is None or peer[0] == self._remote)
+        self.foreign += not is_taken
+        return is_taken
 
 
 class UdpClient:
@@ -307,9 +282,13 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def _send(sender: socket.socket, datagram: bytes, address: tuple[str, int]) -> None:
+def _send(sender: socket.socket, datagram: bytes, address: _Address | None) -> None:
+    """Send to ``address``; None: where the socket is connected to."""
     try:
-        sender.sendto(datagram, address)
+        if address is None:
+            sender.send(datagram)
+        else:
+            sender.sendto(datagram, address)
     except BlockingIOError:
         return  # the send buffer is full: UDP may lose a datagram anywhere, the next one follows in 4 ms
     except OSError as error:

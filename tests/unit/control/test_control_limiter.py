@@ -471,34 +471,27 @@ def test_limiter_holds_where_it_is_while_positions_cannot_be_true_and_goes_on_af
     assert_within_limits(path)
 
 
-def test_limiter_believes_what_several_datagrams_say_when_only_the_first_said_otherwise(
-    limiter: Limiter, middle: Joints
-) -> None:
-    path = [limiter.limit(state(moved(middle, 0, 0.5)), None).position] * 3
-    for _ in range(600):
-        path.append(limiter.limit(state(middle), None).position)
-    assert limiter.counters.implausible == 3
-    assert path[-1] == pytest.approx(middle, abs=1e-3)
-    assert_within_limits(path)
-
-
-def test_limiter_goes_on_from_the_last_command_when_a_session_begins_while_the_robot_follows(
-    limiter: Limiter, middle: Joints
+@pytest.mark.parametrize("distance", [1.0, 0.05])
+def test_robot_that_follows_feels_no_step_when_a_session_begins_in_its_motion(
+    limiter: Limiter, middle: Joints, distance: float
 ) -> None:
     command = limiter.limit(state(middle), None)
-    path, planned = [middle] * 3, middle
-    for count in range(200):
-        now = ArmState(count * DT, DT, 1 if count < 60 else 2, planned, ZERO, planned, is_running=True)
+    planned, speeds, withheld = middle, [], 0
+    for count in range(400):
+        now = ArmState(count * DT, DT, 1 if count < 30 else 2, planned, ZERO, planned, is_running=True)
         checked = limiter.check(now)
-        if checked is None:
-            assert count == 60  # the second state of the session tells that the robot moves
-            planned = hears(planned, command)
-            continue
-        command = limiter.limit(checked, ArmCommand(moved(middle, 0, 1.0)) if count < 60 else None)
-        limiter.observe(checked)
-        path.append(command.position)
-        planned = hears(planned, command)
-    assert_within_limits(path)
+        if checked is None:  # it goes on by the last command
+            withheld += 1
+            assert count == 29 + withheld
+        else:
+            command = limiter.limit(checked, ArmCommand(moved(middle, 0, distance)) if count < 30 else None)
+            limiter.observe(checked)
+        before, planned = planned, hears(planned, command)
+        speeds.append((planned[0] - before[0]) / DT)
+    assert 20 < withheld < 250
+    changes = [abs(new - old) for old, new in pairwise(speeds[29:])]
+    assert max(changes) < YUMI_LIMITS.acceleration[0] * DT
+    assert abs(speeds[-1]) < 1e-3
 
 
 def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_follow_the_last_command(
@@ -509,13 +502,13 @@ def test_limiter_begins_where_the_robot_stands_when_its_new_session_does_not_fol
     for count in range(60):
         now = ArmState(count * DT, DT, 1, planned, change_rate(planned, before, DT), planned, is_running=True)
         before, planned = planned, hears(planned, limiter.limit(now, ArmCommand(moved(middle, 0, 1.0))))
-    first = ArmState(62 * DT, 0.0, 2, planned, ZERO, planned, is_running=True)
-    assert limiter.check(first) is None
-    second = first._replace(time=63 * DT, dt=DT)
-    assert limiter.check(second) is None  # one alone proves nothing: it may be a copy
-    third = first._replace(time=64 * DT, dt=DT)
-    assert limiter.check(third) is third
-    assert limiter.limit(third, None) == ArmCommand(planned)
+    sent_at, first = 59 * DT, ArmState(0.0, DT, 2, planned, ZERO, planned, is_running=True)
+    for count in range(62, 59 + 250):  # as long as it could follow the last command
+        assert limiter.check(first._replace(time=count * DT)) is None
+    begun = first._replace(time=sent_at + 1.001)
+    checked = limiter.check(begun)
+    assert checked == begun._replace(dt=0.0)
+    assert limiter.limit(checked, None) == ArmCommand(planned)
 
 
 def test_limiter_does_not_answer_a_session_that_begins_far_out_of_range(limiter: Limiter, middle: Joints) -> None:
@@ -546,22 +539,21 @@ def test_limiter_does_not_begin_in_a_new_session_where_the_arm_cannot_have_got_s
 def test_limiter_never_believes_positions_that_agree_with_each_other_but_not_with_the_robots_plan(
     limiter: Limiter, middle: Joints, is_running: bool
 ) -> None:
-    """In a session too young to outweigh them, and where a robot without motors may be moved by hand."""
+    """A robot without motors may be moved by hand: there it is believed when its plan is there, too."""
     limiter.limit(state(middle), None)
     elsewhere = moved(middle, 0, 0.5)
-    false = state(elsewhere, is_running=is_running)._replace(planned=middle)
+    there = state(elsewhere, is_running=is_running)
     for count in range(60):
-        checked = limiter.check(false)
+        checked = limiter.check(there._replace(planned=middle, time=count * DT))
         assert checked is not None
         assert checked.position == middle
         assert limiter.limit(checked, None) == ArmCommand(middle)
         assert limiter.counters.implausible == count + 1
     assert limiter.problem is Problem.IMPLAUSIBLE
-    for _ in range(30):  # where the plan is there, too, they are believed
-        limiter.check(state(elsewhere, is_running=is_running))
-    believed = limiter.check(state(elsewhere, is_running=is_running))
-    assert believed is not None
-    assert believed.position == elsewhere
+    for count in range(60, 90):
+        checked = limiter.check(there._replace(time=count * DT))
+        assert checked is not None
+        assert checked.position == (middle if is_running else elsewhere)
 
 
 def test_limiter_does_not_begin_where_the_robots_plan_is_not(limiter: Limiter, middle: Joints) -> None:
@@ -600,12 +592,12 @@ def test_limiter_does_not_feed_an_old_speed_to_an_arm_that_stands_in_a_new_sessi
     assert command is not None
     assert command.velocity[0] == pytest.approx(1.0, abs=0.1)
     first = ArmState(0.9, 0.0, 2, planned, ZERO, planned, is_running=True)
-    assert limiter.check(first) is None  # whether it stands the next two states show
-    second = first._replace(time=0.9 + DT, dt=DT)
-    assert limiter.check(second) is None
-    third = first._replace(time=0.9 + 2 * DT, dt=DT)
-    assert limiter.check(third) is third
-    assert limiter.limit(third, None) == ArmCommand(planned)
+    assert limiter.check(first) is None  # it might follow the last command
+    for later in range(1, 149):
+        assert limiter.check(first._replace(time=0.9 + later * DT, dt=DT)) is None
+    checked = limiter.check(first._replace(time=149 * DT + 1.001, dt=DT))
+    assert checked is not None
+    assert limiter.limit(checked, None) == ArmCommand(planned)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-4])
