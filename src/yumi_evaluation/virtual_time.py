@@ -20,9 +20,10 @@ from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings

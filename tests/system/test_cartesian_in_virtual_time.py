@@ -15,8 +15,8 @@ from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
-from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_path import ToolLimits, Wall, Waypoint, plan_path
 from yumi.control.trajectory import ArmPlan
 from yumi.errors import CommandRefused

@@ -1,4 +1,4 @@
-"""The last step before the network: no command leaves that a robot must never get.
+"""The limiter: the last step before the network. No command leaves that a robot must never get.
 
 The limiter refuses what is not a number, keeps positions inside the joint limits, and lets the command move only as
 fast, and change its motion only as quickly, as the joints may, measured from the command sent before. To hold means to
@@ -8,419 +8,44 @@ It does not trust the session. Whatever a datagram says, as long as the robot ma
 one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`, which commands the
 robot follows in :mod:`yumi.control.references` (docs/explanation/decisions/0014-feedback-is-doubted.md).
 
-Three parts, each for what it limits: :class:`PositionLimiter`, :class:`FeedForwardLimiter`, and :class:`SpeedScale` for
-the factor ``speed_scale`` on the speed of whatever moves an arm.
+How fast positions change is limited in :mod:`yumi.control.position_limiter`, the speeds sent with them in
+:mod:`yumi.control.feed_forward_limiter`, both within the factor of :mod:`yumi.control.speed_scale`.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from math import copysign, dist, hypot, inf, isfinite
-from operator import sub
+from math import dist, hypot, inf, isfinite
 
 from yumi.control.collisions import ArmCollisionLimiter
-from yumi.control.controller import Buffer
+from yumi.control.feed_forward_limiter import UNEXPECTED, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
     EGM_GAIN,
     SERVO_CYCLES,
-    Setpoint,
     braking_path,
-    fixed,
     largest_difference,
-    ramp_speed,
     slower,
-    speed_to_come,
-    speed_to_stop,
-    step_to_rest,
-    step_towards,
 )
 from yumi.control.position_delay import PositionDelay
+from yumi.control.position_limiter import PositionLimiter, inside
 from yumi.control.references import ReferenceMonitor
-from yumi.control.shared_state import Factor, Limited, Problem
+from yumi.control.shared_state import Limited, Problem
+from yumi.control.speed_scale import FULL
 from yumi.robot.joints import (
     CYCLE,
-    JOINT_COUNT,
     ZERO,
     ArmCommand,
     ArmState,
     JointLimits,
     Joints,
-    change_rate,
     joints,
-    moved,
 )
 
-_ROUNDING = 1.0 + 1e-6  # a command that uses a limit fully is not refused for its last digit
-_STANDS = 1e-6  # [rad] a command that moves less in a cycle stands
-_CLOSE = 1e-9  # [rad] a joint may come to rest at the end of its range
 _HOP = 1e-3  # [rad] beside something an arm goes by so much at once
 _HOPS = 0.1  # [rad/s] while it is slower than this
-_FOLLOWABLE = 0.96  # a goal nearly as fast as the joint, or nearly as strong, cannot be caught up with
-
-
-class PositionLimiter:
-    """The positions sent so far, and the next one: no joint exceeds its speed, acceleration or jerk.
-
-    What is smooth enough passes unchanged; what is not is approached as fast as the limits allow. A joint never gets so
-    fast that it could not stop before the end of its range. Velocity and acceleration are differences of positions,
-    which is what the robot can make of them.
-
-    Args:
-        limits: of the joints.
-    """
-
-    def __init__(self, limits: JointLimits) -> None:
-        self.limit(limits)
-        self.rest_at(ZERO)
-
-    @property
-    def position(self) -> Joints:
-        """The position sent last [rad], (7,)."""
-        return self._sent.position
-
-    def limit(self, limits: JointLimits) -> None:
-        """Apply other limits from the next step on."""
-        self._limits = limits
-        # What the weakest joint may do, and how long the slowest one needs to build up its acceleration [s].
-        self._weakest = min(limits.velocity), min(limits.acceleration), min(limits.jerk)
-        self._longest_ramp = max(top / jerk for top, jerk in zip(limits.acceleration, limits.jerk, strict=True))
-
-    def rest_at(self, position: Joints) -> None:
-        """Begin again, at rest."""
-        self._sent = Setpoint(position)
-        self._goal = Setpoint(position)  # the desired position, with differences of its own
-        # Of joints whose last step was planned: velocity and acceleration at its end, which the plan goes on from.
-        self._planned: dict[int, tuple[float, float]] = {}
-        self._chasing: frozenset[int] = frozenset()  # those of them that do not yet move as their goal does
-        self._step_time = 0.0  # [s] of the last step
-        self._motion: Setpoint | None = None  # see motion
-
-    def next(self, desired: Joints, dt: float, elapsed: float) -> Joints:
-        """``desired`` itself if a step there is smooth enough, else the next position towards it, within the limits.
-
-        Each joint for itself: one whose own step is smooth enough takes it. A goal that moves is caught up with.
-
-        Args:
-            desired: the position [rad], (7,).
-            dt: how long the joints may move [s].
-            elapsed: since the position that was desired before [s]; longer than ``dt`` after a gap.
-        """
-        step, self._step_time, self._motion = self._step_to(desired, dt), dt, None
-        is_late = () if self._is_gentle(step, dt) else [not self._is_smooth(i, step, dt) for i in range(JOINT_COUNT)]
-        if not any(is_late):
-            self._sent = self._goal = step
-            self._planned = {}
-            return desired
-        goal = self._motion_of_goal(desired, dt, elapsed)
-        # How the joints move now. Where only differences are known, the last one is half a step old.
-        motion = [
-            self._planned.get(index) or (velocity + 0.5 * acceleration * dt, acceleration)
-            for index, (velocity, acceleration) in enumerate(zip(*self._sent[1:], strict=True))
-        ]
-        velocity, acceleration = map(fixed, zip(*motion, strict=True))
-        now = Setpoint(self.position, velocity, acceleration)
-        found = step_towards(now, goal, self._limits, dt, is_late)
-        way = found or goal
-        must_brake = [
-            late and (found is None or not self._is_safe(index, *(values[index] for values in way)))
-            for index, late in enumerate(is_late)
-        ]
-        # A joint that is not late takes its step; braking is possible from any state that is safe.
-        brake = step_to_rest(now, self._limits, dt, must_brake) if any(must_brake) else way
-        sources = [brake if brakes else way if late else goal for late, brakes in zip(is_late, must_brake, strict=True)]
-        taken = Setpoint(*(fixed([each[field][i] for i, each in enumerate(sources)]) for field in range(3)))
-        # The last resort, should the way to a target lead past the end of the range, or further away from it.
-        self._sent = self._step_to(inside(taken.position, self._limits, self.position), dt)
-        self._planned = {
-            index: (taken.velocity[index], taken.acceleration[index]) for index, late in enumerate(is_late) if late
-        }
-        # A joint has arrived when what is left of the way is less than half a step may change.
-        changes = [0.5 * jerk * dt for jerk in self._limits.jerk]
-        self._chasing = frozenset(
-            index
-            for index in self._planned
-            if abs(taken.position[index] - goal.position[index]) >= changes[index] * dt * dt
-            or abs(taken.velocity[index] - goal.velocity[index]) >= changes[index] * dt
-            or abs(taken.acceleration[index] - goal.acceleration[index]) >= changes[index]
-        )
-        return self.position
-
-    def place_to_stop(self) -> Joints:
-        """Where the motion so far comes to rest that brakes as hard as it may [rad], (7,), within the range."""
-        limits = self._limits
-        rows = zip(*self._sent, limits.acceleration, limits.jerk, strict=True)
-        ends = joints([p + braking_path(v, a, top, jerk).end for p, v, a, top, jerk in rows])
-        return inside(ends, limits, self.position)
-
-    @property
-    def motion(self) -> Setpoint:
-        """The position sent last, and how it moves at the end of its step."""
-        if self._motion is not None:  # asked for twice in a cycle
-            return self._motion
-        position, rates = self._sent.position, self._sent.acceleration
-        speeds = moved(self._sent.velocity, rates, 0.5 * self._step_time)
-        if self._planned:
-            own = [self._planned.get(index, each) for index, each in enumerate(zip(speeds, rates, strict=True))]
-            speeds, rates = map(fixed, zip(*own, strict=True))
-        self._motion = Setpoint(position, speeds, rates) if any(speeds) or any(rates) else Setpoint(position)
-        return self._motion
-
-    def brake(self, dt: float) -> Joints:
-        """The next position of joints that all brake as hard as they may, for ``dt`` [s]."""
-        rest = step_to_rest(self.motion, self._limits, dt, [True] * JOINT_COUNT)
-        self._sent = self._goal = self._step_to(inside(rest.position, self._limits, self.position), dt)
-        self._planned = dict(enumerate(zip(rest.velocity, rest.acceleration, strict=True)))
-        self._chasing = frozenset()
-        self._step_time, self._motion = dt, None
-        return self.position
-
-    def stands(self, dt: float) -> bool:
-        """Whether no joint has moved with the last step of ``dt`` [s], nor with the one before it.
-
-        One step alone may be short because a joint turns round: to stop there would be a jerk.
-        """
-        _, velocity, acceleration = self._sent
-        return hypot(*velocity) * dt < _STANDS and hypot(*acceleration) * dt * dt < _STANDS
-
-    def _step_to(self, position: Joints, dt: float) -> Setpoint:
-        """The step from the last position to this one: velocity and acceleration as differences."""
-        last, before, _ = self._sent
-        velocity = change_rate(position, last, dt)
-        return Setpoint(position, velocity, change_rate(velocity, before, dt))
-
-    def _is_gentle(self, step: Setpoint, dt: float) -> bool:
-        """Whether no joint asks for more than the weakest one may do: nearly always so, and seen quickly."""
-        (speed, top, jerk), limits = self._weakest, self._limits
-        acceleration = hypot(*step.acceleration)
-        fastest = max(map(abs, step.velocity)) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk)
-        way = 0.5 * fastest * (fastest / top + 3.0 * self._longest_ramp)  # see speed_to_stop
-        return (
-            not self._chasing
-            and fastest <= speed
-            and acceleration <= top
-            and dist(step.acceleration, self._sent.acceleration) <= jerk * dt
-            and way < min(map(sub, step.position, limits.lower))
-            and way < min(map(sub, limits.upper, step.position))
-        )
-
-    def _is_smooth(self, index: int, step: Setpoint, dt: float) -> bool:
-        """Whether a joint may take this step, and go on from there."""
-        limits, acceleration = self._limits, step.acceleration[index]
-        return (
-            index not in self._chasing
-            and abs(step.velocity[index]) <= limits.velocity[index] * _ROUNDING
-            and abs(acceleration) <= limits.acceleration[index] * _ROUNDING
-            and abs(acceleration - self._sent.acceleration[index]) <= limits.jerk[index] * dt * _ROUNDING
-            and self._is_safe(index, step.position[index], step.velocity[index] + 0.5 * acceleration * dt, acceleration)
-        )
-
-    def _is_safe(self, index: int, position: float, velocity: float, acceleration: float) -> bool:
-        """Whether a joint that moves like this can still keep its speed, and brake before the end of its range."""
-        limits = self._limits
-        top, jerk = limits.acceleration[index], limits.jerk[index]
-        speed, change = abs(velocity), speed_to_come(acceleration, jerk)
-        if speed + (change if velocity * acceleration > 0.0 else 0.0) > limits.velocity[index] * _ROUNDING:
-            return False
-        # Nearly always it has more room than it could need, whatever its acceleration: see speed_to_stop.
-        low, high, fastest = limits.lower[index] - _CLOSE, limits.upper[index] + _CLOSE, speed + change
-        if 0.5 * fastest * (fastest / top + 3.0 * top / jerk) < min(position - low, high - position):
-            return True
-        lowest, highest, _ = braking_path(velocity, acceleration, top, jerk)
-        return (lowest == 0.0 or position + lowest >= low) and (highest == 0.0 or position + highest <= high)
-
-    def _motion_of_goal(self, desired: Joints, dt: float, elapsed: float) -> Setpoint:
-        """The goals at the end of the step, with that of their motion which a joint can make use of.
-
-        A goal that cannot be followed counts as resting; one whose last two steps contradict each other has no
-        acceleration: that is noise, a stream with uneven steps, or a jump.
-        """
-        limits, last, before = self._limits, self._goal, self._goal.acceleration
-        velocity = change_rate(desired, last.position, elapsed)
-        acceleration = change_rate(velocity, last.velocity, elapsed)
-        self._goal = Setpoint(desired, velocity, acceleration)
-        speeds, rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
-        for index, (speed, rate) in enumerate(zip(velocity, acceleration, strict=True)):
-            fastest, top, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
-            # A jump is no motion. Towards the end of its range a joint must still be able to brake after its goal,
-            # as its jerk and the length of a step allow.
-            end = limits.upper[index] if speed > 0.0 else limits.lower[index]
-            room = (end - last.position[index]) * copysign(1.0, speed)
-            way = abs(speed) * (abs(speed) / top + 2.0 * top / jerk + 2.0 * dt)
-            if abs(speed) > _FOLLOWABLE * fastest or way >= room:
-                continue
-            speeds[index] = speed
-            if abs(rate) <= _FOLLOWABLE * top and abs(rate - before[index]) <= jerk * elapsed:
-                speeds[index] = max(-_FOLLOWABLE * fastest, min(_FOLLOWABLE * fastest, speed + 0.5 * rate * dt))
-                rates[index] = rate
-        return Setpoint(desired, fixed(speeds), fixed(rates))
-
-
-def inside(position: Joints, limits: JointLimits, last: Joints) -> Joints:
-    """``position`` cut at the range; joints that were outside ``last`` may come back but not go further [rad], (7,)."""
-    if limits.outside(position) is None:
-        return position
-    rows = zip(limits.lower, limits.upper, last, position, strict=True)
-    return joints([max(min(low, old), min(max(high, old), new)) for low, high, old, new in rows])
-
-
-_CORRECTED = 1.5  # times a joint's acceleration
-_EXACT = 0.995  # of an acceleration: where the robot will report to be is not predicted better
-_UNEXPECTED = 0.02  # [rad] a plan further from where it was led to than the robot's own cap on speeds explains
-_REST = 1e-6  # [rad/s] slower than this, in two cycles one after the other, is no motion
-
-
-def _reported(state: ArmState, later: float) -> list[float]:
-    """Where a robot will report to be ``later`` [s] from now [rad], (7,): it is on the way to its plan."""
-    share = min(1.0, later / (SERVO_CYCLES * CYCLE))
-    return [now + share * (plan - now) for now, plan in zip(state.position, state.planned, strict=True)]
-
-
-class FeedForwardLimiter:
-    """The speeds fed forward to one arm so far, and the speeds the arm has by now.
-
-    A robot in EGM plans to move at ``k · (position reference - reported position) + speed reference``, and uses a
-    command a cycle after it was taken (reference/egm.md §6.1). Each of the two may be
-    within the limits and their sum not: a position that runs ahead already asks for a speed. So the sum is what is kept
-    within the joints' velocity, acceleration and jerk, and able to stop before the end of their ranges; a sum that is
-    smooth passes unchanged.
-
-    Args:
-        limits: of the joints.
-        gain: of the robot's position loop [1/s]; 0 where it follows speeds only.
-        period: time between two states of the arm [s].
-
-    Attributes:
-        velocity: the speed sent last [rad/s], (7,).
-        is_bounded: whether it is less than was desired.
-    """
-
-    def __init__(self, limits: JointLimits, gain: float = EGM_GAIN, period: float = CYCLE) -> None:
-        self.velocity: Joints = ZERO
-        self.is_bounded = False
-        self._gain = gain
-        self._used_after = (
-            period + CYCLE
-        )  # from a state to the use of its reply [s]: a period, and a cycle in the robot
-        self._limits = limits
-        self._is_feeding = False
-        self._speeds = [0.0] * JOINT_COUNT
-        self._rates = [0.0] * JOINT_COUNT
-        self._places: list[float] = []
-        self._state: ArmState | None = None
-        self._position: Joints = ZERO
-        self._position_before: Joints = ZERO
-
-    @property
-    def motion(self) -> Setpoint | None:
-        """How the robot will move when it takes the last command; None where no speed is fed forward."""
-        if not self._is_feeding or not self._places:
-            return None
-        return Setpoint(fixed(self._places), fixed(self._speeds), fixed(self._rates))
-
-    def limit(self, limits: JointLimits) -> None:
-        """Apply other limits from the next command on."""
-        self._limits = limits
-
-    def end(self) -> None:
-        """Forget; no speed is fed forward from now on."""
-        self.velocity, self._is_feeding, self._state = ZERO, False, None
-
-    def resume(self, state: ArmState, position: Joints) -> None:
-        """Go on from the motion of a robot that repeated the last command for a while.
-
-        Args:
-            state: of the robot by now.
-            position: the position reference it got last [rad], (7,).
-        """
-        if self._is_feeding:
-            speeds = zip(self._led(position, _reported(state, CYCLE)), self.velocity, strict=True)
-            self._speeds, self._rates = [led + fed for led, fed in speeds], [0.0] * JOINT_COUNT
-        elif self._state is not None:
-            # A speed that sets in now must not take the way since the last known state for the motion of one cycle.
-            self._state, self._position, self._position_before = state, position, position
-
-    def follow(self, speeds: list[float], dt: float) -> None:
-        """Come to the motion of a robot that does not follow the last commands: ``speeds`` [rad/s] of its joints.
-
-        Within some cycles, as it may follow them all the same, and its reports be late.
-        """
-        if self._is_feeding:
-            rows = zip(speeds, self._speeds, self._limits.acceleration, strict=True)
-            steps = [(speed, old, _CORRECTED * top * dt) for speed, old, top in rows]
-            self._speeds = [max(old - most, min(old + most, speed)) for speed, old, most in steps]
-            self._rates = [0.0] * JOINT_COUNT
-
-    def observe(self, state: ArmState, position: Joints) -> None:
-        """The robot's state and the position reference it got then [rad], (7,), after each reply.
-
-        What it makes of them is the motion that a speed sets in upon.
-        """
-        self._position_before = position if self._state is None else self._position
-        self._state, self._position = state, position
-
-    def next(self, state: ArmState, position: Joints, desired: Joints, dt: float) -> Joints:
-        """The speed that may be fed forward [rad/s], (7,), next to ``desired``.
-
-        Args:
-            state: of the robot; the last commands are not in it yet.
-            position: the position reference that goes with it [rad], (7,), limited already.
-            desired: the speed [rad/s], (7,).
-            dt: time since the last command [s] > 0.
-        """
-        self.is_bounded = False
-        if desired is ZERO and not self._is_feeding:
-            return ZERO
-        if not self._is_feeding:
-            self._begin(state, dt)
-        predicted = self._used_after
-        if self._state is not None:
-            rows = zip(self._state.planned, state.planned, self._speeds, strict=True)
-            if max(abs(now - last - speed * dt) for last, now, speed in rows) > _UNEXPECTED:
-                predicted = 0.0
-                self.resume(state, self._position)
-        limits, fed = self._limits, []
-        # New lists: for a command that is not sent, the ones before are taken back.
-        self._speeds, self._rates, self._places = self._speeds.copy(), self._rates.copy(), []
-        reported = _reported(state, self._used_after)
-        values = zip(state.planned, reported, position, desired, self._speeds, strict=True)
-        for index, (now, then, ahead, speed, last) in enumerate(values):
-            place = now + last * predicted  # where the robot will plan to be by then
-            self._places.append(place)
-            most, top, jerk = limits.velocity[index], limits.acceleration[index], limits.jerk[index]
-            lead = self._gain * (ahead - then)
-            goal = lead + max(-most, min(most, speed))
-            room = limits.upper[index] - place if goal > 0.0 else place - limits.lower[index]
-            total, self._rates[index] = ramp_speed(
-                goal, last, self._rates[index], min(most, speed_to_stop(room, top, jerk)), _EXACT * top, jerk, dt
-            )
-            self._speeds[index] = total
-            self.is_bounded = self.is_bounded or total != goal
-            fed.append(total - lead)
-        is_over = desired is ZERO and not self.is_bounded and max(map(abs, (*fed, *self.velocity))) < _REST
-        self.velocity, self._is_feeding = (ZERO, False) if is_over else (joints(fed), True)
-        return self.velocity
-
-    def _begin(self, state: ArmState, dt: float) -> None:
-        """Set in upon the motion that the position references before made."""
-        if self._state is None:
-            self._speeds, self._rates = [0.0] * JOINT_COUNT, [0.0] * JOINT_COUNT
-            return
-        self._speeds = self._led(self._position, state.position)
-        before = self._led(self._position_before, self._state.position)
-        rates = zip(self._speeds, before, self._limits.acceleration, strict=True)
-        self._rates = [max(-top, min(top, (new - old) / dt)) for new, old, top in rates]
-
-    def against(self, state: ArmState, position: Joints) -> Joints:
-        """The speed that keeps the robot from following a position reference [rad/s], (7,)."""
-        return joints([-speed for speed in self._led(position, _reported(state, self._used_after))])
-
-    def _led(self, position: Joints, reported: Sequence[float]) -> list[float]:
-        """How fast a robot that reports to be there sets out towards a position reference [rad/s]."""
-        return [self._gain * (ahead - now) for ahead, now in zip(position, reported, strict=True)]
-
 
 FEEDBACK_DELAY = 0.050
 """By how much the measured speed may be behind the robot's own, at most [s]."""
@@ -586,7 +211,7 @@ class Limiter:
             self._state = self._accept(state)
             self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
             expected = self._references.expected(state) if 0 < self._stopped_in_a_row < DOUBTED else None
-            if expected is not None and largest_difference(expected.planned, state.planned) < _UNEXPECTED:
+            if expected is not None and largest_difference(expected.planned, state.planned) < UNEXPECTED:
                 # Until several say that the robot stands, they may be forged, with a plan that is a cycle old.
                 self._state = state._replace(planned=expected.planned)
         else:
@@ -893,53 +518,3 @@ class Limiter:
         rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)
         # At a lead of speed over gain a robot seen at that speed has come to move so; more does not move it faster.
         return all(abs(last - now) < (abs(v) + top * FEEDBACK_DELAY) / EGM_GAIN for last, now, v, top in rows)
-
-
-FULL = 1.0
-
-_FASTEST = 4.0  # [1/s] at full speed a change takes two thirds of a joint's acceleration
-_HARSHEST = 40.0  # [1/s²] and not half of its jerk
-
-
-class SpeedScale:
-    """One factor on speed for all controllers and for the limiter of one arm.
-
-    Planned motions let time go by slower by it, along the same path; whatever else is commanded is limited to that
-    factor of the joints' speeds. It changes gradually: no joint exceeds its acceleration or jerk, in the middle of a
-    motion, too.
-
-    Args:
-        goal: where the factor to go to is set, above 0 up to 1; without one it stays at 1.
-
-    Attributes:
-        value: the factor in this cycle.
-        highest: it is not above this, whatever is set.
-    """
-
-    def __init__(self, goal: Buffer[Factor] | None = None) -> None:
-        self._goal = goal
-        self._rate = 0.0
-        self.highest = FULL
-        self.value = self._set_value()
-
-    def _set_value(self) -> float:
-        newest = self._goal.read() if self._goal else None
-        return min(newest[1].value if newest else FULL, self.highest)
-
-    def jump(self) -> None:
-        """Go to what is set at once, of an arm that does not move."""
-        self.value, self._rate = self._set_value(), 0.0
-
-    def advance(self, dt: float) -> bool:
-        """Go on for ``dt`` [s]; to be called once between two cycles.
-
-        Returns:
-            Whether :attr:`value` has changed.
-        """
-        goal, before = self._set_value(), self.value
-        if (goal == before and not self._rate) or dt <= 0.0:
-            return False
-        self.value, self._rate = ramp_speed(goal, before, self._rate, FULL, _FASTEST, _HARSHEST, dt)
-        if min(before, goal) > self.value or self.value > max(before, goal):  # by the last digits of a ramp
-            self.value, self._rate = goal, 0.0
-        return True

@@ -17,8 +17,9 @@ from yumi.catalogue import message, said_by
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import AFTER_REPLY, Buffer, ControllerInfo, HardwareInfo, ParameterInfo, StageClock, State
 from yumi.control.controller_manager import ControllerManager, Strictness
-from yumi.control.cycle import ArmPort, Cycle, FlightRecorder, flight_memory, run_cycle
-from yumi.control.limiter import FULL, Limiter, SpeedScale
+from yumi.control.cycle import ArmPort, Cycle, run_cycle
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.limiter import Limiter
 from yumi.control.motion import AT_GOAL, largest_difference
 from yumi.control.shared_state import (
     PROBLEMS,
@@ -40,6 +41,7 @@ from yumi.control.shared_state import (
     SessionStarted,
     Snapshot,
 )
+from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values

@@ -13,20 +13,13 @@ from numpy.typing import NDArray
 from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import (
-    BODY_MARGIN,
-    MARGIN,
-    ArmCollisionLimiter,
-    ArmMotion,
-    CollisionLimiter,
-    ProgressCheck,
-    Surroundings,
-)
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, SERVO_CYCLES, Setpoint, plan_gain, slower, stop, travel
+from yumi.control.progress_check import ProgressCheck, Surroundings
 from yumi.control.shared_state import KeptApart, Limited
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.controller import Controller
-from yumi.control.limiter import FeedForwardLimiter, Limiter
+from yumi.control.feed_forward_limiter import FeedForwardLimiter
+from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import (
     CYCLE,
