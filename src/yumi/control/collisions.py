@@ -288,7 +288,7 @@ class ArmCollisionLimiter:
         self.motion = ArmMotion(before, Setpoint(position), None, coasts_to)
 
     def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
-        """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
+        """An arm is sent a command that :meth:`accepts` has not accepted; arguments as there."""
         if not self.is_heard or self.motion is None or not self.motion.stays(planned, sent, robot):
             self.motion = ArmMotion(planned, sent, robot)
         self.is_heard = True
@@ -309,6 +309,7 @@ class ArmCollisionLimiter:
             # What it stands at may have left it, or have come nearer; else nothing has changed.
             known = zip(self._compared, (last, its, self._both.margins), strict=True)
             if not self.boundaries or all(before is now for before, now in known):
+                self.limited = self.limited or self._coasts_into
                 return True
             motion = last
         else:
@@ -319,6 +320,7 @@ class ArmCollisionLimiter:
         ):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
+            self.limited = self.limited or self._coasts_into
             return True
         return False
 

@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from math import dist, hypot, inf, isfinite
+from typing import Any, NamedTuple
 
 from yumi.control.collisions import ArmCollisionLimiter
-from yumi.control.feed_forward_limiter import UNEXPECTED, FeedForwardLimiter
+from yumi.control.feed_forward_limiter import UNEXPECTED, FedForward, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
     EGM_GAIN,
@@ -30,7 +30,7 @@ from yumi.control.motion import (
     slower,
 )
 from yumi.control.position_delay import PositionDelay
-from yumi.control.position_limiter import PositionLimiter, inside
+from yumi.control.position_limiter import PositionLimiter, PositionMotion, inside, resting_at
 from yumi.control.references import ReferenceMonitor
 from yumi.control.shared_state import Limited, Problem
 from yumi.control.speed_scale import FULL
@@ -70,8 +70,7 @@ def _is_finite(command: ArmCommand) -> bool:
     return isfinite(sum(command.position) + sum(command.velocity))
 
 
-@dataclass
-class LimiterCounters:
+class LimiterCounters(NamedTuple):
     """Cycles in which the limiter changed something.
 
     Attributes:
@@ -91,14 +90,41 @@ class LimiterCounters:
     feedforward_withheld: int = 0
 
 
+class SentMotion(NamedTuple):
+    """What one arm was sent so far, as far as the next command depends on it.
+
+    Attributes:
+        positions: sent so far.
+        speeds: fed forward so far.
+        is_at_rest: whether the command stands, and does not lead the robot any more.
+        is_settling: whether the arm is held, and its command not back where the arm is.
+        settling_for: since when [s].
+        stop_within: the positions between which an arm that holds may come to rest [rad]; None while it does not hold.
+        counters: what was changed so far.
+    """
+
+    positions: PositionMotion
+    speeds: FedForward
+    is_at_rest: bool
+    is_settling: bool
+    settling_for: float
+    stop_within: tuple[Joints, Joints] | None
+    counters: LimiterCounters
+
+
+def _counted(motion: SentMotion, **changed: bool) -> SentMotion:
+    """A motion with the counters of what was changed one higher."""
+    counters = motion.counters
+    higher = {name: getattr(counters, name) + is_changed for name, is_changed in changed.items()}
+    return motion._replace(counters=counters._replace(**higher))
+
+
 class Limiter:
     """Limits the commands of one arm.
 
     In each cycle: :meth:`check` the state, :meth:`limit` the command, and :meth:`observe` after the reply.
 
     Attributes:
-        counters: what it changed so far.
-        is_at_rest: whether the command stands, and does not lead the robot any more.
         is_waiting: whether the command waits since the robot follows an older one.
 
     Args:
@@ -121,8 +147,6 @@ class Limiter:
         collisions: ArmCollisionLimiter | None = None,
         bandwidth: float = 0.0,
     ) -> None:
-        self.counters = LimiterCounters()
-        self.is_at_rest = True
         self.is_waiting = False
         self._period = period
         most = [_TAKEN_AT_ONCE * top * period for top in limits.acceleration]
@@ -131,8 +155,9 @@ class Limiter:
         self._near = min(limits.acceleration) * FEEDBACK_DELAY / EGM_GAIN  # a lead that any robot may have
         self._gain = gain
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
-        self._positions = PositionLimiter(limits)
-        self._speeds = FeedForwardLimiter(limits, gain, period)
+        self._position_limiter = PositionLimiter(limits)
+        self._feed_forward_limiter = FeedForwardLimiter(limits, gain, period)
+        self._motion = SentMotion(resting_at(ZERO), FedForward(), True, False, 0.0, None, LimiterCounters())
         self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain, limits.velocity, period, bandwidth)
         self._collisions = collisions
@@ -144,13 +169,20 @@ class Limiter:
         self._entering: ArmState | None = None  # of a new session that got no reply yet
         self._has_stood = False  # whether its plan did not move from one state to the next
         self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
-        self._is_settling = False  # whether the arm is held, and its command not back where the arm is
-        self._settling_for = 0.0  # [s]
         self._delay = PositionDelay()
         self._scale = self._scaled = FULL  # of speeds, and of positions
         self._scales = deque([FULL] * (SERVO_CYCLES + 2), SERVO_CYCLES + 2)  # of the last cycles
         self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
-        self._stop_within: tuple[Joints, Joints] | None = None  # where it may come to rest otherwise
+
+    @property
+    def counters(self) -> LimiterCounters:
+        """What was changed so far."""
+        return self._motion.counters
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the command stands, and does not lead the robot any more."""
+        return self._motion.is_at_rest
 
     @property
     def problem(self) -> Problem:
@@ -187,14 +219,14 @@ class Limiter:
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit: speeds from the next command on, positions later."""
         self._scale = scale
-        self._speeds.limit(slower(self._limits, scale))
+        self._feed_forward_limiter = FeedForwardLimiter(slower(self._limits, scale), self._gain, self._period)
 
     def _scale_positions(self) -> None:
         """Positions are sent later than the speeds that go with them, so their limits come down later, too."""
         self._scales.append(self._scale)
         if self._scaled != self._scale:
             self._scaled = max(self._scales)
-            self._positions.limit(slower(self._limits, self._scaled))
+            self._position_limiter = PositionLimiter(slower(self._limits, self._scaled))
 
     def check(self, state: ArmState) -> ArmState | None:
         """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
@@ -207,7 +239,7 @@ class Limiter:
         """
         if state.session != self._session:
             self._state = self._enter(state)
-        elif self._feedback.is_plausible(state, self._positions.position):
+        elif self._feedback.is_plausible(state, self._motion.positions.position):
             self._state = self._accept(state)
             self._stopped_in_a_row = 0 if state.is_running else self._stopped_in_a_row + 1
             expected = self._references.expected(state) if 0 < self._stopped_in_a_row < DOUBTED else None
@@ -217,16 +249,17 @@ class Limiter:
         else:
             self._state, is_believed = self._feedback.replace(state)
             if is_believed:
-                self.is_at_rest = False  # the command is not where the robot is
+                self._change(is_at_rest=False)  # the command is not where the robot is
                 self._go_on_after_doubts(state)
             else:
                 # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
                 self._state = self._references.expected(self._state) or self._state
-        self.counters.implausible = self._feedback.implausible
+        if self._feedback.implausible != self.counters.implausible:
+            self._change(counters=self.counters._replace(implausible=self._feedback.implausible))
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
-        if self._state is not None and is_back and dist(self._positions.position, state.planned) >= _SLIGHT_LEAD:
+        if self._state is not None and is_back and dist(self._motion.positions.position, state.planned) >= _SLIGHT_LEAD:
             # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
-            self._positions.rest_at(self._positions.position)
+            self._rest()
             self._state = None
         is_followed = state.is_running and not self._feedback.in_a_row  # else the plan may be the expected one
         self._references.compare(self._state if is_followed else None)
@@ -241,39 +274,59 @@ class Limiter:
         if state is not self._state:
             checked = self.check(state)
             if checked is None:  # repeat the last command; before the first one, where the robot is
-                return self._begin(state) if self._sent_at == -inf else self._last
+                if self._sent_at == -inf:
+                    self._begin(state)
+                return self._last
             state = checked
-        command = self._limit(state, desired)
-        if self._collisions is not None:
-            self._collisions.sent(state.planned, self._positions.motion, self._speeds.motion)
-        return command
+        is_accepted, motion = self._limit(state, desired), self._motion
+        if self._collisions is not None and not is_accepted:
+            self._collisions.sent(state.planned, motion.positions.moving, motion.speeds.robot)
+        return ArmCommand(motion.positions.sent.position, motion.speeds.velocity)
 
-    def _limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
-        """The command for a state that was checked."""
+    def _limit(self, state: ArmState, desired: ArmCommand | None) -> bool:
+        """Go on with the motion for a state that was checked; whether the collision limiter has accepted it."""
         self._sent_at = state.time
         if self._is_new:
-            return self._begin(state)
+            self._begin(state)
+            return False
         if state.dt <= 0.0:
-            self._positions.rest_at(self._positions.position)  # without datagrams the command has stood still
+            self._rest()  # without datagrams the command has stood still
         if not 0.0 < state.dt <= _LATE * self._period:
-            self._speeds.resume(state, self._positions.position)
+            self._resume(state)
         dt = min(state.dt, self._period)
         if dt < _NO_TIME * self._period:
-            return self._last
+            return False
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             self.is_waiting = False
             self._delay.clear()
-            return self._come_to(state, dt)
+            self._motion = self._come_to(self._motion, state, dt)
+            return False
         if desired is None or self._gain == 0.0 or not _is_finite(desired):
             self._delay.clear()
         else:
-            desired = self._delay.next(desired, state.dt, self._positions.position)
+            desired = self._delay.next(desired, state.dt, self._motion.positions.position)
         if self._has_to_wait():
             desired = self._place_to_wait()
-            self._speeds.follow(self._references.speeds(state, self._references.followed), dt)
+            speeds = self._references.speeds(state, self._references.followed)
+            self._change(speeds=self._feed_forward_limiter.follow(self._motion.speeds, speeds, dt))
         if self._collisions is None:
-            return self._next(state, desired, dt)
-        return self._next_apart(self._collisions, state, desired, dt)
+            self._motion = self._step(self._motion, state, desired, dt)
+            return False
+        self._motion, is_accepted = self._step_apart(self._collisions, self._motion, state, desired, dt)
+        return is_accepted
+
+    def _change(self, **values: Any) -> None:
+        """Go on with the motion as it was, but for what is different in it."""
+        self._motion = self._motion._replace(**values)
+
+    def _rest(self) -> None:
+        """Go on from rest."""
+        self._change(positions=resting_at(self._motion.positions.position))
+
+    def _resume(self, state: ArmState) -> None:
+        """Go on with a robot that repeated the last command for a while."""
+        motion = self._motion
+        self._change(speeds=self._feed_forward_limiter.resume(motion.speeds, state, motion.positions.position))
 
     def _has_to_wait(self) -> bool:
         """Whether the command waits in this cycle, for a robot that follows an older one."""
@@ -282,48 +335,56 @@ class Limiter:
             self.is_waiting = references.is_repeating and self.problem is Problem.NONE
         elif self.problem is Problem.NONE and references.are_lost(self._taken_at_once):
             self.is_waiting = True
-            self._positions.rest_at(self._positions.position)  # to brake would lead it on by what it does not follow
+            self._rest()  # to brake would lead it on by what it does not follow
         return self.is_waiting
 
     def _place_to_wait(self) -> ArmCommand:
         """Where a command waits: as near to the one that the robot follows as it may set out to at once."""
-        last, gain = self._positions.position, self._gain
+        last, gain = self._motion.positions.position, self._gain
         if gain == 0.0:
             return ArmCommand(last)
         rows = zip(self._references.followed.position, last, self._taken_at_once, strict=True)
         return ArmCommand(joints([p + max(-most / gain, min(most / gain, q - p)) for p, q, most in rows]))
 
-    def _next_apart(
-        self, collisions: ArmCollisionLimiter, state: ArmState, desired: ArmCommand | None, dt: float
-    ) -> ArmCommand:
-        """The same without coming too near to anything: what is not accepted is forgotten."""
+    def _step_apart(
+        self,
+        collisions: ArmCollisionLimiter,
+        motion: SentMotion,
+        state: ArmState,
+        desired: ArmCommand | None,
+        dt: float,
+    ) -> tuple[SentMotion, bool]:
+        """The first of some such motions that keeps the arms apart, and True; where none does, braking, and False."""
         wanted = desired if desired is not None and _is_finite(desired) else None
         is_held = collisions.begin_cycle(wanted, state.position, dt)
-        parts = vars(self._positions), vars(self._speeds), vars(self.counters)
-        kept, settling_for = [part.copy() for part in parts], self._settling_for
-        candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, wanted)
+        candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, motion, wanted)
         for index, candidate in enumerate(candidates):
-            command = self._next(state, candidate, dt)
+            found = self._step(motion, state, candidate, dt)
             feeds_forward = candidate is not None and candidate.velocity is not ZERO
-            motions = self._positions.motion, self._speeds.motion
-            if collisions.accepts(state.planned, *motions, feeds_forward=feeds_forward):
-                if candidate is not None and wanted is not None:
-                    # A robot that only follows later is not led elsewhere.
-                    self.counters.kept_apart += candidate.position is not wanted.position
-                    self.counters.feedforward_withheld += wanted.velocity is not ZERO and not feeds_forward
+            robot = found.speeds.robot
+            if collisions.accepts(state.planned, found.positions.moving, robot, feeds_forward=feeds_forward):
                 self._was_refused = self._was_refused and index > 0
-                return command
-            for part, before in zip(parts, kept, strict=True):
-                part.update(before)
-            self._settling_for = settling_for
-        self.counters.kept_apart += 1
-        self.counters.refused += wanted is not desired
-        self.is_at_rest, self._was_refused = False, not is_held
-        last = self._positions.position
-        position = last if self._positions.stands(dt) else self._positions.brake(dt)
-        return ArmCommand(position, self._speeds.next(state, position, ZERO, dt))
+                if candidate is wanted or candidate is None or wanted is None:
+                    return found, True
+                # A robot that only follows later is not led elsewhere.
+                is_elsewhere = candidate.position is not wanted.position
+                is_withheld = wanted.velocity is not ZERO and not feeds_forward
+                return _counted(found, kept_apart=is_elsewhere, feedforward_withheld=is_withheld), True
+            # What a refused motion has shown of how the arm comes to rest counts for the next one.
+            motion = motion._replace(
+                is_at_rest=found.is_at_rest, is_settling=found.is_settling, stop_within=found.stop_within
+            )
+        self._was_refused = not is_held
+        positions = motion.positions
+        if not positions.stands(dt):
+            positions = self._position_limiter.brake(positions, dt)
+        speeds = self._feed_forward_limiter.step(motion.speeds, state, positions.position, ZERO, dt)
+        motion = motion._replace(positions=positions, speeds=speeds, is_at_rest=False)
+        return _counted(motion, kept_apart=True, refused=wanted is not desired), False
 
-    def _candidates(self, collisions: ArmCollisionLimiter, desired: ArmCommand) -> Iterator[ArmCommand]:
+    def _candidates(
+        self, collisions: ArmCollisionLimiter, motion: SentMotion, desired: ArmCommand
+    ) -> Iterator[ArmCommand]:
         """What may be sent in place of ``desired``, one after the other until one is accepted."""
         first = collisions.steered(desired)
         feeds_forward = first.velocity is not ZERO
@@ -335,42 +396,44 @@ class Limiter:
         along = collisions.steered(desired)
         if along != first and not self._was_refused:
             yield along
-        far = largest_difference(desired.position, self._positions.position)
-        if far > _HOP and max(map(abs, self._positions.motion.velocity)) < _HOPS:
+        position, velocity, _ = motion.positions.moving
+        far = largest_difference(desired.position, position)
+        if far > _HOP and max(map(abs, velocity)) < _HOPS:
             # On its way to a far goal each joint is as quick as it may, which leads elsewhere than straight there.
-            rows = zip(self._positions.position, desired.position, strict=True)
+            rows = zip(position, desired.position, strict=True)
             yield ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
 
-    def _next(self, state: ArmState, desired: ArmCommand | None, dt: float) -> ArmCommand:
-        """The command of a cycle in which the robot follows."""
-        holds = desired is None or self._is_settling or self.problem is not Problem.NONE
+    def _step(self, motion: SentMotion, state: ArmState, desired: ArmCommand | None, dt: float) -> SentMotion:
+        """The motion after a cycle in which the robot follows."""
+        holds = desired is None or motion.is_settling or self.problem is not Problem.NONE
         if desired is None or (holds and not self.is_waiting):
-            command = self._hold(state, dt)
-            self._settling_for += state.dt
-            is_near = dist(command.position, state.position) < _SLIGHT_LEAD
+            held, settling_for = self._hold(motion, state, dt), motion.settling_for + state.dt
+            is_near = dist(held.positions.position, state.position) < _SLIGHT_LEAD
             # The arm stands sooner than the command is back; what keeps shaking does so for its noise.
-            self._is_settling = not (self.is_at_rest or (is_near and self._settling_for >= _SETTLING))
-            return command
-        self._settling_for = 0.0
+            is_settling = not (held.is_at_rest or (is_near and settling_for >= _SETTLING))
+            return held._replace(is_settling=is_settling, settling_for=settling_for)
         if not _is_finite(desired):
-            self.counters.refused += 1
-            return self._hold(state, dt)
-        if not self._is_near(state) and not self.is_waiting:
-            self.counters.slowed += 1
-            return self._hold(state, dt)
-        self.is_at_rest, self._stop_within = False, None
-        goal = inside(desired.position, self._limits, self._positions.position)
-        self.counters.position_limited += goal is not desired.position
-        position = self._positions.next(goal, dt, state.dt)
-        passes = position is goal
-        velocity = self._speeds.next(state, position, desired.velocity, dt)
+            return _counted(self._hold(motion, state, dt)._replace(settling_for=0.0), refused=True)
+        if not self._is_near(motion, state) and not self.is_waiting:
+            return _counted(self._hold(motion, state, dt)._replace(settling_for=0.0), slowed=True)
+        goal = inside(desired.position, self._limits, motion.positions.position)
+        positions = self._position_limiter.step(motion.positions, goal, dt, state.dt)
+        position = positions.position
+        speeds = self._feed_forward_limiter.step(motion.speeds, state, position, desired.velocity, dt)
+        is_cut = goal is not desired.position
         # What is cut at the range and then passes is counted there already.
-        self.counters.slowed += not passes or (self._speeds.is_bounded and goal is desired.position)
-        return ArmCommand(position, velocity)
+        is_slowed = position is not goal or (speeds.is_bounded and not is_cut)
+        counters = motion.counters
+        if is_cut or is_slowed:
+            cut, slowed = counters.position_limited + is_cut, counters.slowed + is_slowed
+            counters = counters._replace(position_limited=cut, slowed=slowed)
+        return SentMotion(positions, speeds, False, motion.is_settling, 0.0, None, counters)
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
-        self._speeds.observe(state, self._positions.position)
+        positions, speeds, at_rest, settling, settling_for, within, counters = self._motion
+        speeds = speeds.observed(state, positions.sent.position)
+        self._motion = SentMotion(positions, speeds, at_rest, settling, settling_for, within, counters)
         self._scale_positions()
         is_valid = state.is_running and not self._feedback.in_a_row
         self._references.observe(
@@ -379,7 +442,7 @@ class Limiter:
 
     @property
     def _last(self) -> ArmCommand:
-        return ArmCommand(self._positions.position, self._speeds.velocity)
+        return ArmCommand(self._motion.positions.position, self._motion.speeds.velocity)
 
     def _enter(self, state: ArmState) -> ArmState | None:
         """A session begins: whether the robot, which may still follow the last command, has to go on from there."""
@@ -406,13 +469,14 @@ class Limiter:
             is_false = moved > 2.0 * led + _CONTRADICTS  # no robot moves so fast that follows: not both can be true
             if not is_false and (self._has_stood or not stands):
                 self._is_new = stands
-                self._speeds.resume(state, last.position)
+                self._resume(state)
                 return self._begin_session(state)
             self._has_stood = stands  # one datagram alone proves nothing: it may be a copy of the one before
         return None
 
     def _begin_session(self, state: ArmState) -> ArmState:
-        self._session, self._entering, self._stop_within = state.session, None, None
+        self._session, self._entering = state.session, None
+        self._change(stop_within=None)
         self.is_waiting = False
         self._delay.clear()
         self._references.begin(state)
@@ -425,21 +489,20 @@ class Limiter:
         return self._feedback.accept(state)
 
     def _go_on_after_doubts(self, state: ArmState) -> None:
-        self._speeds.resume(state, self._positions.position)
-        self._stop_at = self._stop_within = None
+        self._resume(state)
+        self._change(stop_within=None)
+        self._stop_at = None
 
-    def _begin(self, state: ArmState) -> ArmCommand:
-        """The first command: where the robot is, at most at the end of its range."""
+    def _begin(self, state: ArmState) -> None:
+        """Begin with the first command: where the robot is, at most at the end of its range."""
         position = inside(state.position, self._limits, self._limits.lower)
-        self._positions.rest_at(position)
-        self._speeds.end()
-        self.is_at_rest, self._stop_within = True, None
-        self._is_new = self._is_settling = False
-        command = ArmCommand(position)
-        self._references.begin(state, command)
-        return command
+        self._change(
+            positions=resting_at(position), speeds=FedForward(), is_at_rest=True, is_settling=False, stop_within=None
+        )
+        self._is_new = False
+        self._references.begin(state, ArmCommand(position))
 
-    def _hold(self, state: ArmState, dt: float) -> ArmCommand:
+    def _hold(self, motion: SentMotion, state: ArmState, dt: float) -> SentMotion:
         """Come to rest, then repeat the last command.
 
         A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
@@ -447,20 +510,21 @@ class Limiter:
         as quickly as the robot may brake. So it comes to rest on its way, not where the lead points; and not beyond,
         since a command would run after a plan that is reported elsewhere than the robot's for as long as that follows.
         """
-        last, resting = self._positions.position, self._place_to_rest(state)
-        if self.is_at_rest and self._positions.stands(dt):  # it may creep after the noise of an arm that stood
-            return ArmCommand(last, self._speeds.next(state, last, ZERO, dt))
+        positions, last = motion.positions, motion.positions.position
+        if motion.is_at_rest and positions.stands(dt):  # it may creep after the noise of an arm that stood
+            return motion._replace(speeds=self._feed_forward_limiter.step(motion.speeds, state, last, ZERO, dt))
         # A command that chased noise would never rest; a lead of some size shows whether it is taken.
         kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
-        self._stop_within = self._stop_within or self._places_to_stop(state)
-        rows = zip(last, resting, *self._stop_within, strict=True)
+        stop_within = motion.stop_within or self._places_to_stop(motion, state)
+        rows = zip(last, self._place_to_rest(state), *stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
-        position = self._go_to(goal, state, dt)
+        positions = self._go_to(positions, goal, state, dt)
+        position = positions.position
         is_led = largest_difference(position, goal) >= _NO_LEAD
-        against = self._speeds.against(state, position) if is_led else ZERO
-        velocity = self._speeds.next(state, position, against, dt)
-        self.is_at_rest = not is_led and velocity is ZERO and self._positions.stands(dt)
-        return ArmCommand(position, velocity)
+        against = self._feed_forward_limiter.against(state, position) if is_led else ZERO
+        speeds = self._feed_forward_limiter.step(motion.speeds, state, position, against, dt)
+        is_at_rest = not is_led and speeds.velocity is ZERO and positions.stands(dt)
+        return motion._replace(positions=positions, speeds=speeds, is_at_rest=is_at_rest, stop_within=stop_within)
 
     def _place_to_rest(self, state: ArmState) -> Joints:
         """The position that a robot goes on to report if it stops now [rad], (7,): nearer to its plan while it moves.
@@ -476,35 +540,39 @@ class Limiter:
             ]
         )
 
-    def _places_to_stop(self, state: ArmState) -> tuple[Joints, Joints]:
+    def _places_to_stop(self, motion: SentMotion, state: ArmState) -> tuple[Joints, Joints]:
         """Between which positions a robot that is to stop comes to rest [rad], (7,).
 
         It brakes from where it plans to be, or follows the last command until that has stopped.
         """
-        speeds, limits = self._references.speeds(state, self._last), self._limits
+        last, limits = ArmCommand(motion.positions.position, motion.speeds.velocity), self._limits
+        speeds = self._references.speeds(state, last)
         rows = zip(state.planned, speeds, limits.velocity, limits.acceleration, limits.jerk, strict=True)
         ends = [now + braking_path(max(-most, min(most, speed)), 0.0, a, j).end for now, speed, most, a, j in rows]
-        places = zip(state.planned, ends, self._positions.position, self._positions.place_to_stop(), strict=True)
+        stop = self._position_limiter.place_to_stop(motion.positions)
+        places = zip(state.planned, ends, last.position, stop, strict=True)
         ranges = [(min(row) - _NEAR, max(row) + _NEAR) for row in places]
         return joints([low for low, _ in ranges]), joints([high for _, high in ranges])
 
-    def _come_to(self, state: ArmState, dt: float) -> ArmCommand:
+    def _come_to(self, motion: SentMotion, state: ArmState, dt: float) -> SentMotion:
         """Go to where an arm is that does not follow: were it to follow after all, it would not feel a step.
 
         Where its position is implausible, come to rest where the command itself does.
         """
-        goal, self._stop_within = state.position, None
+        goal, last = state.position, motion.positions.position
         if self._feedback.in_a_row:
-            self._stop_at = goal = self._stop_at or self._positions.place_to_stop()
-        last, position = self._positions.position, self._go_to(goal, state, dt)
-        self.is_at_rest = dist(position, goal) < _NEAR and dist(last, position) < _CREEPS
-        return ArmCommand(position, self._speeds.next(state, position, ZERO, dt))
+            self._stop_at = goal = self._stop_at or self._position_limiter.place_to_stop(motion.positions)
+        positions = self._go_to(motion.positions, goal, state, dt)
+        position = positions.position
+        speeds = self._feed_forward_limiter.step(motion.speeds, state, position, ZERO, dt)
+        is_at_rest = dist(position, goal) < _NEAR and dist(last, position) < _CREEPS
+        return motion._replace(positions=positions, speeds=speeds, is_at_rest=is_at_rest, stop_within=None)
 
-    def _go_to(self, goal: Joints, state: ArmState, dt: float) -> Joints:
+    def _go_to(self, positions: PositionMotion, goal: Joints, state: ArmState, dt: float) -> PositionMotion:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""
-        return self._positions.next(inside(goal, self._limits, self._positions.position), dt, state.dt)
+        return self._position_limiter.step(positions, inside(goal, self._limits, positions.position), dt, state.dt)
 
-    def _is_near(self, state: ArmState) -> bool:
+    def _is_near(self, motion: SentMotion, state: ArmState) -> bool:
         """Whether the robot's speed, and what its acceleration can add, explain how far the command is ahead.
 
         Else the robot does not get our commands, and all that piles up would reach it as one blow. A robot that follows
@@ -512,7 +580,7 @@ class Limiter:
         """
         if self._gain == 0.0:
             return True
-        last, planned = self._positions.position, state.planned
+        last, planned = motion.positions.position, state.planned
         if dist(last, planned) < self._near:
             return True
         rows = zip(last, planned, state.velocity, self._limits.acceleration, strict=True)

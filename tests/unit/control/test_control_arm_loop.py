@@ -255,6 +255,12 @@ def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
     assert loop.line.is_still
 
 
+def keep_apart_once(loop: ArmLoop) -> None:
+    limiter = loop._limiter
+    counters = limiter.counters._replace(kept_apart=limiter.counters.kept_apart + 1)
+    limiter._motion = limiter._motion._replace(counters=counters)
+
+
 def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -262,11 +268,11 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     monkeypatch.setattr(Limiter, "limited", pair)
     feed(loop, arm, middle, now=20.0)
     assert read_snapshot(snapshots).limited_part == ""  # nothing was limited: the pair is an old one
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.001)
     assert read_snapshot(snapshots).limited_part == ""  # it stands where it is to be
     loop.manager.switch(["pusher"], [], loop.state)
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.004)
     shown = read_snapshot(snapshots)
     assert shown.limited == pair
@@ -274,7 +280,7 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     assert read_snapshot(snapshots).limited_part == "left gripper"
     feed(loop, arm, middle, now=20.3)
     assert read_snapshot(snapshots).limited_part == ""
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.304)
     arm.lost = 0.1
     loop.watch_silence(20.4)
