@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 from yumi.control.controller import DECODE, LIMIT, UPDATE, StageClock
 from yumi.control.controller_manager import ControllerManager
+from yumi.control.counters import WireCounters
 from yumi.control.limiter import Limiter
 from yumi.control.motion import largest_difference
 from yumi.robot.joints import ArmCommand, ArmState
@@ -68,35 +69,3 @@ def run_cycle(
     sent = timing.timed(LIMIT, limiter.limit(state, desired))
     arm.write(sent)
     return Cycle(state, desired, sent)
-
-
-class WireCounters(NamedTuple):
-    """What an arm's connection has received: counts since the start, the rest of the session.
-
-    Attributes:
-        session: number of the session, 0 before the first.
-        missed: states the robot sent that got no answer of their own; lost, late and stale ones.
-        lost: states that never arrived (gaps in the sequence numbers).
-        late: states that waited together with a newer one, which was answered instead.
-        stale: states that arrived after a newer one was answered.
-        repeated: states that arrived before.
-        malformed: datagrams that could not be read.
-        foreign: datagrams from other addresses than the robot's.
-        jitter: mean difference of two datagrams' delays [s].
-        worst_jitter: the largest such difference [s].
-        drift_ppm: by how much the robot's clock is faster than ours [ppm].
-        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
-    """
-
-    session: int = 0
-    missed: int = 0
-    lost: int = 0
-    late: int = 0
-    stale: int = 0
-    repeated: int = 0
-    malformed: int = 0
-    foreign: int = 0
-    jitter: float = 0.0
-    worst_jitter: float = 0.0
-    drift_ppm: float = 0.0
-    cycle_time: float = 0.0

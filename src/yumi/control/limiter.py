@@ -20,6 +20,7 @@ from math import dist, hypot, inf, isfinite
 from typing import Any, NamedTuple
 
 from yumi.control.collisions import ArmCollisionLimiter
+from yumi.control.counters import LimiterCounters
 from yumi.control.feed_forward_limiter import UNEXPECTED, FedForward, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
 from yumi.control.motion import (
@@ -68,26 +69,6 @@ _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands m
 
 def _is_finite(command: ArmCommand) -> bool:
     return isfinite(sum(command.position) + sum(command.velocity))
-
-
-class LimiterCounters(NamedTuple):
-    """Cycles in which the limiter changed something.
-
-    Attributes:
-        refused: commands with a value that is no finite number; the arm held instead.
-        position_limited: commands cut at a joint's range.
-        slowed: commands that would have exceeded a joint's speed, acceleration or jerk.
-        implausible: measured or planned positions that no arm can have reached.
-        kept_apart: commands that would have led an arm too near to something.
-        feedforward_withheld: speeds not fed forward, since the robot would have coasted too near to something.
-    """
-
-    refused: int = 0
-    position_limited: int = 0
-    slowed: int = 0
-    implausible: int = 0
-    kept_apart: int = 0
-    feedforward_withheld: int = 0
 
 
 class SentMotion(NamedTuple):

@@ -350,13 +350,12 @@ class ArmLoop:
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""
-        wire, limiter, last = self._arm.wire_counters(), self._limiter.counters, self._last
+        last = self._last
         reference = self.manager.reference
         limited = (last and self._limited) or Limited("", "", 0.0)
         self._snapshots.write(
             Snapshot(
                 time=now,
-                session=wire.session,
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activity=self.manager.activity,
@@ -367,28 +366,14 @@ class ArmLoop:
                 sent=last.sent.position if last else self._position,
                 reference=reference,
                 cycles=self._cycles,
-                missed=wire.missed,
-                lost=wire.lost,
-                late=wire.late,
-                stale=wire.stale,
-                repeated=wire.repeated,
-                malformed=wire.malformed,
-                foreign=wire.foreign,
-                refused=limiter.refused,
-                position_limited=limiter.position_limited,
-                slowed=limiter.slowed,
-                kept_apart=limiter.kept_apart,
+                wire=self._arm.wire_counters(),
+                limiter=self._limiter.counters,
                 limited_part=limited.part,
                 limited_other=limited.other,
                 limited_distance=limited.distance,
                 speed_cap=self._speed.highest,
                 interruptions=self._interruptions,
-                implausible=limiter.implausible,
                 problem=self._limiter.problem,
-                jitter=wire.jitter,
-                worst_jitter=wire.worst_jitter,
-                drift_ppm=wire.drift_ppm,
-                cycle_time=wire.cycle_time,
             ),
         )
 

@@ -7,7 +7,7 @@ from refusals import assert_says
 from yumi.catalogue import message
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.cycle import WireCounters
+from yumi.control.counters import WireCounters
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import (
@@ -113,7 +113,7 @@ def test_loop_publishes_a_snapshot_after_each_reply(
 ) -> None:
     feed(loop, arm, middle)
     snapshot = read_snapshot(snapshots)
-    assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
+    assert (snapshot.cycles, snapshot.wire.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
     assert snapshot.reference is None
 
 
@@ -141,7 +141,7 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
     assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
     assert event.said == message("feedback_lost", arm="left", silence=0.062, controllers=("pusher",))
     assert read_snapshot(snapshots) == Snapshot(
-        time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
+        time=1.062, wire=WireCounters(session=1, missed=3), activity=4, position=middle, sent=middle, cycles=1
     )
 
 
@@ -187,7 +187,7 @@ def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
 ) -> None:
     arm.foreign = 7
     loop.watch_silence(1.0)
-    assert read_snapshot(snapshots).foreign == 7
+    assert read_snapshot(snapshots).wire.foreign == 7
 
 
 def test_loop_bears_an_interruption_and_goes_on(

@@ -740,7 +740,7 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     (event, *_) = [event for event in arm.events if isinstance(event, KeptApart)]
     assert str(event).startswith("Left arm: motion limited by left ")
     assert event.limited.other == "body"
-    assert arm.snapshot.kept_apart > 0
+    assert arm.snapshot.limiter.kept_apart > 0
     assert max(abs(a - b) for a, b in zip(arm.snapshot.position, goal, strict=True)) > 0.1
     shapes = CollisionModel(SERVO_GRIPPERS)
     now = {Side.RIGHT: home(Side.RIGHT), Side.LEFT: arm.snapshot.position}

@@ -117,7 +117,7 @@ def test_speed_that_the_position_runs_ahead_of_already_is_not_added() -> None:
     arm = dictated(lambda time: (0.9 * top * time, 0.9 * top * (time > 0.3)))
     speeds = planned_speeds(arm, 0.6)
     assert max(abs(speed[0]) for speed in speeds) <= top * 1.001
-    assert arm.snapshot.slowed > 20
+    assert arm.snapshot.limiter.slowed > 20
 
 
 def test_robot_that_follows_speeds_only_stops_before_the_end_of_its_range() -> None:
@@ -171,7 +171,7 @@ def test_step_of_speeds_leaves_the_motion_before_as_it_was_and_is_the_same_again
 def test_guard_refuses_a_speed_that_is_no_number() -> None:
     arm = dictated(lambda time: (0.0, inf), FULL_SPEED)
     arm.run(0.1)
-    assert arm.snapshot.refused >= 24
+    assert arm.snapshot.limiter.refused >= 24
     assert arm.cycles[-1].sent.velocity is ZERO
 
 
