@@ -25,8 +25,8 @@ from test_control_collisions import BEFORE_MEETING, FORWARD, MEETING  # noqa: E4
 
 from apart_arms import ApartArms, Drive, at_speed, renew_drive, to  # noqa: E402
 from yumi.control.collisions import ArmCollisionLimiter  # noqa: E402
-from yumi.control.limiter import Limiter  # noqa: E402
-from yumi.robot.joints import ArmCommand, Side, home, named_pose  # noqa: E402
+from yumi.control.limiter import Limiter, SentMotion  # noqa: E402
+from yumi.robot.joints import Side, home, named_pose  # noqa: E402
 
 HOME = {side: home(side) for side in Side}
 READY = {side: named_pose(side, "ready") for side in Side}
@@ -94,23 +94,23 @@ class JointLimits:
     def __init__(self) -> None:
         self.costs: list[float] = []
         self._is_first = False
-        begin_cycle, calculate = ArmCollisionLimiter.begin_cycle, Limiter._next
+        begin_cycle, calculate = ArmCollisionLimiter.begin_cycle, Limiter._step
 
         def begin(arm: ArmCollisionLimiter, *arguments: Any) -> bool:
             self._is_first = True
             self.costs.append(0.0)
             return begin_cycle(arm, *arguments)
 
-        def timed(limiter: Limiter, *arguments: Any) -> ArmCommand:
+        def timed(limiter: Limiter, *arguments: Any) -> SentMotion:
             begun = process_time()
-            command = calculate(limiter, *arguments)
+            motion = calculate(limiter, *arguments)
             if self._is_first:
                 self.costs[-1] = process_time() - begun
             self._is_first = False
-            return command
+            return motion
 
         setattr(ArmCollisionLimiter, "begin_cycle", begin)  # noqa: B010
-        setattr(Limiter, "_next", timed)  # noqa: B010
+        setattr(Limiter, "_step", timed)  # noqa: B010
 
 
 def main(runs: int) -> None:

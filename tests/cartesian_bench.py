@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController, ToolGoal
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
-from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_path import ToolLimits
 from yumi.control.trajectory import ArmPlan
 from yumi.robot.inverse_kinematics import arm_angle

@@ -15,7 +15,8 @@ from yumi.control.controllers.joint_position import (
     JointPositionController,
     JointVelocityController,
 )
-from yumi.control.cycle import WireCounters, run_cycle
+from yumi.control.counters import WireCounters
+from yumi.control.cycle import run_cycle
 from yumi.control.limiter import Limiter
 from yumi.robot.joints import (
     CYCLE,

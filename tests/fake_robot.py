@@ -18,6 +18,7 @@ from yumi.catalogue import message
 from yumi.clock import ManualClock
 from yumi.control.controller import ControllerInfo, MemoryBuffer, ParameterInfo, State
 from yumi.control.controllers.joint_goal import GoalEnded, GoalOutcome, JointGoalController, StopMotion
+from yumi.control.counters import WireCounters
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import ControllerReport, Snapshot
 from yumi.errors import CommandRefused
@@ -43,7 +44,9 @@ class FakeControl:
         self.refuses = False
         self.on_command: Callable[[ControllerCommand], None] = lambda command: None
         self.snapshots = {
-            side: Snapshot(session=1, is_streaming=True, is_running=True, activation=1, position=home(side))
+            side: Snapshot(
+                wire=WireCounters(session=1), is_streaming=True, is_running=True, activation=1, position=home(side)
+            )
             for side in Side
         }
         self._active: dict[Side, str | None] = dict.fromkeys(Side, GOAL_CONTROLLER)

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.control.motion import EGM_GAIN
 from yumi.errors import CommandRefused
 from yumi.recording.mcap import read_recording

@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.catalogue import message, said_by
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, ProtocolError
 from yumi.recording.mcap import JointMessage, joint_messages, read_recording
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, Side

@@ -285,4 +285,4 @@ def virtual_trips(count: int) -> tuple[tuple[RoundTrip, ...], int, int]:
         cycles.append(LoopCycle(now, now, taken[AXIS_6] if taken else start[AXIS_6]))
     states = [HeardState(cycle.arrived, cycle.arrived) for cycle in cycles]
     snapshot = rig.snapshot
-    return join_trips(sent, cycles, states)[:count], len(cycles), snapshot.lost + snapshot.missed
+    return join_trips(sent, cycles, states)[:count], len(cycles), snapshot.wire.lost + snapshot.wire.missed

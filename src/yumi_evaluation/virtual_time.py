@@ -20,9 +20,10 @@ from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, JointTrajectoryController
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
@@ -265,7 +266,7 @@ class StreamedArm:
         self.rig.run(_TAKEOVER)
         self.rig.switch_to(CONTROLLER)
         self._start, self._begin = self.rig.robot.arm.planned, self.rig.clock.now()
-        self._first, self._slowed = len(self.rig.cycles), self.rig.snapshot.slowed
+        self._first, self._slowed = len(self.rig.cycles), self.rig.snapshot.limiter.slowed
         self.speeds: list[Joints] = []
 
     def stream(
@@ -291,7 +292,7 @@ class StreamedArm:
     @property
     def slowed(self) -> int:
         """Cycles in which the limiter changed the command."""
-        return self.rig.snapshot.slowed - self._slowed
+        return self.rig.snapshot.limiter.slowed - self._slowed
 
 
 @dataclass(frozen=True, slots=True)
@@ -369,7 +370,7 @@ def follow_planned(
     rig.run(0.1)
     state = rig.line.state
     assert state is not None
-    start, begin, slowed = state.planned, state.time + 0.1, rig.snapshot.slowed
+    start, begin, slowed = state.planned, state.time + 0.1, rig.snapshot.limiter.slowed
     trajectory = JointTrajectory(joint_names(side), sine.points(start, joint), start=begin)
     plan = plan_trajectory(trajectory, (side,), YUMI_LIMITS)[side]
     rig.manager.receive(TRAJECTORY_CONTROLLER, FollowTrajectory(plan, goal=1), state)
@@ -377,4 +378,4 @@ def follow_planned(
     rig.run(sine.duration + 0.5)
     states = [cycle.state for cycle in rig.cycles[first:]]
     measured = series([(each.time - begin, each.position[joint] - start[joint]) for each in states])
-    return Path(measured, rig.snapshot.slowed - slowed, str(rig.events[-1]))
+    return Path(measured, rig.snapshot.limiter.slowed - slowed, str(rig.events[-1]))

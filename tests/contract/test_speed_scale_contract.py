@@ -27,8 +27,9 @@ from yumi.control.controllers.joint_trajectory import (
     TrajectoryEnded,
 )
 from yumi.control.cycle import Cycle
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.limiter import Limiter
 from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints
 from yumi_evaluation.virtual_time import VirtualArmRig

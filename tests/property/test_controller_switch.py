@@ -131,7 +131,7 @@ def test_no_switch_overloads_the_robot(loop: SwitchedLoop) -> None:
 
 def test_no_switch_makes_a_controller_fail(loop: SwitchedLoop) -> None:
     assert loop.manager.failures == []
-    assert loop.snapshot.refused == 0
+    assert loop.snapshot.limiter.refused == 0
 
 
 @pytest.mark.parametrize("state", [State.INACTIVE, State.UNCONFIGURED])

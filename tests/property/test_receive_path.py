@@ -504,7 +504,7 @@ def test_arm_at_rest_does_not_believe_a_forged_datagram(by_deg: float, is_comman
     forged(0, radians(by_deg), 1, CYCLE)(loop)
     for _ in range(3):
         loop.cycle()
-    assert loop.snapshot.implausible == 1
+    assert loop.snapshot.limiter.implausible == 1
     assert loop.snapshot.is_commanded == is_commanded
     assert loop.snapshot.session == 1
     assert len(loop.sent) - before >= 3  # the true ones that follow are answered
@@ -626,7 +626,7 @@ def test_arm_that_is_fed_speeds_brakes_no_harder_than_its_limits_while_its_feedb
     for _ in range(60):
         loop.move(1)
         assert dist(loop.cycles[-1].state.planned, loop.newest.planned) < 2e-3  # as the commands lead the robot
-    assert loop.snapshot.implausible == 60
+    assert loop.snapshot.limiter.implausible == 60
     for led in loop.led[before:]:
         rows = zip(led.speed, led.before, YUMI_LIMITS.acceleration, strict=True)
         assert all(abs(speed - old) <= 1.001 * strongest * CYCLE for speed, old, strongest in rows)
@@ -726,7 +726,7 @@ def test_exchanged_arms_are_reported_and_the_arm_holds() -> None:
     lost = [event for event in loop.events if isinstance(event, ImplausibleFeedback) and event.is_lost]
     assert [event.deactivated for event in lost] == [(CONTROLLER,)]
     assert loop.snapshot.problem is Problem.IMPLAUSIBLE
-    assert loop.snapshot.implausible == 200
+    assert loop.snapshot.limiter.implausible == 200
     assert dist(loop.robot.arm.position, loop.home) < 0.4 * 7**0.5 + 0.3
     assert loop.line.state is not None
     assert dist(lost[0].position, OTHER_ARM) < 1e-5
@@ -755,7 +755,7 @@ def test_motion_goes_on_when_the_robots_numbers_wrap() -> None:
     loop.move(100)
     assert loop.newest.seqno < 2**31
     assert_within_limits(loop)
-    assert (loop.snapshot.session, loop.snapshot.missed, loop.snapshot.is_commanded) == (1, 0, True)
+    assert (loop.snapshot.session, loop.snapshot.wire.missed, loop.snapshot.is_commanded) == (1, 0, True)
 
 
 def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_in_motion() -> None:
@@ -843,7 +843,7 @@ def test_robot_that_jumps_is_reported_as_such_and_leads_no_command_away(name: st
     assert_within_limits(loop)
     assert_led_within_limits(loop)
     assert len(loop.cycles) - before == 500
-    assert loop.snapshot.implausible >= 5
+    assert loop.snapshot.limiter.implausible >= 5
     doubts = [event for event in loop.events[begun:] if isinstance(event, ImplausibleFeedback)]
     assert doubts
     for event in doubts:

@@ -22,7 +22,7 @@ from yumi_interfaces.msg import RobotState
 
 from yumi.cli.controller import fault as fault_command
 from yumi.clock import SystemClock
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.errors import RobotNotReady
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Joints, Side, joints

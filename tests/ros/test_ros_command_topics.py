@@ -14,6 +14,7 @@ from std_msgs.msg import Float64MultiArray
 from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.controller import GoalKind, MemoryBuffer, SessionGoal, read_goal
+from yumi.control.counters import WireCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import ZERO, Joints, Side, joint_names
 from yumi.ros.messages import RefusalLog
@@ -72,7 +73,7 @@ def commanded(
 ) -> Snapshot:
     """An arm that a controller commands."""
     return Snapshot(
-        session=session,
+        wire=WireCounters(session=session),
         is_streaming=True,
         is_running=True,
         activation=activation,
@@ -85,7 +86,12 @@ def commanded(
 def buffers(middle: Joints) -> Boxes:
     buffers = Boxes()
     snapshot = Snapshot(
-        session=3, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.POSITION, reference=middle
+        wire=WireCounters(session=3),
+        is_streaming=True,
+        is_running=True,
+        activation=1,
+        goal_kind=GoalKind.POSITION,
+        reference=middle,
     )
     buffers.snapshots.write(snapshot)
     return buffers

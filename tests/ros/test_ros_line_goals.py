@@ -18,6 +18,7 @@ from refusals import assert_says, refused
 from yumi.catalogue import message
 from yumi.control.controller import GoalKind, MemoryBuffer
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.counters import WireCounters
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import ControlProcessEnded, ReportsDropped, Snapshot
 from yumi.control.trajectory import ArmPlan, ResultCode, TrajectoryPoint, smooth_spline_through
@@ -32,7 +33,13 @@ pytestmark = pytest.mark.ros
 WAIT = 10.0  # [s]
 HOME = home(Side.RIGHT)
 STANDS = Snapshot(
-    session=1, is_streaming=True, is_running=True, activation=1, goal_kind=GoalKind.TOOL, sent=HOME, reference=HOME
+    wire=WireCounters(session=1),
+    is_streaming=True,
+    is_running=True,
+    activation=1,
+    goal_kind=GoalKind.TOOL,
+    sent=HOME,
+    reference=HOME,
 )
 
 LATE = message("arm_moved_after_trajectory", late=2.0)
@@ -134,8 +141,8 @@ def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
     return Bench()
 
 
-@pytest.mark.parametrize("change", [{"activation": 2}, {"session": 2}, {"activation": 0}])
-def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, change: dict[str, int]) -> None:
+@pytest.mark.parametrize("change", [{"activation": 2}, {"wire": WireCounters(session=2)}, {"activation": 0}])
+def test_line_whose_end_is_not_reported_ends_with_its_activation(bench: Bench, change: dict[str, Any]) -> None:
     handle, worker = Handle(), ThreadPoolExecutor(1)
     ended = worker.submit(bench.action._execute, handle)
     try:
@@ -220,7 +227,7 @@ def test_line_does_not_move_an_arm_that_was_stopped_and_follows_again_meanwhile(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, meanwhile: str
 ) -> None:
     def stop_and_recover(*_: Any) -> None:
-        bench.snapshot = STANDS._replace(session=2, activation=2)
+        bench.snapshot = STANDS._replace(wire=WireCounters(session=2), activation=2)
 
     if meanwhile == "being planned":
         plan = bench.target.plan

@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from yumi.catalogue import message
 from yumi.control.controller import ControllerInfo, HardwareInfo, State, Statistics
+from yumi.control.counters import LimiterCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
 from yumi.driver.readiness import RobotState
 from yumi.robot.joints import Side
@@ -130,7 +131,9 @@ def test_egm_that_nobody_asked_for_is_ok(snapshot: Snapshot, is_desired: bool, l
 @pytest.mark.parametrize("problem", [Problem.REFERENCES_IGNORED, Problem.IMPLAUSIBLE])
 @pytest.mark.parametrize("is_running", [True, False])
 def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: Problem, is_running: bool) -> None:
-    snapshot = Snapshot(is_streaming=True, is_running=is_running, problem=problem, implausible=7)
+    snapshot = Snapshot(
+        is_streaming=True, is_running=is_running, problem=problem, limiter=LimiterCounters(implausible=7)
+    )
     status = messages.egm_status(Side.RIGHT, snapshot, is_desired=True)
     assert (status.level, status.message) == (
         DiagnosticStatus.ERROR,

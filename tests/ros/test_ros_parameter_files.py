@@ -19,8 +19,9 @@ from controller_arms import PerfectArm
 from yumi.clock import SystemClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
+from yumi.control.speed_scale import SpeedScale
 from yumi.driver.control_process import ArmBuffers
 from yumi.driver.wiring import CONTROLLER_KINDS, Place
 from yumi.robot.description import robot_description

@@ -20,7 +20,7 @@ from scenario_bench import STOOD_STILL, Scenario, Stage, tracking
 
 from system.recovery_bench import largest_jump
 from yumi.catalogue import FrontEnd, message, sentence
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.errors import GoalNotReached, RobotNotReady, StopNotConfirmed
 from yumi.recording.mcap import read_recording
 from yumi.robot.gripper import TRAVEL, Outcome

@@ -45,7 +45,8 @@ class Control:
             return tuple(ParameterInfo(each, each.default) for each in self.parameters)
         if command is Commands.commanded_positions:
             if self.is_stopped_meanwhile:
-                self.now = self.now._replace(session=self.now.session + 1, activation=self.now.activation + 1)
+                wire = self.now.wire._replace(session=self.now.session + 1)
+                self.now = self.now._replace(wire=wire, activation=self.now.activation + 1)
             return {Side.RIGHT: POSTURE}
         for each in args:
             if each.activation not in (0, self.now.activation):  # as the control process has it

@@ -13,8 +13,8 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import ControllerReport, TrajectoryFeedback
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, plan_trajectory
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joints
 from yumi_evaluation.virtual_time import VirtualArmRig

@@ -7,7 +7,7 @@ from math import inf, radians
 import pytest
 
 from system.virtual_time_bench import System
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import StopNotConfirmed
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, home, joints

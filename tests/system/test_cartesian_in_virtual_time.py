@@ -15,8 +15,8 @@ from unit.robot.test_robot_kinematics import rad
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
-from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import ControllerReport, Factor
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_path import ToolLimits, Wall, Waypoint, plan_path
 from yumi.control.trajectory import ArmPlan
 from yumi.errors import CommandRefused
@@ -76,7 +76,7 @@ def test_lines_are_straight_and_no_joint_is_beyond_its_limits(count: int) -> Non
         assert max(commanded.orientation, executed.orientation) < radians(0.1), where
         assert max(commanded.elbow, executed.elbow) < radians(1.0), where
         assert max(shares(bench.sent[before - 3 :])) < LIMIT, where
-        assert bench.rig.snapshot.slowed == 0, where
+        assert bench.rig.snapshot.limiter.slowed == 0, where
         worst = [
             max(worst[0], commanded.position),
             max(worst[1], executed.position),
@@ -127,7 +127,7 @@ def test_a_stream_of_velocities_is_smooth_and_stops_in_time(rate: float) -> None
     bench.stream(1.0, lambda now: None)
     sent = bench.sent[begin - 3 :]
     assert max(shares(sent)) < LIMIT
-    assert bench.rig.snapshot.slowed == 0
+    assert bench.rig.snapshot.limiter.slowed == 0
     moves = np.max(np.abs(np.diff(sent, axis=0)) / CYCLE, axis=1)
     stopped = (np.nonzero(moves > 0.01)[0][-1] - 3) * CYCLE
     assert stopped < 2.0 + (0.3 if rate < 20.0 else 0.1) + 0.35  # the timeout, and braking within the limits
@@ -180,7 +180,7 @@ def test_a_stream_of_poses_is_followed_with_little_lag(rate: float, lag: float) 
     bench.stream(2.0, next_goal)
     bench.stream(0.5, lambda now: None)
     assert max(shares(bench.sent[first - 3 :])) < LIMIT
-    assert bench.rig.snapshot.slowed == 0
+    assert bench.rig.snapshot.limiter.slowed == 0
     places = np.array([tool0_to_body(Side.RIGHT, joints(row.tolist())).position[1] for row in bench.measured[first:]])
     middle = places[round(0.8 / CYCLE) : round(1.9 / CYCLE)]
     now = np.arange(len(places))[round(0.8 / CYCLE) : round(1.9 / CYCLE)] * CYCLE

@@ -80,7 +80,7 @@ def test_chunks_one_after_another_are_one_motion(rate: float, count: int, noise:
     under_way = speeds[round(0.6 / CYCLE) : round(1.6 / CYCLE)]
     assert float(np.min(under_way)) > 0.3 * float(np.max(under_way))  # it does not stop between two
     assert max(shares(sent)) < 1.0 + 1e-5
-    assert follower.rig.snapshot.slowed < 10
+    assert follower.rig.snapshot.limiter.slowed < 10
 
 
 def test_a_chunk_that_begins_elsewhere_is_joined_later() -> None:

@@ -289,13 +289,13 @@ def test_no_cycle_is_missed_while_goals_of_twenty_thousand_points_are_handed_ove
         for side in Side:
             control.call(Commands.switch_controllers, side, ("joint_trajectory_controller",))
         clock.wait(0.5)
-        before = [control.snapshot(side).missed for side in Side]
+        before = [control.snapshot(side).wire.missed for side in Side]
         for goal in range(1, 4):
             for side in Side:
                 order = replace(follow[side], goal=goal)
                 control.call(Commands.send_commands, ControllerCommand(side, "joint_trajectory_controller", order))
         wait_until(clock, lambda: max(map(abs, control.snapshot(RIGHT).velocity)) > 0.0, 10.0, lambda: "no motion")
-        assert [control.snapshot(side).missed for side in Side] == before
+        assert [control.snapshot(side).wire.missed for side in Side] == before
         assert all(control.snapshot(side).interruptions == 0 for side in Side)
     finally:
         robot.pipe.send(None)

@@ -16,7 +16,8 @@ from system.test_control_process import ELSEWHERE, MESSAGE, POSITION, Robot
 from system.virtual_time_bench import System
 from yumi.clock import ManualClock, SystemClock
 from yumi.control.controller import SessionGoal, StageClock, write_goal
-from yumi.control.cycle import FLIGHT_SIZE, RECORDED_CYCLES, Cycle, FlightRecorder, Frame
+from yumi.control.cycle import Cycle
+from yumi.control.flight_recorder import FLIGHT_SIZE, RECORDED_CYCLES, FlightRecorder, Frame
 from yumi.control.loop import Commands
 from yumi.control.shared_state import Event, SharedNumbers, is_fault, shared_numbers
 from yumi.driver.control_process import ControlProcess

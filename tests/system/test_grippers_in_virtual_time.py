@@ -552,7 +552,7 @@ def test_gripper_is_not_calibrated_while_its_arm_is_in_egm(calibrated: System, l
 def test_gripper_commands_during_a_motion_change_no_cycle_of_it() -> None:
     alone = egm_motion(lambda system: None)
     beside = egm_motion(use_both_hands)
-    assert (beside.snapshot.missed, beside.snapshot.late, beside.snapshot.lost) == (0, 0, 0)
+    assert (beside.snapshot.wire.missed, beside.snapshot.wire.late, beside.snapshot.wire.lost) == (0, 0, 0)
     count = min(len(alone.measured), len(beside.measured))
     assert count > 1400
     assert beside.admitted[:count] == alone.admitted[:count]

@@ -70,7 +70,7 @@ class Watch:
 
     @property
     def missed(self) -> int:
-        return sum(self._control.snapshot(side).missed - self._first[side].missed for side in Side)
+        return sum(self._control.snapshot(side).wire.missed - self._first[side].wire.missed for side in Side)
 
     @property
     def cycles(self) -> int:
@@ -82,7 +82,7 @@ class Watch:
         return sum(self._control.snapshot(side).session - self._first[side].session for side in Side)
 
     def __str__(self) -> str:
-        worst = max(self._control.snapshot(side).worst_jitter for side in Side)
+        worst = max(self._control.snapshot(side).wire.worst_jitter for side in Side)
         return (
             f"{self.cycles} datagrams answered, {self.missed} missed; slowest reply {self.slowest * 1e3:.2f} ms, "
             f"datagrams up to {worst * 1e3:.1f} ms apart from their time"

@@ -21,7 +21,7 @@ import yumi
 from browser import browser
 from soak import tell
 from yumi.api.connection import RunningDriver
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.egm.udp import free_port
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_messages

@@ -10,10 +10,11 @@ from yumi.clock import ManualClock
 from yumi.control.controller import MemoryBuffer, StageClock, write_goal
 from yumi.control.controller_manager import ControllerManager
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.cycle import FlightRecorder, flight_memory
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands, serve
 from yumi.control.shared_state import Event, Snapshot, read_snapshot
+from yumi.control.speed_scale import SpeedScale
 from yumi.driver.bringup import Bringup
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals

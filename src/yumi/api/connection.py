@@ -31,9 +31,9 @@ from yumi.api.motion import (
 )
 from yumi.catalogue import Message, message, quoted
 from yumi.clock import SystemClock
-from yumi.control.limiter import FULL
 from yumi.control.motion import slower
 from yumi.control.shared_state import Event
+from yumi.control.speed_scale import FULL
 from yumi.driver import endpoint as wire
 from yumi.driver.bringup import ANNOUNCEMENT
 from yumi.driver.endpoint import (

@@ -34,7 +34,6 @@ from yumi.control.controllers.joint_trajectory import (
     Tolerances,
     TrajectoryEnded,
 )
-from yumi.control.limiter import FULL
 from yumi.control.loop import CommandPort, Commands, ControllerCommand
 from yumi.control.motion import STANDING, PointMotion, Setpoint, slower, travel
 from yumi.control.shared_state import (
@@ -48,6 +47,7 @@ from yumi.control.shared_state import (
     TrajectoryFeedback,
     is_fault,
 )
+from yumi.control.speed_scale import FULL
 from yumi.control.tool_path import SPEED, TURNING, ToolLimited, ToolLimits, Waypoint
 from yumi.control.trajectory import (
     ArmPlan,

@@ -52,9 +52,9 @@ from yumi.cli.options import (
     until_stdin_closes_option,
 )
 from yumi.clock import SystemClock
-from yumi.control.limiter import FULL
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControllerReport, Event, is_fault
+from yumi.control.speed_scale import FULL
 from yumi.driver.control_process import ControlProcess
 from yumi.driver.endpoint import find_driver
 from yumi.driver.endpoint_server import DriverAccess, EndpointServer, surroundings_of

@@ -1,4 +1,4 @@
-"""Keeps both arms apart from each other, from the body and from what stands around the robot.
+"""The collision limiter: it keeps both arms apart from each other, from the body and from what stands around the robot.
 
 The invariant, for whatever moves the arms: if both arms brake now as hard as they may, no two parts
 come nearer to each other than the margin. A command is sent only if the whole of its braking path is clear of the whole
@@ -13,17 +13,17 @@ This is no safety function: a person in the way, or a part that was not declared
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from ctypes import byref
 from math import dist, fsum, inf, isfinite
 from struct import Struct
-from typing import NamedTuple
 from weakref import finalize
 
 import numpy as np
 from numpy.typing import NDArray
 
 from yumi.control.motion import Setpoint, plan_gain
+from yumi.control.progress_check import ProgressCheck, Surroundings
 from yumi.control.shared_state import Limited
 from yumi.robot import collision_library
 from yumi.robot.collision import TOOL_FRAME, Array, CollisionModel
@@ -109,125 +109,6 @@ class Boundary:
     def along(self, values: Sequence[float], change: float) -> list[float]:
         """Values of the joints, changed so that they lead away from it by ``change``."""
         return [value + n * change / self._square for n, value in zip(self.normal, values, strict=True)]
-
-
-class Surroundings(NamedTuple):
-    """What an arm is limited by, besides what stands still.
-
-    Attributes:
-        position: that the other arm is sent to [rad], (7,); None of one that is unknown.
-        heard: what is known of it: whether it is heard, was read, and may not have come to where it was sent.
-        margins: of all pairs of parts.
-        is_limited: whether the other arm is limited itself.
-    """
-
-    position: Joints | None
-    heard: tuple[bool, bool, bool]
-    margins: Array
-    is_limited: bool
-
-
-_LIMITED_FOR = 0.15  # [s] an arm may be limited for so long without getting nearer to where it is commanded
-_NEARER = 1e-3  # [rad] by less it is no nearer
-_NEARER_SHARE = 0.1  # nor by less than this share of what is left
-_SAME = 5e-4  # [rad] a position desired that changes by less is the same
-_OWN = 0.5  # a proportional controller's changes with the arm itself, by less than this share of its motion
-_SAME_SPEED = 1e-2  # [rad/s]
-_ELSEWHERE = 0.02  # [rad] when the other arm has moved by this, an arm that is held tries again
-
-
-class ProgressCheck:
-    """Whether an arm that is limited still comes nearer to where it is commanded; else it is held.
-
-    Two arms that are pushed at each other each slide along a boundary that the other one moves, for ever. So an arm
-    that is limited has to come nearer in joint space, or it holds until it is commanded something else, or what limits
-    it has changed. If the other arm is limited itself, it has to move twice as far each time that trying again was of
-    no use; so both come to rest.
-
-    Attributes:
-        limited: what limits an arm that is held.
-    """
-
-    def __init__(self) -> None:
-        self.limited: Limited | None = None
-        self._held_by: Surroundings | None = None  # as they were when it was held; None while it is not
-        self._desired: ArmCommand | None = None
-        self._measured: Joints = ZERO  # where it was when it was commanded that
-        self._nearest = inf  # [rad] how near it was sent to the position desired since
-        self._limited_for = 0.0  # [s] without getting nearer than that
-        self._elsewhere = _ELSEWHERE
-
-    @property
-    def is_limited(self) -> bool:
-        """Whether it has been limited since it came nearer to where it is commanded."""
-        return self._limited_for > 0.0 or self._held_by is not None
-
-    def holds(
-        self,
-        desired: ArmCommand | None,
-        measured: Joints,
-        sent: Joints,
-        dt: float,
-        limited: Limited | None,
-        surroundings: Callable[[], Surroundings],
-    ) -> bool:
-        """Whether the arm is to hold whatever is desired; to be asked in every cycle.
-
-        Args:
-            desired: what it is commanded; None for nothing.
-            measured: where it is [rad], (7,).
-            sent: the position it was sent last [rad], (7,).
-            dt: time since the cycle before [s].
-            limited: what limited it in that cycle, unless it was too fast to be led along a boundary.
-            surroundings: returns them as they are now.
-        """
-        if desired is None or not self._is_same(desired, measured):
-            self._begin(desired, measured, inf if desired is None else dist(desired.position, sent))
-            return False
-        if self._held_by is not None:
-            if not self._have_changed(self._held_by, surroundings()):
-                return True
-            self._held_by, self.limited, self._limited_for = None, None, 0.0
-            return False
-        far = dist(desired.position, sent)
-        if far < self._nearest - min(_NEARER, _NEARER_SHARE * self._nearest):
-            self._begin(desired, measured, far)
-        elif limited is not None:
-            self._limited_for += dt
-            if self._limited_for > _LIMITED_FOR:
-                self._held_by, self.limited = surroundings(), limited
-                self._desired, self._measured = desired, measured
-        return self._held_by is not None
-
-    def _begin(self, desired: ArmCommand | None, measured: Joints, far: float) -> None:
-        self._desired, self._measured, self._nearest = desired, measured, far
-        self._held_by, self.limited = None, None
-        self._limited_for, self._elsewhere = 0.0, _ELSEWHERE
-
-    def _have_changed(self, before: Surroundings, now: Surroundings) -> bool:
-        """Whether what holds the arm has changed by so much that it tries again."""
-        if before.heard != now.heard or before.margins is not now.margins:
-            self._elsewhere = _ELSEWHERE
-            return True
-        if before.position is now.position or before.position is None or now.position is None:
-            return before.position is not now.position
-        if not now.is_limited:  # it goes where it wants to: it is not pushed away by this one
-            self._elsewhere = _ELSEWHERE
-        if dist(before.position, now.position) <= self._elsewhere:
-            return False
-        self._elsewhere *= 2.0
-        return True
-
-    def _is_same(self, desired: ArmCommand, measured: Joints) -> bool:
-        """Whether the arm is commanded the same as before, but for noise and for what its own motion makes of it."""
-        last = self._desired
-        if last is None:
-            return False
-        if desired.position == last.position and desired.velocity == last.velocity:
-            return True
-        moved = dist(measured, self._measured)
-        is_same_speed = dist(desired.velocity, last.velocity) <= _SAME_SPEED
-        return is_same_speed and dist(desired.position, last.position) <= _SAME + _OWN * moved
 
 
 class CollisionLimiter:
@@ -407,7 +288,7 @@ class ArmCollisionLimiter:
         self.motion = ArmMotion(before, Setpoint(position), None, coasts_to)
 
     def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
-        """An arm is sent a command, whatever :meth:`accepts` says of it; arguments as there."""
+        """An arm is sent a command that :meth:`accepts` has not accepted; arguments as there."""
         if not self.is_heard or self.motion is None or not self.motion.stays(planned, sent, robot):
             self.motion = ArmMotion(planned, sent, robot)
         self.is_heard = True
@@ -428,6 +309,7 @@ class ArmCollisionLimiter:
             # What it stands at may have left it, or have come nearer; else nothing has changed.
             known = zip(self._compared, (last, its, self._both.margins), strict=True)
             if not self.boundaries or all(before is now for before, now in known):
+                self.limited = self.limited or self._coasts_into
                 return True
             motion = last
         else:
@@ -438,6 +320,7 @@ class ArmCollisionLimiter:
         ):
             self.motion = motion
             self._compared = (motion, its, self._both.margins)
+            self.limited = self.limited or self._coasts_into
             return True
         return False
 

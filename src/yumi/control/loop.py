@@ -17,8 +17,9 @@ from yumi.catalogue import message, said_by
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import AFTER_REPLY, Buffer, ControllerInfo, HardwareInfo, ParameterInfo, StageClock, State
 from yumi.control.controller_manager import ControllerManager, Strictness
-from yumi.control.cycle import ArmPort, Cycle, FlightRecorder, flight_memory, run_cycle
-from yumi.control.limiter import FULL, Limiter, SpeedScale
+from yumi.control.cycle import ArmPort, Cycle, run_cycle
+from yumi.control.flight_recorder import FlightRecorder, flight_memory
+from yumi.control.limiter import Limiter
 from yumi.control.motion import AT_GOAL, largest_difference
 from yumi.control.shared_state import (
     PROBLEMS,
@@ -40,6 +41,7 @@ from yumi.control.shared_state import (
     SessionStarted,
     Snapshot,
 )
+from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.errors import CommandRefused, SwitchFailed
 from yumi.robot.joints import CYCLE, ZERO, ArmState, Joints, Side, joint_names
 from yumi.settings import Values
@@ -348,13 +350,12 @@ class ArmLoop:
 
     def publish(self, now: float) -> None:
         """Write the snapshot of the arm as it is at ``now``."""
-        wire, limiter, last = self._arm.wire_counters(), self._limiter.counters, self._last
+        last = self._last
         reference = self.manager.reference
         limited = (last and self._limited) or Limited("", "", 0.0)
         self._snapshots.write(
             Snapshot(
                 time=now,
-                session=wire.session,
                 is_streaming=last is not None and not self._is_interrupted,
                 is_running=last is not None and last.state.is_running,
                 activity=self.manager.activity,
@@ -365,28 +366,14 @@ class ArmLoop:
                 sent=last.sent.position if last else self._position,
                 reference=reference,
                 cycles=self._cycles,
-                missed=wire.missed,
-                lost=wire.lost,
-                late=wire.late,
-                stale=wire.stale,
-                repeated=wire.repeated,
-                malformed=wire.malformed,
-                foreign=wire.foreign,
-                refused=limiter.refused,
-                position_limited=limiter.position_limited,
-                slowed=limiter.slowed,
-                kept_apart=limiter.kept_apart,
+                wire=self._arm.wire_counters(),
+                limiter=self._limiter.counters,
                 limited_part=limited.part,
                 limited_other=limited.other,
                 limited_distance=limited.distance,
                 speed_cap=self._speed.highest,
                 interruptions=self._interruptions,
-                implausible=limiter.implausible,
                 problem=self._limiter.problem,
-                jitter=wire.jitter,
-                worst_jitter=wire.worst_jitter,
-                drift_ppm=wire.drift_ppm,
-                cycle_time=wire.cycle_time,
             ),
         )
 

@@ -26,6 +26,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, get_ty
 
 from yumi.catalogue import Message, clause, message
 from yumi.control.controller import Buffer, GoalKind
+from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.errors import MissingPrerequisite
 from yumi.process.supervision import PROCESSES
 from yumi.robot.joints import JOINT_COUNT, ZERO, Joints, Side
@@ -81,7 +82,6 @@ class Snapshot(NamedTuple):
 
     Attributes:
         time: when it was made, monotonic clock [s].
-        session: EGM session, 0 before the first.
         is_streaming: whether the robot's datagrams arrive.
         is_running: whether the robot follows our commands.
         activation: number of the controller activation that commands the arm, 0 when none does.
@@ -92,32 +92,17 @@ class Snapshot(NamedTuple):
         sent: the position sent last [rad].
         reference: where the active controller is going [rad]; None when no controller commands.
         cycles: datagrams answered.
-        missed: datagrams the robot sent that got no answer of their own.
-        lost: datagrams that never arrived (gaps in the robot's sequence numbers).
-        late: datagrams that waited together with a newer one, which was answered instead.
-        stale: datagrams that arrived after a newer one was answered.
-        repeated: datagrams that arrived before.
-        malformed: datagrams that could not be read.
-        foreign: datagrams from other addresses than the robot's, while no session is open.
-        refused: commands with a value that is no finite number.
-        position_limited: commands cut at a joint's range.
-        slowed: commands that would have exceeded a speed, acceleration or jerk.
-        kept_apart: commands that would have led an arm too near to something.
+        wire: what its connection has received.
+        limiter: what its limiter has changed.
         limited_part: the part of the arm that is kept apart from ``limited_other``; empty 0.2 s after it was.
         limited_other: a part of the other arm, ``body``, or a box by its name.
         limited_distance: between the two [m].
         speed_cap: no speed scale is above this, whatever is set: less than 1 while parts may touch.
         interruptions: how often feedback stayed away for more than five cycles.
-        implausible: positions reported that no arm can have reached.
         problem: why the arm holds whatever it is asked to do.
-        jitter: mean difference of two datagrams' delays, in this session [s].
-        worst_jitter: the largest such difference [s].
-        drift_ppm: by how much the robot's clock is faster than ours [ppm].
-        cycle_time: mean time between two datagrams the robot sent, by our clock [s].
     """
 
     time: float = 0.0
-    session: int = 0
     is_streaming: bool = False
     is_running: bool = False
     activation: int = 0
@@ -128,28 +113,19 @@ class Snapshot(NamedTuple):
     sent: Joints = ZERO
     reference: Joints | None = None
     cycles: int = 0
-    missed: int = 0
-    lost: int = 0
-    late: int = 0
-    stale: int = 0
-    repeated: int = 0
-    malformed: int = 0
-    foreign: int = 0
-    refused: int = 0
-    position_limited: int = 0
-    slowed: int = 0
-    kept_apart: int = 0
+    wire: WireCounters = WireCounters()
+    limiter: LimiterCounters = LimiterCounters()
     limited_part: str = ""
     limited_other: str = ""
     limited_distance: float = 0.0
     speed_cap: float = 1.0
     interruptions: int = 0
-    implausible: int = 0
     problem: Problem = Problem.NONE
-    jitter: float = 0.0
-    worst_jitter: float = 0.0
-    drift_ppm: float = 0.0
-    cycle_time: float = 0.0
+
+    @property
+    def session(self) -> int:
+        """EGM session, 0 before the first."""
+        return self.wire.session
 
     @property
     def is_commanded(self) -> bool:
@@ -264,12 +240,19 @@ class _Layout:
     """How the fields of a named tuple lie in memory: numbers and texts first, then joints.
 
     Args:
-        kind: its fields are numbers, short texts, enumerations of integers, joints, or joints that may be None.
+        kind: its fields are numbers, short texts, enumerations of integers, joints, joints that may be None, or named
+            tuples of these.
     """
 
     def __init__(self, kind: type[Any]) -> None:
         codes = {float: "d", int: "q", bool: "?", str: f"{_TEXT}s"}
-        hints = {name: hint for name, hint in get_type_hints(kind).items() if not name.startswith("_")}
+        hints: dict[str, Any] = {}
+        self._parts: list[tuple[int, int, type[Any]]] = []  # where in a value which of its fields make a named tuple
+        for number, (name, hint) in enumerate(_fields(kind)):
+            inner = {f"{name}.{field}": own for field, own in _fields(hint)}
+            if inner:
+                self._parts.append((number, len(inner), hint))
+            hints.update(inner or {name: hint})
         vectors = [name for name, hint in hints.items() if hint in (Joints, Joints | None)]
         scalars = [name for name in hints if name not in vectors]
         enums = {name: hints[name] for name in scalars if issubclass(hints[name], IntEnum | GoalKind)}
@@ -306,7 +289,17 @@ class _Layout:
             if isnan(vectors[index][0]):
                 vectors[index] = None
         values += vectors
-        return self._kind(*[values[index] for index in self._order])
+        fields = [values[index] for index in self._order]
+        for number, count, kind in self._parts:
+            fields[number : number + count] = [kind(*fields[number : number + count])]
+        return self._kind(*fields)
+
+
+def _fields(kind: Any) -> list[tuple[str, Any]]:
+    """Names and types of a named tuple's fields; of anything else there are none."""
+    names = getattr(kind, "_fields", ())
+    hints = get_type_hints(kind) if names else {}
+    return [(name, hints[name]) for name in names]
 
 
 _layouts: dict[type[Any], _Layout] = {}

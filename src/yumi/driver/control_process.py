@@ -23,7 +23,7 @@ from yumi.catalogue import Message, clause, message, said_by
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import SessionGoal
 from yumi.control.controllers.cartesian import ToolGoal
-from yumi.control.cycle import FLIGHT_SIZE, FlightRecorder
+from yumi.control.flight_recorder import FLIGHT_SIZE, FlightRecorder
 from yumi.control.loop import COMMANDS, ArmLoop, Commands, serve
 from yumi.control.shared_state import (
     ControlProcessEnded,

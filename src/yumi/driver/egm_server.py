@@ -15,7 +15,7 @@ from typing import Protocol, cast
 from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
 from yumi.control.controller import ENCODE, RECEIVE, SEND, StageClock
-from yumi.control.cycle import WireCounters
+from yumi.control.counters import WireCounters
 from yumi.egm.codec import (
     MOST_NUMBERS,
     JointReport,

@@ -605,16 +605,16 @@ def arm_report(side: Side, snapshot: Snapshot, datagram: bytes = b"", *, is_faul
     it = snapshot
     counts = CycleCounts(
         answered=it.cycles,
-        missed=it.missed,
-        lost=it.lost,
-        late=it.late,
-        refused=it.refused,
-        position_limited=it.position_limited,
-        slowed=it.slowed,
+        missed=it.wire.missed,
+        lost=it.wire.lost,
+        late=it.wire.late,
+        refused=it.limiter.refused,
+        position_limited=it.limiter.position_limited,
+        slowed=it.limiter.slowed,
         interruptions=it.interruptions,
-        period=it.cycle_time,
-        jitter=it.jitter,
-        worst_jitter=it.worst_jitter,
+        period=it.wire.cycle_time,
+        jitter=it.wire.jitter,
+        worst_jitter=it.wire.worst_jitter,
     )
     if not it.is_streaming:
         mode = ArmMode.FAULT if is_fault else ArmMode.NO_EGM

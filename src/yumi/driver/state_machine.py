@@ -20,8 +20,8 @@ from typing import Any, cast
 from yumi.catalogue import Message, message, quoted, said_by
 from yumi.clock import Clock, wait_until
 from yumi.control.controller import Buffer
-from yumi.control.limiter import FULL
 from yumi.control.shared_state import Factor
+from yumi.control.speed_scale import FULL
 from yumi.errors import CommandRefused, ControllerRefused, ProtocolError, RobotNotReady, SettingsError, YumiError
 from yumi.robot.description import Mass, Tool, inertia_of, principal_inertia
 from yumi.robot.joints import Pose, Quaternion, Side, Vector

@@ -42,11 +42,12 @@ from yumi.control.controllers.joint_position import (
     JointVelocityController,
 )
 from yumi.control.controllers.joint_trajectory import DualArmTrajectoryController, JointTrajectoryController
-from yumi.control.cycle import FlightRecorder
-from yumi.control.limiter import FULL, Limiter, SpeedScale
+from yumi.control.flight_recorder import FlightRecorder
+from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Event, read_snapshot
+from yumi.control.speed_scale import FULL, SpeedScale
 from yumi.control.tool_path import ToolLimits
 from yumi.driver.bringup import Bringup, EgmAddress
 from yumi.driver.control_process import ArmBuffers, ConnectedArm, ControlProcess

@@ -49,7 +49,7 @@ from yumi import __version__
 from yumi.catalogue import Message, message
 from yumi.clock import Clock
 from yumi.control.controller import StageTimes
-from yumi.control.cycle import FlightRecorder, Frame
+from yumi.control.flight_recorder import FlightRecorder, Frame
 from yumi.control.shared_state import Event, JointStates, is_fault
 from yumi.errors import ProtocolError, SettingsError, YumiError, missing_extra
 from yumi.process.supervision import Failures

@@ -11,7 +11,7 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from yumi.catalogue import message
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, missing_extra
 from yumi.recording.mcap import AFTER, EVENTS, STAGES, STATE, Recording, recorded_messages
 from yumi.robot.joints import CHAIN_AXES, Joints, Side

@@ -190,8 +190,8 @@ struct Path {
     }
 
     // How the robot follows the position sent while that brakes, at the speed that its position loop makes of the lead.
-    // A speed fed forward is taken back, as FeedForwardLimiter in control/limiter.py does it. The rest of the way is
-    // straight. One that may coast on a sheet, with where it would coast to from there.
+    // A speed fed forward is taken back, as control/feed_forward_limiter.py does it. The rest of the way is straight.
+    // One that may coast on a sheet, with where it would coast to from there.
     void add_following(const Limits& limits) {
         constexpr int BRAKING = 3 * SAMPLES / 4;
         const bool is_fed = motion.has_robot > 0.0;

@@ -114,7 +114,7 @@ _COUNTERS = (
     *("cycles", "missed", "lost", "late", "stale", "repeated", "malformed", "foreign", "refused"),
     *("position_limited", "slowed", "kept_apart", "interruptions", "implausible"),
 )
-"""Of a snapshot, in the values of ``egm_state``."""
+"""Of an arm, in the values of ``egm_state``."""
 
 
 def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> DiagnosticStatus:
@@ -130,21 +130,22 @@ def egm_status(side: Side, snapshot: Snapshot, *, is_desired: bool = False) -> D
         level, sentence = DiagnosticStatus.WARN, "streaming, the robot does not follow commands"
     elif is_desired:
         level, sentence = DiagnosticStatus.WARN, "no datagrams from the robot though EGM was started; call recover"
-    elif snapshot.foreign and not snapshot.session:
+    elif snapshot.wire.foreign and not snapshot.session:
         level = DiagnosticStatus.WARN
         sentence = (
-            f"no datagrams from the robot, but {snapshot.foreign} from other addresses; "
+            f"no datagrams from the robot, but {snapshot.wire.foreign} from other addresses; "
             "check robot.address and the controller's UDPUC device"
         )
+    counters = {**snapshot._asdict(), **snapshot.wire._asdict(), **snapshot.limiter._asdict()}
     values: dict[str, object] = {
         "session": snapshot.session,
         "streaming": snapshot.is_streaming,
         "running": snapshot.is_running,
         "commanded": snapshot.is_commanded,
-        **{name: getattr(snapshot, name) for name in _COUNTERS},
+        **{name: counters[name] for name in _COUNTERS},
         "limited_by": snapshot.limited_by,
         "problem": snapshot.problem.name.lower(),
-        **{name: getattr(snapshot, name) for name in ("jitter", "worst_jitter", "drift_ppm", "cycle_time")},
+        **{name: counters[name] for name in ("jitter", "worst_jitter", "drift_ppm", "cycle_time")},
     }
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values.items()]
     return DiagnosticStatus(

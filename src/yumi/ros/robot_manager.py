@@ -37,7 +37,7 @@ from yumi_interfaces.srv import (
 )
 
 from yumi.catalogue import message
-from yumi.control.limiter import FULL
+from yumi.control.speed_scale import FULL
 from yumi.driver.readiness import Mode
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import LOWEST_SPEED_SCALE, SpeedSetting

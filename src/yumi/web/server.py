@@ -31,7 +31,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 import yumi.robot
 from yumi.catalogue import FrontEnd, Message, message, said_by, sentence
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.driver.endpoint import EventReport, StopEgm
 from yumi.egm.udp import is_loopback
 from yumi.errors import CommandRefused, SettingsError, YumiError

@@ -21,6 +21,7 @@ from yumi.catalogue import message
 from yumi.control.controller import UNKNOWN, Goal, MemoryBuffer, read_goal, write_speeds
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, Outcome, TrajectoryEnded
+from yumi.control.counters import WireCounters
 from yumi.control.loop import Commands, ControllerCommand
 from yumi.control.shared_state import (
     ControllerFailed,
@@ -319,13 +320,13 @@ def test_both_arms_follow_from_the_same_moment_on(robot: FakeRobot) -> None:
     assert [(plan.side, plan.start) for plan in plans] == [(Side.RIGHT, 100.1), (Side.LEFT, 100.1)]
 
 
-@pytest.mark.parametrize("change", [{"session": 2}, {"activation": 9}])
-def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot, change: dict[str, int]) -> None:
+@pytest.mark.parametrize("change", [{"wire": WireCounters(session=2)}, {"activation": 9}])
+def test_a_path_planned_before_a_stop_is_not_followed_after_it(robot: FakeRobot, change: dict[str, Any]) -> None:
     robot.control.on_command = robot.rest
 
     def plan(_: object) -> dict[Side, ArmPlan]:
         before = robot.control.snapshots[Side.RIGHT]
-        robot.control.snapshots[Side.RIGHT] = before._replace(**change)  # type: ignore[arg-type]
+        robot.control.snapshots[Side.RIGHT] = before._replace(**change)
         points = (TrajectoryPoint(1.0, RIGHT),)
         return plan_trajectory(JointTrajectory(joint_names(Side.RIGHT), points), (Side.RIGHT,), YUMI_LIMITS)
 

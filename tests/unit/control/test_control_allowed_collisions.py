@@ -13,10 +13,11 @@ from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_goal import JointGoal, JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.limiter import Limiter, SpeedScale
+from yumi.control.limiter import Limiter
 from yumi.control.loop import CONTACT_SPEED_SCALE, AllowedCollisions, ArmLoop
 from yumi.control.motion import EGM_GAIN, Setpoint
 from yumi.control.shared_state import Factor
+from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.collision import CollisionModel
 from yumi.robot.description import SERVO_GRIPPERS

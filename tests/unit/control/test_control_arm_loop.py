@@ -7,7 +7,7 @@ from refusals import assert_says
 from yumi.catalogue import message
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.cycle import WireCounters
+from yumi.control.counters import WireCounters
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import (
@@ -113,7 +113,7 @@ def test_loop_publishes_a_snapshot_after_each_reply(
 ) -> None:
     feed(loop, arm, middle)
     snapshot = read_snapshot(snapshots)
-    assert (snapshot.cycles, snapshot.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
+    assert (snapshot.cycles, snapshot.wire.missed, snapshot.is_running, snapshot.position) == (1, 3, True, middle)
     assert snapshot.reference is None
 
 
@@ -141,7 +141,7 @@ def test_loop_deactivates_controllers_when_the_robot_falls_silent(
     assert event == SessionLost(Side.LEFT, 0.062, ("pusher",))
     assert event.said == message("feedback_lost", arm="left", silence=0.062, controllers=("pusher",))
     assert read_snapshot(snapshots) == Snapshot(
-        time=1.062, session=1, activity=4, position=middle, sent=middle, cycles=1, missed=3
+        time=1.062, wire=WireCounters(session=1, missed=3), activity=4, position=middle, sent=middle, cycles=1
     )
 
 
@@ -187,7 +187,7 @@ def test_loop_shows_that_somebody_else_speaks_while_it_waits_for_a_robot(
 ) -> None:
     arm.foreign = 7
     loop.watch_silence(1.0)
-    assert read_snapshot(snapshots).foreign == 7
+    assert read_snapshot(snapshots).wire.foreign == 7
 
 
 def test_loop_bears_an_interruption_and_goes_on(
@@ -255,6 +255,12 @@ def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
     assert loop.line.is_still
 
 
+def keep_apart_once(loop: ArmLoop) -> None:
+    limiter = loop._limiter
+    counters = limiter.counters._replace(kept_apart=limiter.counters.kept_apart + 1)
+    limiter._motion = limiter._motion._replace(counters=counters)
+
+
 def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -262,11 +268,11 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     monkeypatch.setattr(Limiter, "limited", pair)
     feed(loop, arm, middle, now=20.0)
     assert read_snapshot(snapshots).limited_part == ""  # nothing was limited: the pair is an old one
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.001)
     assert read_snapshot(snapshots).limited_part == ""  # it stands where it is to be
     loop.manager.switch(["pusher"], [], loop.state)
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.004)
     shown = read_snapshot(snapshots)
     assert shown.limited == pair
@@ -274,7 +280,7 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     assert read_snapshot(snapshots).limited_part == "left gripper"
     feed(loop, arm, middle, now=20.3)
     assert read_snapshot(snapshots).limited_part == ""
-    loop._limiter.counters.kept_apart += 1
+    keep_apart_once(loop)
     feed(loop, arm, middle, now=20.304)
     arm.lost = 0.1
     loop.watch_silence(20.4)

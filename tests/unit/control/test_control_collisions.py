@@ -13,20 +13,13 @@ from numpy.typing import NDArray
 from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
-from yumi.control.collisions import (
-    BODY_MARGIN,
-    MARGIN,
-    ArmCollisionLimiter,
-    ArmMotion,
-    CollisionLimiter,
-    ProgressCheck,
-    Surroundings,
-)
+from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, SERVO_CYCLES, Setpoint, plan_gain, slower, stop, travel
+from yumi.control.progress_check import ProgressCheck, Surroundings
 from yumi.control.shared_state import KeptApart, Limited
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
@@ -747,7 +740,7 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     (event, *_) = [event for event in arm.events if isinstance(event, KeptApart)]
     assert str(event).startswith("Left arm: motion limited by left ")
     assert event.limited.other == "body"
-    assert arm.snapshot.kept_apart > 0
+    assert arm.snapshot.limiter.kept_apart > 0
     assert max(abs(a - b) for a, b in zip(arm.snapshot.position, goal, strict=True)) > 0.1
     shapes = CollisionModel(SERVO_GRIPPERS)
     now = {Side.RIGHT: home(Side.RIGHT), Side.LEFT: arm.snapshot.position}

@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from yumi.control.controller import MemoryBuffer
+from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.feedback import FeedbackCheck
 from yumi.control.shared_state import ImplausibleFeedback, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
@@ -27,6 +28,11 @@ def test_report_of_a_doubted_position_names_the_ports_where_it_is_the_other_arms
 
 def test_snapshot_passes_the_problem_on() -> None:
     box = MemoryBuffer()
-    told = Snapshot(implausible=3, problem=Problem.REFERENCES_IGNORED, interruptions=2, drift_ppm=1.5)
+    told = Snapshot(
+        limiter=LimiterCounters(implausible=3),
+        problem=Problem.REFERENCES_IGNORED,
+        interruptions=2,
+        wire=WireCounters(drift_ppm=1.5),
+    )
     box.write(told)
     assert read_snapshot(box) == told

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.controller import Controller
-from yumi.control.limiter import FeedForwardLimiter, Limiter
+from yumi.control.feed_forward_limiter import FedForward, FeedForwardLimiter
+from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import (
     CYCLE,
@@ -116,7 +117,7 @@ def test_speed_that_the_position_runs_ahead_of_already_is_not_added() -> None:
     arm = dictated(lambda time: (0.9 * top * time, 0.9 * top * (time > 0.3)))
     speeds = planned_speeds(arm, 0.6)
     assert max(abs(speed[0]) for speed in speeds) <= top * 1.001
-    assert arm.snapshot.slowed > 20
+    assert arm.snapshot.limiter.slowed > 20
 
 
 def test_robot_that_follows_speeds_only_stops_before_the_end_of_its_range() -> None:
@@ -142,26 +143,35 @@ def test_arm_that_is_told_to_hold_stops_on_its_way_and_does_not_turn_back(gain: 
 
 
 def test_nothing_is_fed_forward_where_nothing_is_wanted() -> None:
-    speeds = FeedForwardLimiter(YUMI_LIMITS)
-    assert speeds.next(AT_ZERO, ZERO, ZERO, CYCLE) is ZERO
+    fed = FedForward()
+    assert FeedForwardLimiter(YUMI_LIMITS).step(fed, AT_ZERO, ZERO, ZERO, CYCLE) is fed
 
 
 def test_speed_fades_when_it_is_not_wanted_any_more() -> None:
-    speeds, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
+    limiter, fed, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), FedForward(), added(ZERO, 0.5)
     for _ in range(100):
-        speeds.next(AT_ZERO, ZERO, wanted, CYCLE)
-    assert speeds.velocity == pytest.approx(wanted, abs=1e-6)
-    first = speeds.next(AT_ZERO, ZERO, ZERO, CYCLE)
-    assert 0.4 < first[6] < 0.5
+        fed = limiter.step(fed, AT_ZERO, ZERO, wanted, CYCLE)
+    assert fed.velocity == pytest.approx(wanted, abs=1e-6)
+    fed = limiter.step(fed, AT_ZERO, ZERO, ZERO, CYCLE)
+    assert 0.4 < fed.velocity[6] < 0.5
     for _ in range(100):
-        speeds.next(AT_ZERO, ZERO, ZERO, CYCLE)
-    assert speeds.velocity is ZERO
+        fed = limiter.step(fed, AT_ZERO, ZERO, ZERO, CYCLE)
+    assert fed.velocity is ZERO
+
+
+def test_step_of_speeds_leaves_the_motion_before_as_it_was_and_is_the_same_again() -> None:
+    limiter, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
+    before = limiter.step(FedForward(), AT_ZERO, ZERO, wanted, CYCLE)
+    kept = before._replace()
+    after = limiter.step(before, AT_ZERO, ZERO, wanted, CYCLE)
+    assert before == kept != after
+    assert limiter.step(before, AT_ZERO, ZERO, wanted, CYCLE) == after
 
 
 def test_guard_refuses_a_speed_that_is_no_number() -> None:
     arm = dictated(lambda time: (0.0, inf), FULL_SPEED)
     arm.run(0.1)
-    assert arm.snapshot.refused >= 24
+    assert arm.snapshot.limiter.refused >= 24
     assert arm.cycles[-1].sent.velocity is ZERO
 
 

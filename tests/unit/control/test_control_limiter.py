@@ -432,7 +432,7 @@ def test_limiter_that_held_goes_to_the_next_goal_whatever_the_noise_of_the_plan(
         command = limiter.limit(checked, None if is_held else ArmCommand(goal))
         limiter.observe(checked)
         if count == 400:
-            assert not limiter._is_settling
+            assert not limiter._motion.is_settling
     assert planned == pytest.approx(goal, abs=1e-3)
 
 

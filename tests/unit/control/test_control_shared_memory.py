@@ -14,11 +14,20 @@ ROUNDS = 1000  # different values that the reader has to see
 SEVEN: Joints = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0)
 
 
+class Counts(NamedTuple):
+    """Fields that lie among those of another value."""
+
+    count: int
+    mean: float
+
+
 class Sample(NamedTuple):
     """A value with a field of every type that is shared."""
 
     number: int
+    counts: Counts
     time: float
+    more: Counts
     is_on: bool
     problem: Problem
     kind: GoalKind
@@ -26,8 +35,18 @@ class Sample(NamedTuple):
     reference: Joints | None
 
 
-ONE = Sample(1, 0.25, True, Problem.IMPLAUSIBLE, GoalKind.POSITION | GoalKind.VELOCITY, SEVEN, None)
-OTHER = Sample(-3, 1e9, False, Problem.NONE, GoalKind.NONE, ZERO, SEVEN)
+ONE = Sample(
+    1,
+    Counts(7, 0.5),
+    0.25,
+    Counts(8, -0.5),
+    True,
+    Problem.IMPLAUSIBLE,
+    GoalKind.POSITION | GoalKind.VELOCITY,
+    SEVEN,
+    None,
+)
+OTHER = Sample(-3, Counts(0, 0.0), 1e9, Counts(9, 1.5), False, Problem.NONE, GoalKind.NONE, ZERO, SEVEN)
 
 
 def fill(pipe: PipeEnd, buffer: SharedBuffer[JointStates]) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from refusals import refused
+from yumi.control.counters import WireCounters
 from yumi.control.loop import Commands
 from yumi.control.shared_state import ControlProcessEnded, CycleFailed, Event, Snapshot
 from yumi.driver import control_process
@@ -102,7 +103,9 @@ def test_listener_that_fails_is_logged_once_and_hears_what_follows(
 def test_process_that_stands_still_does_not_count_as_running(
     age: float, is_known: bool, control: ControlProcess
 ) -> None:
-    made = Snapshot(time.monotonic() - age, session=3, is_streaming=True, is_running=True, activation=7)
+    made = Snapshot(
+        time.monotonic() - age, wire=WireCounters(session=3), is_streaming=True, is_running=True, activation=7
+    )
     control.buffers[LEFT].snapshots.write(made)
     snapshot = control.snapshot(LEFT)
     assert (snapshot.is_streaming, snapshot.is_running, snapshot.is_commanded) == (is_known,) * 3

@@ -10,8 +10,8 @@ import pytest
 from refusals import assert_says, refused
 from yumi.catalogue import Action
 from yumi.control.controller import MemoryBuffer
-from yumi.control.limiter import SpeedScale
 from yumi.control.shared_state import Factor
+from yumi.control.speed_scale import SpeedScale
 from yumi.driver.settings import RobotSettings, Settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale

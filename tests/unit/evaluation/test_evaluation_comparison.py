@@ -14,7 +14,7 @@ from virtual_logs import HOME, VirtualRobot, motions, times
 
 from yumi.control.controller import MemoryBuffer, SessionGoal, StageTimes, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.recording.mcap import RecordingWriter
 from yumi.robot.joints import CHAIN_AXES, CYCLE, YUMI_LIMITS, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel

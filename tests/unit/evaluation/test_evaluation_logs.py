@@ -13,7 +13,7 @@ from virtual_logs import HOME
 
 from refusals import refused
 from yumi.control.controller import StageTimes
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.errors import CommandRefused, YumiError
 from yumi.recording.mcap import RecordingWriter
 from yumi.robot.joints import CYCLE, Side, joint_names, joints

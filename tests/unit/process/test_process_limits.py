@@ -251,7 +251,7 @@ def test_moving_arms_are_served_while_the_operating_system_gives_nothing_and_the
     assert not [event for event in robots.received if is_fault(cast("Event", event))]
     for side, goal in goals.items():
         assert snapshots[side].session == 1
-        assert (snapshots[side].cycles >= 850, snapshots[side].missed) == (True, 0)
+        assert (snapshots[side].cycles >= 850, snapshots[side].wire.missed) == (True, 0)
         assert dist(snapshots[side].position, goal) < 0.01
 
 

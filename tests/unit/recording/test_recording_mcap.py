@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from flight import CYCLE, LOST, flown, write_flight_record
 from refusals import refused
 from yumi.control.controller import StageTimes
-from yumi.control.cycle import Frame
+from yumi.control.flight_recorder import Frame
 from yumi.control.shared_state import RobotFollows
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import (

@@ -10,7 +10,7 @@ import pytest
 from flight import CYCLE, LOST, flown, record_motion
 from refusals import refused
 from yumi.clock import ManualClock, SystemClock, comes_true
-from yumi.control.cycle import RECORDED_CYCLES, FlightRecorder
+from yumi.control.flight_recorder import RECORDED_CYCLES, FlightRecorder
 from yumi.control.shared_state import (
     ControllerFailed,
     ControlProcessEnded,

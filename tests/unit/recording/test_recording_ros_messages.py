@@ -15,7 +15,7 @@ from mcap.writer import Writer
 
 from flight import CYCLE, LOST, flown
 from yumi.clock import ManualClock
-from yumi.control.cycle import FlightRecorder
+from yumi.control.flight_recorder import FlightRecorder
 from yumi.control.shared_state import JointStates
 from yumi.recording.mcap import FullRecorder, RecordingWriter, Sources, read_recording, recorded_event
 from yumi.robot.description import read_frames, robot_description

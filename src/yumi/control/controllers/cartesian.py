@@ -16,7 +16,6 @@ from typing import NamedTuple
 from yumi.catalogue import message
 from yumi.control.controller import UNKNOWN, Buffer, GoalKind
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, JointTrajectoryController, Outcome
-from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     DELAY,
     Setpoint,
@@ -27,6 +26,7 @@ from yumi.control.motion import (
     speed_to_stop,
 )
 from yumi.control.shared_state import TrajectoryFeedback
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.tool_path import ToolLimited, ToolLimits
 from yumi.control.trajectory import ResultCode
 from yumi.errors import CommandRefused

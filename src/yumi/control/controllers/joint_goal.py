@@ -13,7 +13,6 @@ from enum import Enum
 
 from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.control.controller import Controller, GoalBuffer, check_position, read_goal
-from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     STANDING,
     PointMotion,
@@ -25,6 +24,7 @@ from yumi.control.motion import (
     stop,
     travel,
 )
+from yumi.control.speed_scale import SpeedScale
 from yumi.errors import CommandRefused
 from yumi.robot.joints import (
     CHAIN_AXES,

@@ -20,7 +20,6 @@ from __future__ import annotations
 from math import inf
 
 from yumi.control.controller import IDLE, Buffer, Controller, Goal, GoalBuffer, GoalInbox, GoalKind, check_joints
-from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     DELAY,
     SpeedMotion,
@@ -30,6 +29,7 @@ from yumi.control.motion import (
     speeds_without_noise,
 )
 from yumi.control.shared_state import JointStates
+from yumi.control.speed_scale import SpeedScale
 from yumi.robot.joints import JOINT_COUNT, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 from yumi.settings import Parameter, Values, flag, number, text
 

@@ -18,7 +18,6 @@ from typing import Protocol, cast
 
 from yumi.catalogue import Message, message
 from yumi.control.controller import Buffer, Controller, check_joints
-from yumi.control.limiter import SpeedScale
 from yumi.control.motion import (
     DELAY,
     STANDING,
@@ -29,6 +28,7 @@ from yumi.control.motion import (
     stop,
 )
 from yumi.control.shared_state import Skew, TrajectoryFeedback
+from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import (
     ArmPlan,
     ResultCode,
