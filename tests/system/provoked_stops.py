@@ -183,7 +183,14 @@ _AFTER = {  # what undoes another fault is a fault after that one
     Fault.AUTO_MODE: Fault.MANUAL_MODE,
     Fault.RIGHT_PROGRAM: Fault.WRONG_PROGRAM,
 }
-_LATE = {Fault.RWS_BUSY: 1.5, Fault.EMERGENCY_STOP: 0.75, Fault.MANUAL_MODE: 0.75, Fault.WRONG_PROGRAM: 0.75}
+_LATE = {
+    Fault.EGM_FORGE_OLD: 1.5,
+    Fault.EGM_FORGE_AHEAD: 1.5,
+    Fault.RWS_BUSY: 1.5,
+    Fault.EMERGENCY_STOP: 0.75,
+    Fault.MANUAL_MODE: 0.75,
+    Fault.WRONG_PROGRAM: 0.75,
+}
 _REFUSED_AFTER = {Fault.EMERGENCY_STOP, Fault.MANUAL_MODE, Fault.COLLISION, Fault.WRONG_PROGRAM}
 
 
