@@ -81,21 +81,21 @@ def read_yaml(text: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "named"),
     [
         ("gripper:\n  middle: servo", "middle"),
         (
             "/**/joint_position_controller:\n  ros__parameters:\n    tracking.feed: true",
-            "has no parameter 'tracking.feed'",
+            "'tracking.feed'",
         ),
         (
             "/r/joint_controller:\n  ros__parameters:\n    p: 1.0",
-            "/r/joint_controller is not the name of anything here",
+            "/r/joint_controller",
         ),
     ],
 )
-def test_settings_that_the_driver_refuses_are_found(text: str, sentence: str, tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=re.escape(sentence)):
+def test_settings_that_the_driver_refuses_are_found(text: str, named: str, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError, match=re.escape(named)):
         read_yaml(text, tmp_path)
 
 

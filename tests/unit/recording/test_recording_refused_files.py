@@ -93,8 +93,14 @@ REFUSED = {
     "cycle at no time": (written(("r/cycle", b'{"time": NaN}')), "malformed"),
     "list": (written(("r/cycle", b"[1, 2]")), "Expected `object`, got `array`"),
     "number": (written(("state", b"7")), "Expected `object`, got `int`"),
-    "nested list": (written(("r/cycle", b'{"other": ' + b"[" * 100_000), compression=PLAIN), "recorded_message_nested_too_deeply"),
-    "nested state": (written(("state", b'{"time": 1, "a":' + b'{"a":' * 100_000), compression=PLAIN), "recorded_message_unreadable"),
+    "nested list": (
+        written(("r/cycle", b'{"other": ' + b"[" * 100_000), compression=PLAIN),
+        "recorded_message_nested_too_deeply",
+    ),
+    "nested state": (
+        written(("state", b'{"time": 1, "a":' + b'{"a":' * 100_000), compression=PLAIN),
+        "recorded_message_unreadable",
+    ),
     "state nested twice too deep": (written(("state", b'{"time":1,"a":{"b":{"c":{"d":1}}}}')), "got `object`"),
     "state without time": (written(("state", b'{"mode": "auto"}')), "missing required field `time`"),
     "gripper of another kind": (written(("l/gripper", b'"READY"')), "Expected `object`"),

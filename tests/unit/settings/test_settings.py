@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from refusals import assert_says, refused
-from yumi.catalogue import Message, clause, message
+from yumi.catalogue import Message, message
 from yumi.control.controllers.joint_goal import JointGoalController
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.tool_path import ToolLimits, Wall
@@ -371,7 +371,10 @@ def test_boxes_and_tools_are_refused_with_place_and_what_is_allowed(file: Path, 
         ("collision: {boxes: {body: {size: [1, 1, 1]}}}", {"name": "body"}),
         ("collision: {boxes: {'': {size: [1, 1, 1]}}}", {"name": ""}),
         ("collision: {right_tools: {gripper: {}}}", {"name": "gripper", "arm": "right"}),
-        ("collision: {boxes: {" + "".join(f"b{each}: {{size: [1, 1, 1]}}, " for each in range(101)) + "}}", {"name": "b100"}),
+        (
+            "collision: {boxes: {" + "".join(f"b{each}: {{size: [1, 1, 1]}}, " for each in range(101)) + "}}",
+            {"name": "b100"},
+        ),
     ],
 )
 def test_declared_parts_that_the_robot_cannot_have_are_refused_with_file_and_group(

@@ -116,9 +116,7 @@ def test_six_axes_are_shown_where_they_are_while_the_pointer_stands_at_the_line_
     assert task.pointer == PointerReport("Cell", "approach", 10, 10 - AROUND, lines[10 - AROUND - 1 :])
     assert (message.program, message.motors, message.operating_mode) == ("running", "motoron", "AUTO")
     assert message.speed_ratio == 100
-    assert message.missing == (
-        str(say("no_driver_for_robot", robot="an IRB 120 (mechanical unit ROB_1), not a YuMi")),
-    )
+    assert message.missing == (str(say("no_driver_for_robot", robot="an IRB 120 (mechanical unit ROB_1), not a YuMi")),)
     assert LogLine("TPWrite", "begins", task="T_ROB1") in cell.lines
 
 
