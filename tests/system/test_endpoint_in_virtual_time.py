@@ -20,7 +20,7 @@ from refusals import refused
 from system.virtual_time_bench import System
 from yumi.api.connection import attach
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
-from yumi.catalogue import FrontEnd, message, sentence
+from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
@@ -150,7 +150,7 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert state["arms"]["right"]["position"] == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.002)
     assert json.loads(driver.done("controllers", "--json"))["right"] == before
     assert driver.done("stop") == "EGM has ended on both arms\n"
-    refusal = in_shell("arm_waits_for_recovery", arm="right", fault=message("arm_without_egm", arm="right"))
+    refusal = in_shell("goal_refused", reason=message("arm_without_egm", arm="right"))
     assert driver.refused("move", "right", "home") == f"Error: {refusal}\n"
     assert driver.done("mode", "motors_off") == "The motors are off\n"
 
@@ -339,6 +339,8 @@ def test_collision_is_confirmed_before_anything_moves(driver: Driver) -> None:
     driver.refused("start")
     state = json.loads(driver.done("state", "--json"))
     assert [each["values"]["number"] for each in state["causes"]] == [50204]
-    assert f"yumi recover --confirm {state['stop']}" in driver.refused("recover")
+    causes = tuple(map(from_wire, state["causes"]))
+    refusal = in_shell("confirm_by_option", causes=causes, stop=state["stop"])
+    assert driver.refused("recover") == f"Error: {refusal}\n"
     assert "50204" in driver.done("recover", "--confirm", state["stop"])
     assert json.loads(driver.done("state", "--json"))["arms"]["right"]["mode"] == "holding"
