@@ -15,7 +15,7 @@ from yumi.robot.joints import ArmCommand, ArmState, Joints, Side, joints
 
 CYCLE = 0.004
 LOST = SessionLost(Side.RIGHT, 0.052, ("joint_position_controller",))
-SENTENCE = "Right arm: EGM feedback lost, the robot has been silent for 52 ms; joint_position_controller deactivated."
+SENTENCE = str(LOST)
 
 
 def swinging(time: float) -> Joints:

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 import pytest
 from click.testing import CliRunner
 
+from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.rws.client import DEFAULT_PASSWORD, DEFAULT_USER
 from yumi.virtual.rws.service import RwsService
@@ -61,8 +62,9 @@ def test_question_is_shown_and_answered_by_the_command_line(asking: World) -> No
     assert "TPReadFK of T_ROB_L" in shown[1]
     assert "MsgLine1: Which part?\nChoice1: Round\nChoice2: Square\n" in shown[1]
     assert refused[0] == 1
-    assert "refuses 'Triangle' as an answer to TPReadFK (" in refused[1]
-    assert "Choice1: Round, Choice2: Square" in refused[1]
+    asked = ("MsgLine1: Which part?", "Choice1: Round", "Choice2: Square")
+    said = message("answer_refused", value="Triangle", instruction="TPReadFK", asked=asked)
+    assert refused[1] == f"Error: {said}\n"
     assert accepted == (0, "")
     assert again[0] == 0  # the other arm's program has asked, too
     assert asking.controller.screens == {"T_ROB_R": ("part 1",), "T_ROB_L": ("part 2",)}
@@ -71,4 +73,4 @@ def test_question_is_shown_and_answered_by_the_command_line(asking: World) -> No
 def test_nothing_can_be_answered_where_nothing_is_asked() -> None:
     world = World()
     with serving(world) as address:
-        assert answered(address, "1") == (1, "Error: No program asks anything.\n")
+        assert answered(address, "1") == (1, f"Error: {message('program_asks_nothing')}\n")

@@ -231,7 +231,7 @@ def test_point_to_point_motion_takes_a_new_scale_a_new_goal_and_a_stop_in_its_mi
     arm.order("goal", JointGoal(moved(HOME, 0.2), 4))
     arm.arm.run_until(lambda: bool(arm.notices) and arm.notices[-1].identity == 4, 20.0)  # type: ignore[attr-defined]
     assert arm.notices[-1] == GoalEnded(4, GoalOutcome.REACHED, message("goal_reached"))
-    assert str(arm.notices[-1]) == "Motion 4: the goal is reached."  # in the log
+    assert str(arm.notices[-1]) == str(message("motion_ended", number=4, reason=message("goal_reached")))  # in the log
     assert_smooth(arm.arm.cycles[first:])
 
 

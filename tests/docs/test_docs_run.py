@@ -12,6 +12,8 @@ import yaml
 from doc_pages import LEFT_OUT, ROOT, BadPage, Fence, fences_of, help_examples, pages, read
 from terminals import SERVER, Pages, Terminals, has_lines
 
+from refusals import assert_says
+from yumi.catalogue import Message, message
 from yumi.driver.settings import config_folder, read_controllers, read_settings
 from yumi.driver.wiring import check_controllers
 from yumi.errors import SettingsError
@@ -81,22 +83,26 @@ def read_yaml(text: str, folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "said"),
     [
-        ("gripper:\n  middle: servo", "middle"),
+        ("gripper:\n  middle: servo", message("setting_unknown", place="yumi.yaml: gripper", setting="middle")),
         (
             "/**/joint_position_controller:\n  ros__parameters:\n    tracking.feed: true",
-            "has no parameter 'tracking.feed'",
+            message("controller_parameter_unknown", controller="joint_position_controller", parameter="tracking.feed"),
         ),
         (
             "/r/joint_controller:\n  ros__parameters:\n    p: 1.0",
-            "/r/joint_controller is not the name of anything here",
+            message("section_of_no_node", name="/r/joint_controller"),
         ),
     ],
 )
-def test_settings_that_the_driver_refuses_are_found(text: str, sentence: str, tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match=re.escape(sentence)):
+def test_settings_that_the_driver_refuses_are_found(text: str, said: Message, tmp_path: Path) -> None:
+    with pytest.raises(SettingsError) as refusal:
         read_yaml(text, tmp_path)
+    found = refusal.value.said
+    if found.code == "setting_refused":  # with its place
+        found = found.values["reason"]
+    assert_says(found, said.code, **said.values)
 
 
 @pytest.fixture

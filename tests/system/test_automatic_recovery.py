@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from system.recovery_bench import MovingSystem
+from yumi.catalogue import clause, message
 from yumi.driver.egm_control import ATTEMPTS, AutomaticRecovery, RecoverySettings
 from yumi.driver.settings import read_settings
 from yumi.driver.state_machine import EgmMotionSettings
@@ -44,9 +45,8 @@ def test_lost_link_is_recovered_without_a_person() -> None:
     system.be_silent(1.0)
     system.live(3.0)
     assert system.is_guided
-    assert system.lines == [
-        "Recovered automatically (recovery.automatic): Recovered: EGM runs on both arms, the controllers are active."
-    ]
+    done = message("recovered", done="EGM runs on both arms, the controllers are active")
+    assert system.lines == [f"Recovered automatically (recovery.automatic): {done}"]
     assert system.is_moving_again()
 
 
@@ -173,4 +173,5 @@ def test_recovery_by_itself_gives_up_after_some_attempts() -> None:
     system.live(ATTEMPTS + 2)
     assert not system.is_guided
     assert len(system.lines) == ATTEMPTS
-    assert "no datagram came for the right and left arm" in system.lines[0]
+    said = clause(message("no_datagram_came", arms=("right", "left")))
+    assert said[1:] in system.lines[0]

@@ -111,14 +111,14 @@ def test_bringup_refuses_a_controller_without_egm(system: System) -> None:
     controller = system.world.controller
     options = tuple(option for option in controller.identity.options if not option.startswith("689-1"))
     controller.identity = replace(controller.identity, options=options)
-    with pytest.raises(RobotNotReady, match=r"lacks the option '689-1 Externally Guided Motion \(EGM\)'"):
+    with refused(RobotNotReady, "option_missing", option="689-1 Externally Guided Motion (EGM)"):
         system.bringup.check_controller()
 
 
 def test_bringup_refuses_a_robotware_that_is_too_old(system: System) -> None:
     controller = system.world.controller
     controller.identity = replace(controller.identity, robotware="6.08.01.00")
-    with pytest.raises(RobotNotReady, match=r"runs RobotWare 6\.8\.1\.0; EGM for a YuMi needs 6\.09 or newer"):
+    with refused(RobotNotReady, "robotware_too_old", version="6.8.1.0", oldest="6.09"):
         system.bringup.check_controller()
 
 
@@ -127,7 +127,7 @@ def test_bringup_says_that_the_program_is_missing(system: System, monkeypatch: p
         raise UnknownSymbol(f"{module} has no {symbol}")
 
     monkeypatch.setattr(system.world.controller.tasks["T_ROB_L"], "type_of", knows_nothing)
-    with pytest.raises(RobotNotReady, match=r"Task T_ROB_L has no state machine \(TRobMain\)"):
+    with refused(RobotNotReady, "state_machine_missing", task="T_ROB_L", module="TRobMain"):
         system.bringup.check_controller()
 
 
@@ -216,5 +216,5 @@ def test_user_with_the_grants_the_doctor_asks_for_can_bring_the_robot_up(system:
 @pytest.mark.parametrize("missing", NEEDED_GRANTS, ids=lambda each: each.name)
 def test_robot_cannot_be_brought_up_without_a_grant_the_doctor_asks_for(system: System, missing: Grant) -> None:
     system.adapter._users.granted = [each for each in GRANTS if each is not missing]
-    with pytest.raises(ControllerRefused, match="the user lacks the grant for it; log in as another user"):
+    with refused(ControllerRefused, "rws_refused", reason=message("rws_uas_reject")):
         system.start_egm()

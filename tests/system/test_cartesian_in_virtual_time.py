@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from cartesian_bench import NAME, CartesianBench, deviation, shares
+from refusals import assert_says, refused
 from soak import long, short, tell
 from trajectories import sent_beside_speeds
 from unit.robot.test_robot_kinematics import rad
+from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import ToolGoal, pose_goal, twist_goal
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
@@ -259,7 +261,7 @@ def test_a_stream_replaces_a_line_and_a_line_a_stream() -> None:
     bench.rig.run(0.5)
     bench.stream(0.5, lambda now: twist_goal(0, (0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0)))
     assert bench.ended[0].outcome is Outcome.ABORTED
-    assert "stream" in bench.ended[0].sentence
+    assert_says(bench.ended[0].said, "motion_replaced_by_stream")
     bench.rig.run(1.5)
     assert bench.rig.snapshot.velocity == pytest.approx(ZERO, abs=0.01)
     again = plan_path(Side.RIGHT, bench.start, [Waypoint(begin)], LIMITS)
@@ -336,8 +338,8 @@ def test_a_stream_stays_behind_a_wall_and_slides_along_it(way: Vector, kind: str
     assert rooms[-1] < 3e-3
     assert (sent[-1] - sent[-100]) @ aside > 0.01  # it slides along the wall
     assert max(shares(bench.sent[first - 3 :])) < LIMIT
-    said = [str(event.report) for event in bench.rig.events if isinstance(event, ControllerReport)]
-    assert [each[:37] for each in said] == ["The tool is held by the wall 'window'"]
+    said = [event.report.said for event in bench.rig.events if isinstance(event, ControllerReport)]
+    assert said == [message("tool_held_by_wall", wall="window")]
 
 
 def test_a_tool_beyond_a_wall_goes_no_further_and_comes_back() -> None:
@@ -380,10 +382,11 @@ def test_a_line_keeps_the_limits_of_the_tool() -> None:
     slow = plan_path(Side.RIGHT, POSTURE, end, LIMITS, speed=0.5, within=ToolLimits(0.02, (wall,)))
     assert slow.spline.end > 2.0 > 3.0 * fast.spline.end
     beyond = [*end, Waypoint(Pose((x, y - 0.06, z), begin.orientation))]
-    with pytest.raises(CommandRefused, match="pose 2 is 10 mm beyond the wall 'window'"):
+    with refused(CommandRefused, "path_through_wall", pose=2, wall="window") as refusal:
         plan_path(Side.RIGHT, POSTURE, beyond, LIMITS, within=ToolLimits(walls=(wall,)))
+    assert refusal.value.said.values["distance"] == pytest.approx(0.01, abs=0.5e-3)
     here = wall_before(begin.position, -0.02, (0.0, -1.0, 0.0))
-    with pytest.raises(CommandRefused, match="beyond the wall"):
+    with refused(CommandRefused, "path_through_wall", wall="window"):
         plan_path(Side.RIGHT, POSTURE, end, LIMITS, within=ToolLimits(walls=(here,)))
     back = [Waypoint(Pose((x, y + 0.01, z), begin.orientation))]
     assert plan_path(Side.RIGHT, POSTURE, back, LIMITS, within=ToolLimits(walls=(here,))).spline.end > 0.0

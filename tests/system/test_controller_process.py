@@ -11,11 +11,13 @@ from queue import Queue
 import pytest
 from click.testing import CliRunner
 
+from refusals import refused
+from yumi.catalogue import message
 from yumi.cli.main import main
 from yumi.errors import ControllerRefused, LoginRefused, NoConnection
 from yumi.process.supervision import CONTROLLER_READY, Command
 from yumi.rws.client import CONTROLLER_STATE, Change, RwsClient
-from yumi.rws.types import ControllerState
+from yumi.rws.types import Code, ControllerState
 
 PATIENCE = 20.0  # [s]
 
@@ -34,7 +36,7 @@ def test_controller_takes_its_password_from_the_environment_and_neither_shows_no
         assert secret.encode() not in Path(f"/proc/{command.pid}/cmdline").read_bytes()
         with RwsClient(address, password=secret) as client:
             assert client.controller_state() is ControllerState.MOTORS_OFF
-        with pytest.raises(LoginRefused, match="does not accept user 'Default User'"):
+        with refused(LoginRefused, "login_refused", user="Default User"):
             RwsClient(address).connect()
     assert secret not in log.read_text()
 
@@ -46,7 +48,7 @@ def test_controller_refuses_what_its_user_was_not_granted(tmp_path: Path) -> Non
         RwsClient(command.wait_until_ready(PATIENCE).rpartition("/")[2]) as client,
     ):
         assert "UAS_IO_WRITE" not in client.grants()
-        with pytest.raises(ControllerRefused, match="the user lacks the grant for it"):
+        with refused(ControllerRefused, "rws_refused", reason=message("rws_uas_reject")):
             client.set_signal("custom_DO_0", 1)
         client.set_motors(True)
 
@@ -121,8 +123,9 @@ def test_value_that_is_nested_too_deeply_is_refused(client: RwsClient, value: st
 
 def test_module_that_is_nested_too_deeply_is_refused(client: RwsClient) -> None:
     client.upload("HOME:/deep.mod", f"MODULE deep PROC d() {'IF TRUE THEN ' * 2000}{'ENDIF ' * 2000} ENDPROC ENDMODULE")
-    with pytest.raises(ControllerRefused, match="400, SYNTAX"):
+    with refused(ControllerRefused, "rws_refused", status=400) as refusal:
         client.load_module("T_ROB_L", "HOME:/deep.mod")
+    assert refusal.value.code == Code.SYNTAX
 
 
 def test_controller_that_has_moved_ends_without_a_word(tmp_path: Path) -> None:
@@ -156,5 +159,5 @@ def test_running_controller_comes_back_after_a_restart(
     address: str, client: RwsClient, told: Queue[Change | str]
 ) -> None:
     fault(address, "warm-restart", "--duration", "1")
-    assert told.get(timeout=PATIENCE) == f"The WebSocket of {address} broke."
+    assert told.get(timeout=PATIENCE) == str(message("websocket_broke", address=address))
     assert state_as_soon_as_it_is_back(client) is ControllerState.MOTORS_OFF

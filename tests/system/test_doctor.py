@@ -17,7 +17,7 @@ from click.testing import CliRunner, Result
 
 from memory_http import MemoryHttp
 from refusals import assert_says
-from yumi.catalogue import Action, Message, message
+from yumi.catalogue import Action, Message, clause, message, remedy_of
 from yumi.cli.main import main
 from yumi.clock import ManualClock
 from yumi.driver.bringup import EgmAddress
@@ -93,9 +93,8 @@ def test_running_robot_has_not_even_a_note() -> None:
 
 
 def test_wrong_password_is_the_only_problem_and_nothing_more_is_asked() -> None:
-    ((requirement, said),) = problems(world().controller, password="wrong")
-    assert requirement == "login"
-    assert "The controller at memory does not accept user 'Default User' with this password; give the" in str(said)
+    expected = message("login_refused", address="memory", user="Default User")
+    assert problems(world().controller, password="wrong") == [("login", expected)]
 
 
 def test_robotware_without_egm_for_seven_axes_is_a_problem() -> None:
@@ -113,23 +112,18 @@ def test_missing_option_is_a_problem_and_options_that_are_not_needed_are_none() 
 
 
 @pytest.mark.parametrize(
-    ("robot", "sentence"),
+    ("robot", "named"),
     [
-        ("irb120", "the controller at memory is an IRB 120 (mechanical unit ROB_1), not a YuMi"),
-        (
-            "irb14050",
-            "the controller at memory is an IRB 14050 (mechanical units ROB_1, ROB_1_7), not a YuMi with two arms",
-        ),
+        ("irb120", "an IRB 120 (mechanical unit ROB_1), not a YuMi"),
+        ("irb14050", "an IRB 14050 (mechanical units ROB_1, ROB_1_7), not a YuMi with two arms"),
     ],
 )
-def test_another_robot_is_named_first_and_lacks_nothing_else(robot: str, sentence: str) -> None:
+def test_another_robot_is_named_first_and_lacks_nothing_else(robot: str, named: str) -> None:
     controller = world(system=factory_system(ROBOTS[robot])).controller
     first, *others = findings(controller)
-    assert (first.requirement, first.verdict, first.found) == ("robot", Verdict.PROBLEM, sentence)
-    assert first.remedy == (
-        "for other robots use yumi.EgmServer (docs/how-to/control-any-abb-robot.md), or look with "
-        "`yumi view --robot memory`"
-    )
+    assert (first.requirement, first.verdict) == ("robot", Verdict.PROBLEM)
+    assert first.said == message("not_a_yumi", address="memory", robot=named)
+    assert (first.found, first.remedy) == (clause(first.said), remedy_of(first.said))
     assert {each.verdict for each in others} == {Verdict.OK}
 
 
@@ -160,14 +154,15 @@ def test_datagrams_that_go_to_another_machine_are_a_problem() -> None:
     found = problems(controller)
     assert [requirement for requirement, _ in found] == [f"UDPUC device {side.unit}" for side in HERE]
     for side, (_, said) in zip(HERE, found, strict=True):
-        assert f"127.0.0.9:{HERE[side].port}, here they are awaited at 127.0.0.1:{HERE[side].port}" in str(said)
+        port = HERE[side].port
+        assert_says(said, "datagrams_go_elsewhere", there=f"127.0.0.9:{port}", here=f"127.0.0.1:{port}")
 
 
 def test_datagrams_that_go_to_another_port_are_a_problem_of_that_arm() -> None:
     controller = world(egm_ports={Side.RIGHT: 7000}).controller
     ((requirement, said),) = problems(controller)
     assert requirement == "UDPUC device ROB_R"
-    assert "go to 127.0.0.1:7000, here they are awaited at 127.0.0.1:6512" in str(said)
+    assert_says(said, "datagrams_go_elsewhere", there="127.0.0.1:7000", here="127.0.0.1:6512")
 
 
 def test_missing_module_is_a_problem_of_its_task() -> None:
@@ -197,8 +192,8 @@ def test_changed_module_is_a_problem_unless_the_add_in_brings_its_own() -> None:
 def test_program_of_another_version_is_a_problem() -> None:
     controller = world().controller
     load(controller, "TRobMain", "VERSION:=1.1", "VERSION:=1.0")
-    said = str(dict(problems(controller))["version in T_ROB_R"])
-    assert "Task T_ROB_R has version 1.0 of the state machine, not 1.1" in said
+    said = dict(problems(controller))["version in T_ROB_R"]
+    assert_says(said, "state_machine_of_other_version", task="T_ROB_R", version="1.0", expected=1.1)
 
 
 def test_controller_that_gives_neither_texts_nor_time_is_told_with_notes(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -236,7 +231,7 @@ def test_port_that_is_taken_here_is_a_problem() -> None:
         found = [each for each in examine_machine("127.0.0.1", addresses) if each.verdict is Verdict.PROBLEM]
     (port,) = (address.port for address in addresses.values() if str(address.port) in found[0].requirement)
     (taken_port,) = found
-    assert f"UDP port {port} is taken" in taken_port.found
+    assert taken_port.said == message("udp_port_taken", port=port)
     assert port == addresses[Side.LEFT].port
 
 
@@ -273,7 +268,13 @@ def test_firewall_that_is_on_but_closed_to_readers_names_the_command_that_opens_
     ufw.write_text("# /etc/ufw/ufw.conf\nENABLED=yes\n")
     found = firewall(lambda command: subprocess.CompletedProcess(command, 1, "", ""), ufw)
     assert found.said == message("ufw_is_on", robot="192.0.2.1", ports="6511:6512")
-    assert found.remedy == "run `sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp`"  # a command to copy
+    assert found.remedy == remedy_of(found.said)
+
+
+@pytest.mark.words
+def test_command_that_opens_the_ports_can_be_copied() -> None:
+    said = message("ufw_is_on", robot="192.0.2.1", ports="6511:6512")
+    assert remedy_of(said) == "run `sudo ufw allow from 192.0.2.1 to any port 6511:6512 proto udp`"
 
 
 def firewall(run: Run, ufw: Path) -> Finding:
@@ -340,7 +341,7 @@ def test_doctor_writes_its_findings_as_json(here: tuple[Served, list[str]]) -> N
         "requirement": "operating mode",
         "verdict": "ok",
         "code": "as_found",
-        "found": "AUTO",
+        "found": clause(message("as_found", value="AUTO")),
         "remedy": "",
         "why": "only in AUTO may a program on a computer change anything",
         "where": "mode switch, or the mode button of the FlexPendant",
@@ -358,7 +359,9 @@ def test_doctor_writes_one_page_of_html(here: tuple[Served, list[str]], tmp_path
 def test_doctor_ends_with_code_1_where_there_is_a_problem(here: tuple[Served, list[str]]) -> None:
     result = run(*here[1], "--json", "-", environment={"YUMI_PASSWORD": "not-it-4711"})
     assert result.exit_code == 1
-    assert "does not accept user 'Default User'" in result.output
+    (login,) = [each for each in json.loads(result.stdout)["findings"] if each["requirement"] == "login"]
+    assert (login["verdict"], login["code"]) == ("problem", "login_refused")
+    assert "'Default User'" in login["found"]
     assert "not-it-4711" not in result.output
 
 

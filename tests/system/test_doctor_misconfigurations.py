@@ -72,6 +72,10 @@ class Case(NamedTuple):
     verdict: Verdict = Verdict.PROBLEM
 
 
+def no_device(device: str) -> Message:
+    return message("udpuc_device_missing", device=device)
+
+
 def cfg(domain: str, type_name: str, name: str, **attributes: str) -> Callable[[Robot], object]:
     def change(robot: Robot) -> None:
         robot.controller.configuration.change(domain, type_name, name, attributes)
@@ -165,8 +169,8 @@ CASES = [
         "UDPUC devices",
         message("devices_share_port", port="6512"),
     ),
-    Case("no device", removed("SIO", "COM_TRP", "ROB_L"), "UDPUC device ROB_L", "has no UDPUC device ROB_L"),
-    Case("device of TCP", cfg("SIO", "COM_TRP", "ROB_R", Type="TCP/IP"), "UDPUC device ROB_R", "no UDPUC device"),
+    Case("no device", removed("SIO", "COM_TRP", "ROB_L"), "UDPUC device ROB_L", no_device("ROB_L")),
+    Case("device of TCP", cfg("SIO", "COM_TRP", "ROB_R", Type="TCP/IP"), "UDPUC device ROB_R", no_device("ROB_R")),
     Case(
         "signal missing",
         removed("EIO", "EIO_SIGNAL", "EGM_START_JOINT"),
@@ -244,9 +248,9 @@ CASES = [
     Case("collision", shows("collision_state", CollisionState.TRIGGERED), "collision", message("arm_has_collided")),
     Case("speed ratio 0", shows("speed_ratio", 0), "speed ratio", message("speed_ratio_zero")),
     Case("mastership held", held_by_another, "mastership", message("mastership_held", domain="rapid")),
-    Case("sessions full", sessions_full, "reachable", "all its 70 sessions are taken"),
+    Case("sessions full", sessions_full, "reachable", message("sessions_taken", most=70)),
     Case("nothing there", nothing_there, "reachable", "Nothing answers"),
-    Case("wrong password", wrong_password, "login", "does not accept user 'Default User'"),
+    Case("wrong password", wrong_password, "login", message("login_refused", user="Default User")),
     Case("clock off", clock_off, "clock", message("clock_differs", here="2026-07-09 13:00:00"), Verdict.NOTE),
     Case(
         "user without grants",
@@ -561,7 +565,7 @@ def test_task_that_stays_switched_off_is_an_error_that_names_it(
         assert said == message("tasks_left_off", tasks=tasks)
     else:
         assert said == message("tasks_left_off_after", tasks=tasks, reason=error.said)
-        assert str(raised.value).startswith(f"An earlier step failed: {error}")
+        assert str(error) in str(raised.value)
     assert "T_LOG" in progress[-1]
     assert not yumi.world.controller.is_running
 

@@ -8,7 +8,9 @@ from math import radians
 import pytest
 from dual_arms import NAME, DualArms
 
+from refusals import assert_says, refused
 from trajectories import dual_arm_trajectory, swing
+from yumi.catalogue import message
 from yumi.control.controllers.joint_trajectory import CancelTrajectory, FollowTrajectory, Outcome
 from yumi.control.shared_state import Factor
 from yumi.control.trajectory import ResultCode
@@ -81,7 +83,7 @@ def test_both_arms_stay_together_when_speed_scale_changes_on_the_way(arms: DualA
         box.write(Factor(1.0))
     arms.run_until(lambda: arms.is_over, 20.0)
     for (ended,) in arms.ended.values():
-        assert (ended.outcome, ended.sentence) == (Outcome.SUCCEEDED, "The goal is reached.")
+        assert (ended.outcome, ended.said) == (Outcome.SUCCEEDED, message("goal_reached"))
         assert ended.skew is not None
         assert abs(ended.skew.start) < CYCLE
         assert ended.skew.worst < 2.0 * CYCLE
@@ -102,7 +104,7 @@ def test_violation_of_one_arm_stops_the_other_too(arms: DualArms) -> None:
     arms.arms[Side.LEFT].to_robot = lambda datagram: ()
     arms.run_until(lambda: arms.is_over, 1.0)
     assert {ended[0].code for ended in arms.ended.values()} == {ResultCode.PATH_TOLERANCE_VIOLATED}
-    assert arms.ended[Side.RIGHT][0].sentence == "The other arm's part of the motion was aborted; both arms stop."
+    assert arms.ended[Side.RIGHT][0].said == message("other_arm_aborted")
     arms.run(0.5)
     assert is_at_rest(arms, Side.RIGHT)
 
@@ -158,7 +160,8 @@ def test_arm_whose_other_arm_never_begins_stops(arms: DualArms) -> None:
     arms.order({Side.LEFT: FollowTrajectory(swing(position, 0.5, 2.0), goal=1)})
     arms.run(0.6)
     (ended,) = arms.ended[Side.LEFT]
-    assert ended.sentence.startswith("The other arm has not followed the trajectory for 25")
+    assert_says(ended.said, "other_arm_not_following")
+    assert 0.25 <= ended.said.values["silence"] < 0.26
     assert arms.arms[Side.LEFT].snapshot.position == pytest.approx(position, abs=radians(3.0))
 
 
@@ -166,7 +169,8 @@ def test_trajectory_that_one_arm_refuses_moves_neither(arms: DualArms) -> None:
     elsewhere = dual_arm_trajectory()
     arms.send(elsewhere)
     arms.run_until(lambda: arms.is_over, 6.0)
-    with pytest.raises(TrajectoryRefused, match=r"its first point, due at 0 s, has yumi_joint_1_r at 0\.0°, while"):
+    with refused(TrajectoryRefused, "trajectory_begins_elsewhere", joint="yumi_joint_1_r", time=0.0) as refusal:
         arms.send(elsewhere, goal=2)
+    assert refusal.value.said.values["first"] == pytest.approx(0.0, abs=radians(0.05))
     arms.run(0.2)
     assert all(is_at_rest(arms, side) for side in Side)

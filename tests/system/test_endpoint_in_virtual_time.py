@@ -16,9 +16,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from refusals import refused
 from system.virtual_time_bench import System
 from yumi.api.connection import attach
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER, MotionExecutor, MotionRegistry
+from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.cli.main import main
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controllers.cartesian import CartesianController
@@ -114,6 +116,11 @@ class Driver(System):
                     self._motions.note(event)
 
 
+def in_shell(code: str, **values: object) -> str:
+    """What a command prints of a message."""
+    return sentence(message(code, **values), FrontEnd.SHELL)
+
+
 def poll_until(condition: Callable[[], object]) -> None:
     for _ in range(1000):
         if condition():
@@ -143,7 +150,8 @@ def test_robot_is_brought_to_egm_moved_and_stopped(driver: Driver) -> None:
     assert state["arms"]["right"]["position"] == pytest.approx(named_pose(Side.RIGHT, "ready"), abs=0.002)
     assert json.loads(driver.done("controllers", "--json"))["right"] == before
     assert driver.done("stop") == "EGM has ended on both arms\n"
-    assert "EGM is not running on the right arm; run `yumi start`" in driver.refused("move", "right", "home")
+    refusal = in_shell("goal_refused", reason=message("arm_without_egm", arm="right"))
+    assert driver.refused("move", "right", "home") == f"Error: {refusal}\n"
     assert driver.done("mode", "motors_off") == "The motors are off\n"
 
 
@@ -174,9 +182,10 @@ def test_arm_is_jogged_while_speeds_come_and_stops_by_its_controllers_timeout(dr
         moved = driver.snapshot(Side.LEFT).position
         assert 0.3 < moved[0] - start[0] < 0.5 * (driver.now() - begun)
         check_stands_soon(driver, Side.LEFT)
-        for speeds, words in (([0.1] * 6, "expected 7 finite speeds"), ([nan, *[0.0] * 6], "finite number")):
-            with pytest.raises(CommandRefused, match=words):
-                attached.jog("left", speeds)
+        with refused(CommandRefused, "jog_speeds_malformed", count=7):
+            attached.jog("left", [0.1] * 6)
+        with refused(CommandRefused, "goal_position_not_finite", position=1, value="nan"):
+            attached.jog("left", [nan, *[0.0] * 6])
 
 
 def check_stands_soon(driver: Driver, side: Side) -> None:
@@ -245,14 +254,14 @@ def test_jog_of_an_arm_that_another_motion_moves_is_refused(driver: Driver) -> N
     with attach() as attached, ThreadPoolExecutor(1) as other:
         moving = other.submit(driver.run, "move", "right", "ready")
         poll_until(lambda: max(map(abs, driver.snapshot(Side.RIGHT).velocity)) > 0.05)
-        with pytest.raises(CommandRefused, match="Another move is being carried out"):
+        with refused(CommandRefused, "another_move_under_way"):
             attached.jog("right", [0.1] * 7)
         assert moving.result()[0] == 0
 
 
 def test_grippers_are_calibrated(driver: Driver) -> None:
     driver.done("mode", "ready")
-    assert "is not calibrated" in driver.refused("grip", "left", "close")
+    assert in_shell("gripper_not_calibrated", gripper="left") in driver.refused("grip", "left", "close")
     assert driver.done("calibrate") == "The right and left grippers are calibrated\n"
     assert driver.done("grip", "right", "open", "--width", "0.03") == "The right gripper is in place.\n"
 
@@ -330,6 +339,8 @@ def test_collision_is_confirmed_before_anything_moves(driver: Driver) -> None:
     driver.refused("start")
     state = json.loads(driver.done("state", "--json"))
     assert [each["values"]["number"] for each in state["causes"]] == [50204]
-    assert f"yumi recover --confirm {state['stop']}" in driver.refused("recover")
+    causes = tuple(map(from_wire, state["causes"]))
+    refusal = in_shell("confirm_by_option", causes=causes, stop=state["stop"])
+    assert driver.refused("recover") == f"Error: {refusal}\n"
     assert "50204" in driver.done("recover", "--confirm", state["stop"])
     assert json.loads(driver.done("state", "--json"))["arms"]["right"]["mode"] == "holding"

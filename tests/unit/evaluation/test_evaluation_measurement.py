@@ -19,7 +19,7 @@ from click.testing import CliRunner, Result
 
 from refusals import assert_says, refused
 from yumi.api.motion import TRAJECTORY_CONTROLLER
-from yumi.catalogue import Message, message
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.control.motion import slower
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
@@ -196,7 +196,7 @@ def test_start_and_each_motion_are_announced_and_confirmed(robot: type[FakeRobot
     begins = [line.partition(":")[0] for line in result.stdout.splitlines()]
     assert [word for word in begins if word in ("Start", "Ramp", "Step", "Sine")] == ["Start", "Ramp", "Step", "Sine"]
     assert "all joints of the right arm move by 1.9° at 1 °/s and back" in result.stdout
-    assert str(result.exception).startswith("Not confirmed: nothing more moves. What was recorded until then is in")
+    assert ended(result) == message("motion_not_confirmed")
     assert {"new/recordings/ramp.mcap", "new/recordings/step.mcap", "new/doctor.json"} <= {*archive(tmp_path)}
 
 
@@ -224,13 +224,16 @@ def test_stop_ends_all_and_is_in_the_archive_without_addresses(robot: type[FakeR
 
 
 def test_stop_is_worded_for_the_shell(robot: type[FakeRobot], tmp_path: Path) -> None:
+    stopped = message("arm_waits_for_recovery", arm="right", fault=message("motors_off"))
+
     def stop(number: int) -> None:
-        raise GoalNotReached(message("arm_waits_for_recovery", arm="right", fault=message("motors_off")))
+        raise GoalNotReached(stopped)
 
     robot.ends = staticmethod(stop)
     result = CliRunner().invoke(main, ["measure", "right", "--yes", "--output", str(tmp_path / "new")])
-    assert "run `yumi recover`" in result.stderr
-    assert "robot.recover()" not in result.stderr
+    kept = message("measurement_ended", error=stopped, file=str(tmp_path / "new.zip"))
+    assert result.stderr == f"Error: {sentence(kept, FrontEnd.SHELL)}\n"
+    assert sentence(kept, FrontEnd.SHELL) != sentence(kept, FrontEnd.SCRIPT)
 
 
 def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Path) -> None:
@@ -242,7 +245,8 @@ def test_ctrl_c_ends_all_with_an_exit_code(robot: type[FakeRobot], tmp_path: Pat
     robot.ends = staticmethod(interrupt)
     result = run(tmp_path, "--yes")
     assert result.exit_code == 130
-    assert "Ended by Ctrl-C or a signal. What was recorded until then is in" in result.stderr
+    said = message("measurement_ended", error=message("ended_by_signal"), file=str(tmp_path / "new.zip"))
+    assert str(said) in result.stderr
     assert robot.done == ["close"]
     assert json.loads(archive(tmp_path)["new/measurement.json"])["motions"] == []
     assert signal.getsignal(signal.SIGTERM) == before

@@ -17,7 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from flight import LOST, flown, write_flight_record
 from refusals import codes_in, refused
-from yumi.catalogue import clause, remedy_of
+from yumi.catalogue import clause, message, remedy_of
 from yumi.cli.main import main
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import RecordingWriter, frame_message, read_recording, recorded_event, recorded_messages
@@ -93,15 +93,21 @@ REFUSED = {
     "cycle at no time": (written(("r/cycle", b'{"time": NaN}')), "malformed"),
     "list": (written(("r/cycle", b"[1, 2]")), "Expected `object`, got `array`"),
     "number": (written(("state", b"7")), "Expected `object`, got `int`"),
-    "nested list": (written(("r/cycle", b'{"other": ' + b"[" * 100_000), compression=PLAIN), "nested too deeply"),
-    "nested state": (written(("state", b'{"time": 1, "a":' + b'{"a":' * 100_000), compression=PLAIN), "cannot be read"),
+    "nested list": (
+        written(("r/cycle", b'{"other": ' + b"[" * 100_000), compression=PLAIN),
+        "recorded_message_nested_too_deeply",
+    ),
+    "nested state": (
+        written(("state", b'{"time": 1, "a":' + b'{"a":' * 100_000), compression=PLAIN),
+        "recorded_message_unreadable",
+    ),
     "state nested twice too deep": (written(("state", b'{"time":1,"a":{"b":{"c":{"d":1}}}}')), "got `object`"),
     "state without time": (written(("state", b'{"mode": "auto"}')), "missing required field `time`"),
     "gripper of another kind": (written(("l/gripper", b'"READY"')), "Expected `object`"),
     "event without a sentence": (written(("events", without(EVENT, "message"))), "missing required field `message`"),
     "event of a third arm": (written(("events", json.dumps({**EVENT, "side": "m"}).encode())), "enum value"),
     "not UTF-8": (written(("state", b'{"time": 1, "reason": "\xff\xfe"}')), "decode byte 0xff"),
-    "half a surrogate": (written(("state", b'{"time": 1, "reason": "\\ud800"}')), "cannot be read"),
+    "half a surrogate": (written(("state", b'{"time": 1, "reason": "\\ud800"}')), "recorded_message_unreadable"),
     "number of 5000 digits": (written(("state", b'{"time": ' + b"9" * 5000 + b"}")), "out of range"),
     "time that no program has": (written(cycle(), time=2**64 - 1), "recorded_after_2262"),
     "other topics": (
@@ -191,4 +197,4 @@ def test_list_shows_the_other_records_beside_one_that_was_cut_off(tmp_path: Path
     result = CliRunner().invoke(main, ["record", "list", "--folder", str(tmp_path)])
     assert result.exit_code == 1
     assert f"{tmp_path / 'b.mcap'}  {recorded.sentence}" in result.output
-    assert f"1 of the 2 files in {tmp_path} cannot be read." in result.output
+    assert str(message("records_unreadable", damaged=1, count=2, folder=str(tmp_path))) in result.output

@@ -139,9 +139,16 @@ def test_refusal_without_words_of_the_controller_says_so() -> None:
 
 @pytest.mark.parametrize("code", Code)
 def test_refusal_is_one_sentence_with_what_was_asked_and_abbs_name(code: Code) -> None:
-    said = str(refusal(Status(code, "in the controller's words")))
-    assert said.startswith("yumi: writing signal x was refused: ")
-    assert said.endswith(f" (HTTP 403, {code.name} {int(code)}).")
+    error = refusal(Status(code, "in the controller's words"))
+    assert_says(
+        error.said,
+        "rws_refused",
+        address="yumi",
+        what="writing signal x",
+        status=403,
+        name=f"{code.name} {int(code)}",
+    )
+    assert str(error) == str(error.said)
 
 
 def test_refusal_without_a_document_gives_the_status() -> None:

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from refusals import refused
-from yumi.catalogue import Message, clause, message
+from refusals import assert_says, refused
+from yumi.catalogue import Message, message
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.driver.settings import ControllerSettings, InitialState, read_controllers
 from yumi.driver.wiring import check_controllers
@@ -202,18 +202,35 @@ def test_controllers_are_refused_with_file_and_line(file: Path, more: str, said:
 
 
 @pytest.mark.parametrize(
-    ("more", "line", "words"),
+    ("more", "line", "said"),
     [
-        ("    two words: {type: yumi_controllers/JointPositionController}", 7, "'two words'"),
-        ("      initial_state: active", 6, "EGM is not running"),
-        ("/r/position: {ros__parameters: {q: 1}}", 7, "'q'"),
-        ("/r/position:\n  ros__parameters:\n    p: 3", 9, "p is 3; allowed"),
+        (
+            "    two words: {type: yumi_controllers/JointPositionController}",
+            7,
+            message("controller_name_not_allowed", controller="two words"),
+        ),
+        ("      initial_state: active", 6, message("controller_without_egm", controller="position")),
+        (
+            "/r/position: {ros__parameters: {q: 1}}",
+            7,
+            message("controller_parameter_unknown", controller="position", parameter="q"),
+        ),
+        (
+            "/r/position:\n  ros__parameters:\n    p: 3",
+            9,
+            message(
+                "controller_parameter_refused",
+                controller="position",
+                parameter="p",
+                reason=message("value_out_of_range", parameter="p", value="3", lowest=0.0, highest=2.0, unit=""),
+            ),
+        ),
     ],
 )
-def test_what_a_controller_refuses_is_said_with_file_and_line(file: Path, more: str, line: int, words: str) -> None:
+def test_what_a_controller_refuses_is_said_with_file_and_line(file: Path, more: str, line: int, said: Message) -> None:
     with refused(SettingsError, "setting_refused", place=f"mine.yaml line {line}") as refusal:
         checked(file, LISTED + more)
-    assert words in clause(refusal.value.said.values["reason"])
+    assert_says(refusal.value.said.values["reason"], said.code, **said.values)
 
 
 def test_update_rate_other_than_the_robots_is_refused(file: Path) -> None:

@@ -90,7 +90,8 @@ def build_wheel(source: Path, folder: Path, **variables: str) -> Path:
 
 
 def run(command: list[str], folder: Path, **variables: str) -> str:
-    environment = {**os.environ, **variables}
+    # Nothing of this package may be imported before what was built: with --random-words its catalogue would be.
+    environment = {**os.environ, "PYTHONPATH": "", **variables}
     done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -5,6 +5,8 @@ from __future__ import annotations
 import httpx
 import pytest
 
+from refusals import refused
+from yumi.catalogue import message
 from yumi.egm.codec import JointCodec
 from yumi.errors import RobotNotReady
 from yumi.robot.joints import CYCLE, Side
@@ -48,7 +50,7 @@ def test_fault_is_injected_and_keeps_egm_from_starting(virtual_yumi: VirtualYumi
     virtual_yumi.faults.inject(Fault.EMERGENCY_STOP)
     with virtual_yumi.client() as client:
         assert client.controller_state() is ControllerState.EMERGENCY_STOP
-    with pytest.raises(RobotNotReady, match="emergency stop"):
+    with refused(RobotNotReady, "cannot_bring_up", reason=message("emergency_stop_pressed")):
         virtual_yumi.start_egm()
 
 

@@ -13,6 +13,7 @@ from select import select
 import httpx
 import pytest
 
+from refusals import refused
 from yumi.clock import ManualClock
 from yumi.errors import ControllerRefused, NoConnection, SettingsError
 from yumi.rws.transport import ConnectionLost, HttpTransport, Listener, WebSocket, until
@@ -168,7 +169,7 @@ def test_server_that_cannot_listen_says_so(port: int, host: str) -> None:
 def test_request_without_an_answer_ends_the_connection() -> None:
     with HttpServer(lambda _: None, 0) as server:
         transport = HttpTransport(server.address, ManualClock())
-        with pytest.raises(ConnectionLost, match="closed the connection without an HTTP answer"):
+        with refused(ConnectionLost, "no_http_answer", address=server.address):
             transport.handle_request(httpx.Request("GET", f"http://{server.address}/", extensions=until(5.0, 5.0)))
         transport.close()
 
@@ -176,11 +177,11 @@ def test_request_without_an_answer_ends_the_connection() -> None:
 def test_web_socket_that_is_not_granted_is_refused() -> None:
     listener = Listener("robapi2_subscription", lambda text: None, lambda sentence: None)
     with HttpServer(lambda _: HttpReply(404), 0) as server:
-        sentence = f"{server.address} does not open a WebSocket at /poll/1"
-        with pytest.raises(ControllerRefused, match=f"{sentence}: it answers HTTP 404"):
+        address = server.address
+        with refused(ControllerRefused, "websocket_refused", address=address, target="/poll/1", status=404):
             WebSocket(server.address, "/poll/1", "", listener, 5.0)
-    with pytest.raises(NoConnection, match=f"The WebSocket of {server.address} cannot be reached"):
-        WebSocket(server.address, "/poll/1", "", listener, 5.0)
+    with refused(NoConnection, "websocket_not_reached", address=address):
+        WebSocket(address, "/poll/1", "", listener, 5.0)
 
 
 def test_web_socket_does_not_follow_a_redirect() -> None:
@@ -190,7 +191,7 @@ def test_web_socket_does_not_follow_a_redirect() -> None:
     with (
         HttpServer(lambda request: asked.append(request) or HttpReply(404), 0) as other,
         HttpServer(lambda _: HttpReply(302, (("Location", f"ws://{other.address}/poll/1"),)), 0) as server,
-        pytest.raises(ControllerRefused, match="it answers HTTP 302"),
+        refused(ControllerRefused, "websocket_refused", address=server.address, status=302),
     ):
         WebSocket(server.address, "/poll/1", "-http-session-=1", listener, 5.0)
     assert asked == []

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from memory_http import MemoryHttp
 from yumi.catalogue import Message
+from yumi.catalogue import message as say
 from yumi.clock import ManualClock
+from yumi.errors import ControllerRefused
 from yumi.robot.arms import Arm, irb120, irb14050
 from yumi.robot.joints import Joints, Side, home
 from yumi.robot.kinematics import matrix
@@ -114,9 +116,7 @@ def test_six_axes_are_shown_where_they_are_while_the_pointer_stands_at_the_line_
     assert task.pointer == PointerReport("Cell", "approach", 10, 10 - AROUND, lines[10 - AROUND - 1 :])
     assert (message.program, message.motors, message.operating_mode) == ("running", "motoron", "AUTO")
     assert message.speed_ratio == 100
-    assert message.missing == (
-        "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
-    )
+    assert message.missing == (str(say("no_driver_for_robot", robot="an IRB 120 (mechanical unit ROB_1), not a YuMi")),)
     assert LogLine("TPWrite", "begins", task="T_ROB1") in cell.lines
 
 
@@ -167,8 +167,8 @@ def test_robot_without_a_description_is_shown_as_numbers(tmp_path: Path) -> None
     message = cell.reader.message()
     assert message.arms["ROB_1"] == pytest.approx(irb120().home, abs=1e-4)
     assert message.missing == (
-        "The robot is an IRB 1200 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it.",
-        "There is no description of this robot here: its joints are shown as numbers.",
+        str(say("no_driver_for_robot", robot="an IRB 1200 (mechanical unit ROB_1), not a YuMi")),
+        str(say("no_description_of_robot")),
     )
     model = controller_model(cell.reader)
     assert (model["joints"], model["limits"]["lower"]) == ([], [])
@@ -195,7 +195,10 @@ def test_what_the_controller_refuses_is_named_until_it_is_shown_again(tmp_path: 
     cell.go_on(0.3)
     message = cell.reader.message()
     assert message.arms == {"ROB_1": None}
-    assert message.missing[1].startswith("The controller does not show the joints of ROB_1: ")
+    with pytest.raises(ControllerRefused) as refusal:
+        cell.client.joint_target("ROB_1")
+    said = say("controller_does_not_show", what="the joints of ROB_1", why=refusal.value.said)
+    assert message.missing[1] == str(said)
     cell.rws.refused.clear()
     cell.go_on(0.3)
     assert len(cell.reader.message().missing) == 1
@@ -276,7 +279,7 @@ def test_page_gets_the_controller_with_its_log_and_can_only_look(tmp_path: Path)
                 await socket.send_json({"type": "take_control"})
                 while message["type"] != "refused":
                     message = await socket.receive_json(timeout=10.0)
-                assert message["sentence"] == "No driver runs for this controller; it can be looked at only."
+                assert message["sentence"] == str(say("no_driver_for_controller"))
         finally:
             await server.stop()
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,7 +16,7 @@ import pytest
 
 from browser import browser
 from fake_driver import FakeDriver
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.control.controllers.joint_goal import JointGoal
 from yumi.robot.gripper import GripperState, ServoState
 from yumi.robot.joints import ZERO, Joints, Side, home, joints
@@ -181,7 +182,8 @@ def test_part_that_is_held_is_drawn_and_buttons_that_cannot_work_say_why(
             reasons=(message("emergency_stop_pressed"), message("stop_open", stop="10013-1-abc")),
             stop="10013-1-abc",
         )
-        becomes("document.querySelector('#recover').title.startsWith('The emergency stop is pressed')")
+        pressed = sentence(message("emergency_stop_pressed"), FrontEnd.PAGE)
+        becomes(f"document.querySelector('#recover').title.startsWith({json.dumps(pressed)})")
         assert page.is_disabled("#recover")
         assert page.is_hidden("#remedy-button")  # of a real robot: a person releases it
     assert errors == []

@@ -2,6 +2,7 @@
 
 import pytest
 
+from refusals import refused
 from yumi.errors import SettingsError
 from yumi.virtual.controller.signals import Configuration
 
@@ -59,5 +60,5 @@ def test_configuration_changes_single_attributes(configuration: Configuration) -
 
 
 def test_configuration_refuses_text_without_a_domain() -> None:
-    with pytest.raises(SettingsError, match=r"begins with its domain, such as EIO:CFG_1.0, not 'hello'"):
+    with refused(SettingsError, "cfg_file_without_domain", header="hello"):
         Configuration(["hello\nworld:\n"])

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from refusals import refused
 from yumi.errors import SettingsError
 from yumi.rapid.program import Execution
 from yumi.rapid.task import StepKind
@@ -127,7 +128,6 @@ def test_program_that_cannot_be_installed_is_refused(tmp_path: Path, programs: d
 @pytest.mark.parametrize(
     ("cfg", "sentence"),
     [
-        ("", "A cfg file begins with its domain"),
         ('EIO:CFG_1.0::\nEIO_SIGNAL:\n-Name "x" -SignalType "XX"', "the signal x of the EIO parameters has the"),
         ('SYS:CFG_1.0::\nCAB_TASKS:\n-Name "x" -Type "ODD"', "the task x has the type 'ODD'"),
     ],
@@ -135,6 +135,12 @@ def test_program_that_cannot_be_installed_is_refused(tmp_path: Path, programs: d
 def test_parameters_that_make_no_sense_are_refused(tmp_path: Path, cfg: str, sentence: str) -> None:
     write(tmp_path, {"x.cfg": cfg})
     with pytest.raises(SettingsError, match=sentence):
+        world_of(tmp_path, cfg=("x.cfg",))
+
+
+def test_parameters_without_a_domain_are_refused(tmp_path: Path) -> None:
+    write(tmp_path, {"x.cfg": ""})
+    with refused(SettingsError, "cfg_file_without_domain", header=""):
         world_of(tmp_path, cfg=("x.cfg",))
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from math import radians
 from pathlib import Path
 
 import pytest
 
+from yumi.catalogue import Message, message
 from yumi.errors import SettingsError
 from yumi.robot.joints import CHAIN_AXES, Side
 from yumi.virtual.mechanics.motion import ArmModel
@@ -40,21 +40,31 @@ def test_what_is_left_out_stays_as_it_is() -> None:
     assert none.arms[Side.LEFT].model == plain.arms[Side.LEFT].model
 
 
+def out_of_range(parameter: str, value: str, lowest: float, highest: float, unit: str) -> Message:
+    return message(
+        "value_out_of_range_with_unit", parameter=parameter, value=value, lowest=lowest, highest=highest, unit=unit
+    )
+
+
 @pytest.mark.parametrize(
-    ("text", "sentence"),
+    ("text", "said"),
     [
         (
             "gain: 5.0",
             "there is no parameter 'gain'; there are position_gain, reference_delay, delay, lag, speed_limits.",
         ),
-        ("position_gain: 30.0", "position_gain is 30; allowed is 0 to 20 1/s."),
-        ("delay: soon", "delay is 'soon'; it must be a number."),
+        ("position_gain: 30.0", out_of_range("position_gain", "30", 0.0, 20.0, "1/s")),
+        ("delay: soon", message("value_of_wrong_type", parameter="delay", value="'soon'", type="a number")),
         ("speed_limits: 90.0", "speed_limits is 90.0; needed are axes with speeds"),
         ("speed_limits: {9: 90.0}", "speed_limits names axis '9'; allowed are 1 to 7."),
-        ("speed_limits: {2: -1.0}", "speed_limits is -1; allowed is 0.1 to 10000 deg/s."),
+        ("speed_limits: {2: -1.0}", out_of_range("speed_limits", "-1", 0.1, 10_000.0, "deg/s")),
     ],
 )
-def test_wrong_settings_are_refused_with_what_is_allowed(tmp_path: Path, text: str, sentence: str) -> None:
+def test_wrong_settings_are_refused_with_what_is_allowed(tmp_path: Path, text: str, said: str | Message) -> None:
     (tmp_path / "wrong.yaml").write_text(text)
-    with pytest.raises(SettingsError, match=re.escape(f"wrong.yaml: {sentence}")):
+    with pytest.raises(SettingsError) as refusal:
         read_egm_parameters(tmp_path / "wrong.yaml")
+    if isinstance(said, Message):
+        assert refusal.value.said == message("setting_refused", place="wrong.yaml", reason=said)
+    else:  # only here, and not in the catalogue
+        assert f"wrong.yaml: {said}" in str(refusal.value)
