@@ -11,6 +11,7 @@ import pytest
 
 from browser import browser
 from system.test_doctor import served, world
+from yumi.catalogue import message
 from yumi.driver.settings import RobotSettings
 from yumi.errors import LoginRefused, NoConnection
 from yumi.process.supervision import Command
@@ -44,9 +45,7 @@ def test_yumi_without_the_state_machine_is_read_and_says_why() -> None:
     with served(world(system=factory_system()).controller) as what:
         reader = open_controller(settings(what.port))
         assert reader is not None
-        assert reader.message().missing == (
-            "Task T_ROB_R has no state machine (TRobMain); load the RAPID modules of this package on it.",
-        )
+        assert reader.message().missing == (str(message("state_machine_missing", task="T_ROB_R", module="TRobMain")),)
         reader.close()
 
 
