@@ -423,7 +423,7 @@ class Limiter:
             return None
         may_follow = state.time - self._sent_at < self._following
         is_led = max(map(abs, self._references.speeds(state, last))) >= _SLIGHT_LEAD * EGM_GAIN
-        if may_follow and (is_led or dist(last.position, state.planned) >= _SLIGHT_LEAD):
+        if may_follow and is_led:  # a speed that was sent with it may keep the robot away from where it was sent
             self._accept(state)
             return None
         self._is_new = not may_follow
