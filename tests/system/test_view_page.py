@@ -263,7 +263,7 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     assert page.errors == []
 
 
-@pytest.mark.timeout(400)  # much of this is drawn, by the processor, beside a robot and a driver: two minutes on two cores
+@pytest.mark.timeout(400)  # the processor draws all of this, beside a robot and a driver: two minutes on two cores
 def test_arm_is_pushed_dragged_and_jogged_into_the_limit_whose_pair_is_shown(chromium: Any, url: str) -> None:
     page = Page(chromium, url)
     page.wait("#verdict", "EGM is off")
