@@ -13,7 +13,7 @@ _PRIORITY = 50
 _ROBOT_PRIORITY = 40  # of a virtual robot: its driver answers first
 _NICE = -20
 _MCL_CURRENT_AND_FUTURE = 3
-_SWITCH_INTERVAL = 0.00005  # [s] Python's own is 5 ms, longer than a cycle; a cycle takes the interpreter several times
+_SWITCH_INTERVAL = 0.0002  # [s] Python's own is 5 ms, longer than a cycle
 _DMA_LATENCY = "/dev/cpu_dma_latency"
 
 
