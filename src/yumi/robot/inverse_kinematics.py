@@ -29,6 +29,7 @@ from math import floor, pi, tau
 from typing import NamedTuple
 
 import numpy as np
+import numpy.ma  # np.unique imports it when called first, 80 ms in the middle of a motion
 from numpy.typing import NDArray
 
 from yumi.catalogue import Message, message

@@ -22,6 +22,7 @@ from math import atan2, ceil, degrees, exp, inf, pi, radians
 from typing import NamedTuple, Protocol, cast
 
 import numpy as np
+import numpy.ma  # np.unique imports it when called first, 80 ms in the middle of a motion
 from numpy.typing import NDArray
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, Synchronization, Trajectory
 
