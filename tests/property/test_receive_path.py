@@ -776,6 +776,25 @@ def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_in_
     assert loop.snapshot.is_commanded
 
 
+def test_session_that_begins_anew_in_motion_goes_on_from_the_last_command_where_that_was_sent_with_a_speed() -> None:
+    """The speed keeps a robot that follows it degrees away from the position that was sent."""
+    loop = Attacked(feeds_speed=True)
+    loop.begin()
+    loop.begun.append(loop.clock.now())
+    loop.move(390)
+    last, before, first = loop.cycles[-1].sent, len(loop.cycles), loop.newest.seqno + 1
+    assert abs(last.velocity[0]) > 0.8
+    loop.changed = lambda message: replace(message, seqno=message.seqno - first)
+    loop.run(RECENT + 0.2)
+    again = loop.cycles[before].sent
+    assert again.position == pytest.approx(last.position, abs=1e-3)
+    assert dist(loop.robot.arm.planned, last.position) > 0.05
+    assert_within_limits(loop)
+    assert_led_within_limits(loop)
+    assert loop.snapshot.session == 2
+    assert is_at_rest(loop)
+
+
 @pytest.mark.parametrize("length", [5, 10, 40])
 def test_arm_comes_to_rest_without_a_step_when_the_robots_numbers_begin_anew_again_and_again(length: int) -> None:
     loop = in_motion()

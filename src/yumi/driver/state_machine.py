@@ -27,10 +27,10 @@ from yumi.robot.description import Mass, Tool, inertia_of, principal_inertia
 from yumi.robot.joints import Pose, Quaternion, Side, Vector
 from yumi.rws import types as rapid_values
 from yumi.rws.client import RwsClient
-from yumi.rws.types import RapidValue
+from yumi.rws.types import Code, RapidValue
 from yumi.settings import bounded
 
-_UNKNOWN_SYMBOL = 400  # status of HTTP
+_NO_SYMBOL = {(400, Code.FAIL), (404, Code.FAIL)}  # of a symbol, and of a module, that is not there
 
 LOWEST_SPEED_SCALE = 0.01
 """Slower than this, joints creep: a full turn would take hours."""
@@ -347,7 +347,7 @@ class StateMachines:
         try:
             literal = self._client.symbol(side.task, MAIN, "current_state")
         except ControllerRefused as error:
-            if error.status != _UNKNOWN_SYMBOL:
+            if (error.status, error.code) not in _NO_SYMBOL:
                 raise
             raise RobotNotReady(message("state_machine_missing", task=side.task, module=MAIN)) from error
         try:

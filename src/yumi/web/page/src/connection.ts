@@ -1,6 +1,6 @@
 /** The WebSocket to yumi view: messages come in, requests go out and end. */
 
-import type { Failure, PageMessage, ServerMessage } from "./messages";
+import { capitalised, type Failure, type PageMessage, type ServerMessage } from "./messages";
 import { toast } from "./toast";
 
 const LOST = "The connection to yumi view is lost; is it still running? Where it was started anew, open the address that it has printed.";
@@ -83,7 +83,7 @@ export class Connection {
 
   private receive(message: ServerMessage): void {
     if (message.type === "step") {
-      if (this.pending.has(message.id) && message.step) toast(`${message.step.charAt(0).toUpperCase()}${message.step.slice(1)}`, "info");
+      if (this.pending.has(message.id) && message.step) toast(capitalised(message.step), "info");
     } else if (message.type === "done" || message.type === "failed") {
       const waiting = this.pending.get(message.id);
       this.pending.delete(message.id);

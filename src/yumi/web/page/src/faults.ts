@@ -1,6 +1,6 @@
 /** The faults of a virtual robot, in groups and in words. */
 
-import type { ArmName, Fault } from "./messages";
+import { capitalised, type ArmName, type Fault } from "./messages";
 
 /** By group: the faults' names in commands, and what a person reads. */
 export const GROUPS: Record<string, Record<string, string>> = {
@@ -55,7 +55,7 @@ export const GROUPS: Record<string, Record<string, string>> = {
 export function explanation(fault: Fault, arm: ArmName): string {
   const ofArm = fault.has_side ? ` Chosen: the ${arm} arm.` : "";
   const endless = fault.has_duration && fault.default_duration === null ? " Without a duration it does not end by itself." : "";
-  return `${fault.meaning.charAt(0).toUpperCase()}${fault.meaning.slice(1)}.${ofArm}${endless}`;
+  return `${capitalised(fault.meaning)}.${ofArm}${endless}`;
 }
 
 export interface FaultGroup {

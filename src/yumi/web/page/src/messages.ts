@@ -4,6 +4,8 @@
 export type ArmName = string;
 export type PerArm<T> = Record<ArmName, T>;
 export const armsOf = ({ arms }: { arms: PerArm<unknown> }): ArmName[] => Object.keys(arms);
+/** A clause as a sentence begins. */
+export const capitalised = (clause: string): string => clause.charAt(0).toUpperCase() + clause.slice(1);
 export type Vector = [number, number, number];
 export type Joints = number[];
 
