@@ -288,6 +288,17 @@ def test_deactivated_controller_ends_its_motion(arm: TrajectoryArm) -> None:
     end = arm.end(0.1)
     assert (end.outcome, end.code) == INVALID
     assert_says(end.said, "controller_deactivated")
+    assert arm.feedback.goal == 0
+
+
+def test_feedback_says_that_a_motion_is_over_before_its_end_is_reported(arm: TrajectoryArm) -> None:
+    """A client that asks for the next motion at once must not be told that the arm still moves."""
+    arm.set({"state_publish_rate": 1.0})
+    arm.follow(swing(HOME, 0.2, 1.0))
+    arm.run(0.2)
+    assert arm.feedback.goal == 1
+    assert arm.end().outcome is Outcome.SUCCEEDED
+    assert arm.feedback.goal == 0
 
 
 def test_controller_that_is_activated_again_holds(arm: TrajectoryArm) -> None:

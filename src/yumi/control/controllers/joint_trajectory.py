@@ -741,9 +741,14 @@ class JointTrajectoryController(Controller):
         self._end(Outcome.ABORTED, code, said)
 
     def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
-        """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one."""
+        """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one.
+
+        The feedback says so before the report does: who hears that the motion is over asks for the next one at once.
+        """
         goal, self._goal = self._goal, None
         if goal is not None:
+            if self._state is not None and not is_replaced:
+                self._give_feedback(self._state)
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, said, self._skew))
 
     def _brake(self) -> None:
