@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import degrees, nan
 from typing import cast
 
 import pytest
 
-from refusals import refused
+from refusals import assert_says, refused
+from yumi.catalogue import Message, message
 from yumi.clock import ManualClock
 from yumi.control.collisions import CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
@@ -33,7 +34,7 @@ class Arm:
 
     def check_stands(self) -> None:
         if self.is_moving:
-            raise CommandRefused("the right arm moves; wait until it stands.")
+            raise CommandRefused(message("arm_moves", arm="right"))
 
     def cap_speed(self, highest: float) -> None:
         self.highest = highest
@@ -60,9 +61,9 @@ class Bench:
         self.allowed = AllowedCollisions(arms, limiter, self.clock.now)
 
     @property
-    def state(self) -> tuple[tuple[tuple[str, str], ...], tuple[float, ...], list[str]]:
+    def state(self) -> tuple[tuple[tuple[str, str], ...], tuple[float, ...], list[Message]]:
         """What may touch, the arms' speeds, and what was reported."""
-        events = [str(event) for event in self.allowed.take_events()]
+        events = [event.said for event in self.allowed.take_events()]
         return self.collisions.permitted, tuple(arm.highest for arm in self.arms), events
 
 
@@ -72,12 +73,12 @@ def bench() -> Bench:
 
 
 SLOW, FULL = (CONTACT_SPEED_SCALE,) * 2, (1.0, 1.0)
-OVER = "All parts are kept apart again, and the arms have their speed."
+OVER = message("all_kept_apart")
 
 
 def test_parts_touch_slowly_until_it_is_ended(bench: Bench) -> None:
     bench.allowed.allow(RIGHT, LEFT, 10.0)
-    assert bench.state == (((LEFT, RIGHT),), SLOW, ["May touch for a while, slowly: left gripper - right gripper."])
+    assert bench.state == (((LEFT, RIGHT),), SLOW, [message("may_touch", pairs=("left gripper - right gripper",))])
     bench.allowed.end(LEFT, RIGHT)  # whichever is named first
     assert bench.state == ((), FULL, [OVER])
     bench.allowed.end(LEFT, RIGHT)
@@ -98,7 +99,7 @@ def test_each_pair_has_its_own_time(bench: Bench) -> None:
     bench.clock.advance(1.9)
     assert len(bench.state[0]) == 2
     bench.clock.advance(0.1)
-    assert bench.state == (((RIGHT, TABLE),), SLOW, ["May touch for a while, slowly: right gripper - table."])
+    assert bench.state == (((RIGHT, TABLE),), SLOW, [message("may_touch", pairs=("right gripper - table",))])
     bench.clock.advance(3.0)
     assert bench.state == ((), FULL, [OVER])
 
@@ -115,26 +116,27 @@ def test_the_time_begins_anew_when_it_is_asked_for_again_while_the_arms_move(ben
 
 
 @pytest.mark.parametrize(
-    ("part", "other", "seconds", "sentence"),
+    ("part", "other", "seconds", "said"),
     [
-        (RIGHT, "shelf", 1.0, "no two parts 'right gripper' and 'shelf'"),
-        (RIGHT, LEFT, 0.0, "the time is 0 s; allowed is more than 0, up to 60 s"),
-        (RIGHT, LEFT, -1.0, "the time is -1 s"),
-        (RIGHT, LEFT, nan, "the time is nan s"),
-        (RIGHT, LEFT, 61.0, "the time is 61 s"),
+        (RIGHT, "shelf", 1.0, message("no_such_parts", part="right gripper", other="shelf")),
+        (RIGHT, LEFT, 0.0, message("contact_time_out_of_range", time=0.0, longest=60.0)),
+        (RIGHT, LEFT, -1.0, message("contact_time_out_of_range", time=-1.0, longest=60.0)),
+        (RIGHT, LEFT, nan, message("contact_time_out_of_range", time=nan, longest=60.0)),
+        (RIGHT, LEFT, 61.0, message("contact_time_out_of_range", time=61.0, longest=60.0)),
     ],
 )
 def test_what_cannot_be_allowed_is_refused_and_changes_nothing(
-    bench: Bench, part: str, other: str, seconds: float, sentence: str
+    bench: Bench, part: str, other: str, seconds: float, said: Message
 ) -> None:
-    with pytest.raises(CommandRefused, match=sentence):
+    with pytest.raises(CommandRefused) as refusal:
         bench.allowed.allow(part, other, seconds)
+    assert refusal.value.said == said
     assert bench.state == ((), FULL, [])
 
 
 def test_it_is_refused_while_an_arm_moves(bench: Bench) -> None:
     bench.arms[1].is_moving = True
-    with pytest.raises(CommandRefused, match="since contact is for slow motions: the right arm moves; wait"):
+    with refused(CommandRefused, "contact_is_for_slow_motions", reason=message("arm_moves", arm="right")):
         bench.allowed.allow(RIGHT, LEFT, 1.0)
     assert bench.state == ((), FULL, [])
 
@@ -216,7 +218,7 @@ def test_it_is_allowed_after_a_motion_whose_controller_stays_active(controller: 
     else:
         arm.go(AWAY)
     arm.rig.run(0.1)
-    with pytest.raises(CommandRefused, match="the left arm moves; wait until the arm is at rest"):
+    with refused(CommandRefused, "contact_is_for_slow_motions", reason=message("arm_moves", arm="left")):
         arm.allow()
     arm.rig.run(3.0)
     assert arm.sent == pytest.approx(AWAY, abs=1e-6)
@@ -229,8 +231,11 @@ def test_arm_that_is_held_before_its_goal_is_refused_by_name() -> None:
     arm.rig.switch_to("position")
     arm.go(INTO_BODY)
     arm.rig.run(3.0)
-    with pytest.raises(CommandRefused, match=r"the left arm is held, and its goal lies 18\.0° beyond; stop"):
+    with refused(CommandRefused, "contact_is_for_slow_motions") as refusal:
         arm.allow()
+    reason = refusal.value.said.values["reason"]
+    assert_says(reason, "arm_held_before_goal", arm="left")
+    assert degrees(reason.values["distance"]) == pytest.approx(18.0, abs=0.05)
     arm.go(arm.sent)
     arm.rig.run(1.0)
     arm.allow()
@@ -249,7 +254,7 @@ def test_it_ends_when_the_robot_stops_or_is_not_heard(way: str) -> None:
     arm.rig.run(1.0)
     assert not arm.rig.snapshot.is_running
     (event,) = arm.allowed.take_events()
-    assert str(event) == OVER
+    assert event.said == OVER
 
 
 def test_arm_that_sets_out_at_once_comes_into_contact_slowly() -> None:
@@ -265,7 +270,7 @@ def test_arm_that_sets_out_at_once_comes_into_contact_slowly() -> None:
 
 
 def test_it_is_refused_where_nothing_keeps_the_arms_apart() -> None:
-    with pytest.raises(CommandRefused, match=r"collision\.enabled is false"):
+    with refused(CommandRefused, "nothing_to_allow"):
         AllowedCollisions((), None, ManualClock().now).allow(RIGHT, LEFT, 1.0)
 
 

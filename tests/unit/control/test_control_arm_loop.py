@@ -168,7 +168,7 @@ def test_loop_that_stood_still_without_a_motion_says_so(loop: ArmLoop, arm: Scri
     arm.lost = 0.3
     loop.watch_silence(1.3)
     (event,) = loop.take_events()
-    assert str(event) == ("Left arm: the control process stood still for 0.3 s; the arm was not controlled meanwhile.")
+    assert_says(event.said, "driver_stood_still", arm="left", duration=0.3)
 
 
 def test_loop_tells_that_a_session_goes_on_after_a_silence(loop: ArmLoop, arm: ScriptedArm, middle: Joints) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_speed, behind, renew_drive, scaled_by, to
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
+from yumi.catalogue import message
 from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
@@ -495,7 +496,9 @@ def test_trajectory_of_an_arm_that_is_held_does_not_end_before_it_is_there() -> 
     beside.arm.run(4.0)
     assert not beside.arm.ended
     assert abs(beside.arm.position[0] - goal[0]) > 0.06
-    assert str(beside.both.limited(Side.LEFT)).startswith("left ")
+    limited = beside.both.limited(Side.LEFT)
+    assert limited is not None
+    assert limited.part.startswith("left ")
     beside.right_stands(FORWARD[Side.RIGHT])
     assert beside.arm.end().outcome is Outcome.SUCCEEDED
     assert beside.arm.position == pytest.approx(goal, abs=0.05)
@@ -738,7 +741,8 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     write_goal(goals, arm.snapshot.session, goal)
     arm.run(2.0)
     (event, *_) = [event for event in arm.events if isinstance(event, KeptApart)]
-    assert str(event).startswith("Left arm: motion limited by left ")
+    assert event.said == message("motion_limited", arm="left", limited=event.limited.said)
+    assert event.limited.part.startswith("left ")
     assert event.limited.other == "body"
     assert arm.snapshot.limiter.kept_apart > 0
     assert max(abs(a - b) for a, b in zip(arm.snapshot.position, goal, strict=True)) > 0.1

@@ -7,6 +7,7 @@ import pytest
 
 from controller_arms import PerfectArm
 from unit.control.controller_doubles import RUNNING, Double
+from yumi.catalogue import Message, in_words, message
 from yumi.control.controller import MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager, Strictness
 from yumi.control.limiter import Limiter
@@ -16,6 +17,7 @@ from yumi.errors import CommandRefused
 from yumi.robot.joints import YUMI_LIMITS, ZERO, Side, joint_names
 
 LEFT, RIGHT = Side.LEFT, Side.RIGHT
+NOBODY = message("controller_unknown", controller="nobody", loaded=("double",))
 
 
 class Arms:
@@ -37,10 +39,10 @@ class Arms:
     def call(self, command: Any, *args: Any) -> Any:
         return serve(self.commands, command, *args)
 
-    def refusal(self, command: Any, *args: Any) -> str:
+    def refusal(self, command: Any, *args: Any) -> Message:
         with pytest.raises(CommandRefused) as refused:
             self.call(command, *args)
-        return str(refused.value)
+        return refused.value.said
 
     def snapshot(self, side: Side) -> Snapshot:
         return read_snapshot(self.buffers[side])
@@ -64,9 +66,9 @@ def test_loop_serves_every_command_there_is(arms: Arms) -> None:
         try:
             arms.call(command, *arguments)
         except CommandRefused as refusal:
-            refusals.append(str(refusal))
+            refusals.append(refusal.said.code)
     assert len(refusals) > 3
-    assert not any("failed with" in refusal for refusal in refusals)
+    assert "command_failed" not in refusals
 
 
 def test_loop_leads_a_controller_through_its_lifecycle(arms: Arms) -> None:
@@ -83,9 +85,10 @@ def test_loop_leads_a_controller_through_its_lifecycle(arms: Arms) -> None:
 
 def test_loop_switches_by_the_strictness_asked_for(arms: Arms) -> None:
     lenient = (LEFT, ("nobody",), ("double",), Strictness.BEST_EFFORT)
-    assert "There is no controller 'nobody'" in arms.call(Commands.switch_controllers, *lenient)
+    done = arms.call(Commands.switch_controllers, *lenient)
+    assert done == in_words((message("switched"), NOBODY))
     assert arms.state(LEFT, "double") is State.INACTIVE
-    assert "There is no controller 'nobody'" in arms.refusal(Commands.switch_controllers, LEFT, ("nobody",))
+    assert arms.refusal(Commands.switch_controllers, LEFT, ("nobody",)) == NOBODY
 
 
 def test_loop_has_an_arm_hold_whatever_commands_it(arms: Arms) -> None:
@@ -100,9 +103,10 @@ def test_loop_refuses_what_was_planned_before_the_arm_was_stopped(arms: Arms) ->
     late = replace(command, activation=planned_for)
     arms.call(Commands.check_commands, late)
     arms.call(Commands.hold, LEFT)
-    assert "the left arm was stopped" in arms.refusal(Commands.send_commands, late)
+    stopped = message("goal_refused", reason=message("interrupted_while_planned", arm="left"))
+    assert arms.refusal(Commands.send_commands, late) == stopped
     arms.loops[LEFT].manager.switch(["double"], [], RUNNING)
-    assert "the left arm was stopped" in arms.refusal(Commands.send_commands, late)
+    assert arms.refusal(Commands.send_commands, late) == stopped
     arms.call(Commands.check_commands, command)
 
 
@@ -139,14 +143,15 @@ def test_loop_shows_a_change_in_the_snapshot_at_once(arms: Arms, command: Any, a
 
 
 def test_loop_refuses_what_a_rule_stands_against(arms: Arms) -> None:
-    sentence = arms.refusal(Commands.load_controller, RIGHT, "double", "test/Double")
-    assert sentence == "Controller 'double' is loaded already; unload it first or choose another name."
+    said = arms.refusal(Commands.load_controller, RIGHT, "double", "test/Double")
+    assert said == message("controller_loaded_already", controller="double")
 
 
 def test_loop_refuses_a_command_that_fails(arms: Arms) -> None:
     arms.loops[LEFT].manager.controllers = lambda: 1 / 0  # type: ignore[assignment,return-value,method-assign]
-    sentence = arms.refusal(Commands.list_controllers, LEFT)
-    assert sentence == "The command list_controllers failed with ZeroDivisionError: division by zero."
+    said = arms.refusal(Commands.list_controllers, LEFT)
+    why = message("text", text="division by zero")
+    assert said == message("command_failed", command="list_controllers", kind="ZeroDivisionError", why=why)
 
 
 def test_loop_sends_commands_to_controllers_of_both_arms(arms: Arms) -> None:
@@ -159,20 +164,20 @@ def test_loop_sends_commands_to_controllers_of_both_arms(arms: Arms) -> None:
 
 
 @pytest.mark.parametrize(
-    ("second", "sentence"),
+    ("second", "said"),
     [
-        (ControllerCommand(RIGHT, "double", "bad"), "The order is bad; send a good one."),
-        (ControllerCommand(RIGHT, "nobody", "good"), "There is no controller 'nobody'; loaded are: double."),
+        (ControllerCommand(RIGHT, "double", "bad"), message("text", text="The order is bad; send a good one.")),
+        (ControllerCommand(RIGHT, "nobody", "good"), NOBODY),
         (
             ControllerCommand(LEFT, "double", "good"),
-            "Controller 'double' of the left arm is sent 2 commands at once; send one.",
+            message("several_commands", controller="double", arm="left", count=2),
         ),
     ],
 )
-def test_loop_sends_no_command_when_one_is_refused(arms: Arms, second: ControllerCommand, sentence: str) -> None:
+def test_loop_sends_no_command_when_one_is_refused(arms: Arms, second: ControllerCommand, said: Message) -> None:
     first = ControllerCommand(LEFT, "double", "good")
-    assert arms.refusal(Commands.send_commands, first, second) == sentence
-    assert arms.refusal(Commands.check_commands, first, second) == sentence
+    assert arms.refusal(Commands.send_commands, first, second) == said
+    assert arms.refusal(Commands.check_commands, first, second) == said
     assert [double.orders for double in arms.doubles.values()] == [[], []]
 
 
@@ -185,4 +190,5 @@ def test_loop_passes_reports_on(arms: Arms) -> None:
     arms.doubles[LEFT].notices = ["arrived"]
     (event,) = arms.loops[LEFT].take_events()
     assert event == ControllerReport(LEFT, "double", "arrived")
-    assert str(event) == "Left arm: double: arrived."
+    arrived = message("text", text="arrived")
+    assert event.said == message("controller_reports", arm="left", controller="double", report=arrived)

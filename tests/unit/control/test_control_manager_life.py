@@ -139,9 +139,9 @@ def test_manager_keeps_an_inactive_controller_when_a_value_is_refused(
     manager: ControllerManager, double: Double
 ) -> None:
     manager.configure("double")
-    with refused(CommandRefused, "controller_parameter_refused", parameter="p", controller="double") as caught:
+    reason = message("value_out_of_range_with_unit", parameter="p", value="5", lowest=0.0, highest=2.0, unit="1/s")
+    with refused(CommandRefused, "controller_parameter_refused", parameter="p", controller="double", reason=reason):
         manager.configure("double", {"p": 5})
-    assert "is 5" in str(caught.value)
     assert (info(manager).state, double.done) == (State.INACTIVE, ["configure"])
 
 
@@ -174,7 +174,7 @@ def test_manager_leaves_an_active_controller_as_it_is(
 def test_manager_names_what_is_loaded_when_asked_for_something_else(manager: ControllerManager, verb: str) -> None:
     with refused(CommandRefused, "controller_unknown", controller="other", loaded=()) as caught:
         getattr(manager, verb)("other")
-    assert str(caught.value) == "There is no controller 'other'; loaded are: none."
+    assert "none" in str(caught.value)
 
 
 @pytest.mark.usefixtures("double")
@@ -274,8 +274,8 @@ def test_watching_controller_that_fails_is_deactivated_and_the_others_go_on(
     watcher.faults["update"] = OSError("disk full")
     manager.watch(RUNNING)
     (failure,) = manager.failures
-    assert_says(failure, "watching_controller_failed", controller="watcher", type="OSError")
-    assert str(failure) == "Controller 'watcher' failed with OSError: disk full; it was deactivated."
+    error = message("text", text="disk full")
+    assert_says(failure, "watching_controller_failed", controller="watcher", type="OSError", error=error)
     assert [each.state for each in manager.controllers()] == [State.ACTIVE, State.INACTIVE, State.ACTIVE]
 
 
