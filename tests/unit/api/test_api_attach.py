@@ -25,7 +25,7 @@ from fake_driver import ROBOT, WAIT, FakeDriver
 from refusals import refused
 from yumi.api.connection import RunningDriver, attach
 from yumi.api.motion import GOAL_CONTROLLER, RETREAT_SPEED_SCALE, STREAM_CONTROLLER, Motion, Way
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, from_wire, message, sentence
 from yumi.control.controllers.joint_goal import GoalOutcome, JointGoal, StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory, TrajectoryEnded
 from yumi.control.controllers.joint_trajectory import Outcome as TrajectoryOutcome
@@ -481,8 +481,10 @@ def test_stop_is_not_refused_however_much_is_asked_for(
 )
 def test_request_that_is_none_is_refused_with_its_number(driver: FakeDriver, line: bytes, code: str) -> None:
     answer = answer_to(line, b'{"method": "get_state"}')
-    assert answer["error"]["said"]["code"] == code
-    assert len(answer["error"]["said"]["sentence"]) < 200
+    said = answer["error"]["said"]
+    assert said["code"] == code
+    assert said["sentence"] == sentence(from_wire(said), FrontEnd.ROS)
+    assert len(json.dumps(said["values"])) < 200
     assert answer.get("id", 0) == (7 if b'"id": 7' in line and b"NaN" not in line else 0)
     assert driver.robot.control.commands == []
     assert driver.manager.asked == []
@@ -778,14 +780,12 @@ def test_driver_goes_on_without_an_endpoint_where_its_path_is_too_long(
     folder.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
     lines: list[str] = []
-    server = FakeDriver(lambda level, sentence: lines.append(sentence)).server
+    server = FakeDriver(lambda level, line: lines.append(line)).server
     server.start()
     server.stop()
-    (line,) = lines
-    assert line.startswith(
-        "No command and no second script finds this driver: The path of the local endpoint is too long"
-    )
-    assert line.endswith("set XDG_RUNTIME_DIR to a shorter one.")
+    with refused(RobotNotReady, "endpoint_path_too_long", path=f"{folder}/yumi/{ROBOT}.sock") as refusal:
+        endpoint_path(ROBOT)
+    assert lines == [f"No command and no second script finds this driver: {refusal.value.said}"]
 
 
 SPEEDS, OTHERS = (0.1, *ZERO[1:]), (0.0, 0.2, *ZERO[2:])

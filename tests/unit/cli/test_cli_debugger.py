@@ -217,7 +217,7 @@ def test_locals_and_parameters_are_read_and_set_where_the_program_stands() -> No
     assert session.enter("print Loops/main/i") == "i = 2"
     assert session.enter("print") == 'sum = 2\nn = 2\nnote = "x"\nfactor = 2'
     assert session.enter("set n 20") == "n = 20"
-    assert session.enter("set factor 3") == "factor is a constant, which cannot be set."
+    assert session.enter("set factor 3") == str(message("constant_not_set", name="factor"))
     assert session.enter("out").splitlines()[-1] == "    total = 42, i = 2"
     assert session.enter("set i 7") == str(message("loop_variable_not_set", name="i"))
     session.enter("clear")

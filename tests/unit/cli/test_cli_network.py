@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from yumi.api.motion import MotionRegistry
-from yumi.catalogue import FrontEnd, message, sentence
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli import demo
 from yumi.cli.main import main
 from yumi.cli.options import limit_discovery
@@ -128,7 +128,8 @@ def test_virtual_controller_takes_the_namespace_that_a_launch_file_gives_to_all(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     result = CliRunner().invoke(main, ["controller", "--rws-port", "-1", "--ros-args", "-r", "__ns:=/cell1"])
-    assert "merge both arms" not in result.output
+    would_merge = sentence(message("nodes_would_merge", rule="__ns:=/cell1"), FrontEnd.SHELL)
+    assert would_merge not in result.output
     assert "'--rws-port'" in result.output  # it came to its own options
 
 
@@ -139,20 +140,20 @@ def test_two_namespaces_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "refusal"),
+    ("options", "said"),
     [
-        (["--namespace", "cell 1"], "namespace is 'cell 1'; it must be names of letters, digits and underscores"),
-        (["--namespace", "1"], "namespace is '1'; it must be names"),
-        (["--prefix", "a-"], "prefix is 'a-'; it must be letters, digits and underscores and begin with a letter"),
+        (["--namespace", "cell 1"], message("namespace_not_of_ros", setting="ros: namespace", value="cell 1")),
+        (["--namespace", "1"], message("namespace_not_of_ros", setting="ros: namespace", value="1")),
+        (["--prefix", "a-"], message("prefix_not_of_ros", setting="ros: prefix", value="a-")),
     ],
 )
 def test_names_that_ros_does_not_know_are_refused(
-    monkeypatch: pytest.MonkeyPatch, options: list[str], refusal: str
+    monkeypatch: pytest.MonkeyPatch, options: list[str], said: Message
 ) -> None:
     monkeypatch.setattr("yumi.cli.up.demand_ros", lambda for_driver: None)
     result = CliRunner().invoke(main, ["up", *options])
     assert result.exit_code == 2
-    assert refusal in result.output
+    assert f"Error: {sentence(said, FrontEnd.SHELL)}\n" in result.output
 
 
 @pytest.mark.parametrize("rule", ["joint_states:=robot/joint_states", "a__ns:=b", "r/joint_commands:=goals"])

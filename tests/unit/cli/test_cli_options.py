@@ -13,6 +13,7 @@ import click
 import pytest
 from click.testing import CliRunner, Result
 
+from refusals import refused
 from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.cli.options import settings_of
@@ -21,12 +22,20 @@ from yumi.control.shared_state import SessionLost
 from yumi.driver.settings import RobotSettings, Settings, override, read_settings
 from yumi.driver.state_machine import SpeedSetting
 from yumi.driver.wiring import first_speed_scale
+from yumi.egm.udp import resolve
 from yumi.errors import LoginRefused, NoConnection
 from yumi.robot.joints import Side
 
 
 def run(*arguments: str) -> Result:
     return CliRunner().invoke(main, arguments)
+
+
+NO_PORT = message(
+    "setting_refused",
+    place="command line: robot",
+    reason=message("value_out_of_range", parameter="rws_port", value="0", lowest=1, highest=65535),
+)
 
 
 @pytest.mark.parametrize(
@@ -45,7 +54,7 @@ def run(*arguments: str) -> Result:
         (("param", "list", "r/node", "p", "1.3"), "list takes NODE, not r/node p 1.3."),
         (("param", "set", "r/node", "p"), "set takes NODE NAME VALUE, not r/node p."),
         (("param", "list"), "list takes NODE, not nothing."),
-        (("up", "--robot", "127.0.0.1:0"), "command line: robot: rws_port is 0"),
+        (("up", "--robot", "127.0.0.1:0"), f"Error: {sentence(NO_PORT, FrontEnd.SHELL)}\n"),
         (("up", "--speed-scale", "0"), "0.0 is not in the range 0.01<=x<=1.0"),
         (("up", "--speed-scale", "nan"), "'nan' is not a factor"),
         (("demo", "--speed-scale", "2"), "2.0 is not in the range 0.01<=x<=1.0"),
@@ -62,7 +71,9 @@ def test_option_out_of_range_is_refused(arguments: tuple[str, ...], words: str) 
 def test_virtual_controller_says_that_a_name_is_unknown(name: str) -> None:
     result = run("controller", "--rws-port", "0", "--egm-host", name)
     assert result.exit_code == 1
-    assert f"Error: The name '{name}' is not known" in result.output
+    with refused(NoConnection, "host_unknown", host=name) as refusal:
+        resolve(name)
+    assert result.output == f"Error: {sentence(refusal.value.said, FrontEnd.SHELL)}\n"
 
 
 @pytest.mark.parametrize(
@@ -70,11 +81,11 @@ def test_virtual_controller_says_that_a_name_is_unknown(name: str) -> None:
     [
         (OSError(errno.EMFILE, "Too many open files"), "[Errno 24] Too many open files"),
         (OSError(errno.ENOSPC, "No space left on device"), "[Errno 28] No space left on device"),
-        (MemoryError(), "no memory"),
+        (MemoryError(), message("no_memory")),
     ],
 )
 def test_what_the_machine_does_not_give_is_said_in_one_sentence(
-    error: Exception, reason: str, monkeypatch: pytest.MonkeyPatch
+    error: Exception, reason: Message | str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object, **__: object) -> NoReturn:
         raise error
@@ -135,12 +146,16 @@ def test_driver_says_that_it_is_ready_only_when_the_robot_is(
 @pytest.mark.parametrize(
     ("options", "value", "level"),
     [
-        ((), "0.1: every controller moves with at most 10%", "INFO"),
-        (("--speed-scale", "1"), "1: every", "DEBUG"),
+        ((), 0.1, "INFO"),
+        (("--speed-scale", "1"), 1.0, "DEBUG"),
     ],
 )
 def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, options: tuple[str, ...], value: str, level: str
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    options: tuple[str, ...],
+    value: float,
+    level: str,
 ) -> None:
     order: list[tuple[str, str]] = []
 
@@ -166,10 +181,9 @@ def test_driver_says_at_its_start_how_fast_it_may_move_and_how_to_change_that(
         result = run("up", "--robot", "192.0.2.1", "--no-ros", *options)
     assert result.exit_code == 0, result.output
     assert ("DEBUG", "the control process has started") in order
-    ((shown, said),) = [line for line in order if line[1].startswith("speed_scale is ")]
-    assert shown == level
-    assert said.startswith(f"speed_scale is {value}")
-    assert said.endswith("Change it with yumi speed-scale or the setting robot.speed_scale.")
+    said = sentence(message("speed_scale_in_force", value=value), FrontEnd.SHELL)
+    how = "Change it with yumi speed-scale or the setting robot.speed_scale."
+    assert [line for line in order if said in line[1]] == [(level, f"{said} {how}")]
 
 
 def test_event_reaches_all_who_take_it_although_the_first_one_fails(

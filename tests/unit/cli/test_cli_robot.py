@@ -22,7 +22,7 @@ from fake_driver import ROBOT, FakeDriver
 from refusals import refused
 from yumi.api.connection import attach
 from yumi.api.motion import GOAL_CONTROLLER, STREAM_CONTROLLER
-from yumi.catalogue import FrontEnd, clause, message, sentence
+from yumi.catalogue import Action, FrontEnd, clause, message, sentence
 from yumi.cli import robot as commands
 from yumi.cli.main import main
 from yumi.control.controllers.joint_goal import JointGoal
@@ -224,8 +224,11 @@ def test_refusal_names_the_command_that_helps(driver: FakeDriver) -> None:
 
 
 def test_degrees_that_were_not_called_so_are_refused_with_the_option(driver: FakeDriver) -> None:
-    sentence = refusal("move", "right", "20", "-110", "-135", "30", "0", "40", "0")
-    assert sentence.rstrip().endswith("20 looks like degrees; add --degrees.")
+    said = refusal("move", "right", "20", "-110", "-135", "30", "0", "40", "0")
+    lower, upper = YUMI_LIMITS.lower[0], YUMI_LIMITS.upper[0]
+    in_degrees = message("goal_joint_in_degrees", joint="yumi_joint_1_r", position=20.0, lower=lower, upper=upper)
+    assert said == f"Error: {sentence(in_degrees, FrontEnd.SHELL)}\n"
+    assert in_degrees.actions == (Action.GIVE_RADIANS,)
     assert driver.robot.control.commands == []
 
 

@@ -94,13 +94,23 @@ def test_any_request_is_sent(where: list[str], controller: PlainController) -> N
         (("get", "nonsense"), message("no_target", target="nonsense")),
         (("set", "signal:EGM_STOP", "high"), message("signal_value_no_number", value="high")),
         (("call", "POST", "/rw/panel", "x"), message("field_without_value", field="x")),
-        (("get", "signal:none"), None),
     ],
 )
-def test_what_makes_no_sense_is_one_sentence(
-    where: list[str], arguments: tuple[str, ...], said: Message | None
-) -> None:
+def test_what_makes_no_sense_is_one_sentence(where: list[str], arguments: tuple[str, ...], said: Message) -> None:
     result = rws(where, *arguments)
     assert result.exit_code == 1
-    assert ("was refused" if said is None else sentence(said, FrontEnd.SHELL)) in result.output
+    assert sentence(said, FrontEnd.SHELL) in result.output
     assert "Traceback" not in result.output
+
+
+def test_what_the_controller_does_not_have_is_one_sentence(where: list[str]) -> None:
+    result = rws(where, "get", "signal:none")
+    said = message(
+        "rws_refused",
+        address=where[1],
+        what="reading signal none",
+        reason=message("rws_unresolved_url"),
+        status=404,
+        name="UNRESOLVED_URL -1073445866",
+    )
+    assert (result.exit_code, result.output) == (1, f"Error: {sentence(said, FrontEnd.SHELL)}\n")

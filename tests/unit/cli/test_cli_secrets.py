@@ -106,7 +106,8 @@ def test_password_that_is_no_text_is_refused_without_being_shown(tmp_path: Path,
     file.write_text(text)
     with pytest.raises(SettingsError) as refusal:
         read_settings(file)
-    assert str(refusal.value) == "mine.yaml: robot: password must be a text; put it in quotes."
+    assert refusal.value.said == message("secret_is_no_text", place="mine.yaml: robot: password")
+    assert "13371337" not in str(refusal.value)
 
 
 @pytest.mark.parametrize("value", [f'"{SECRET}', f"*{SECRET}", f"@{SECRET}"])

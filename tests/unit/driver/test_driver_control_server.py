@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from refusals import assert_says
 from yumi.catalogue import clause, message
 from yumi.clock import ManualClock
 from yumi.control.loop import AllowedCollisions
@@ -216,7 +217,7 @@ def test_command_with_a_defect_is_refused_and_the_next_one_is_served(
     run(arms, parent, clock)
     answers = {each.number: each.value for each in parent.received if isinstance(each, Answer)}
     assert isinstance(answers[4], Refusal)
-    assert "list_controllers failed with TypeError: " in clause(answers[4].said)
+    assert_says(answers[4].said, "command_failed", command="list_controllers", kind="TypeError")
     assert answers[5] == Refusal(message("command_unknown", command="nothing"))
 
 
@@ -255,7 +256,7 @@ def test_command_that_its_parent_has_given_up_is_dropped_and_both_arms_hold(
     assert served == [tuple(Side)[1]]
     failures = [each for each in parent.received if isinstance(each, CycleFailed)]
     assert [each.side for each in failures] == list(arms)
-    assert "stood still for 5 s" in str(failures[0])
+    assert failures[0].failure == clause(message("control_process_stood_still_too_long", duration=5.0))
     assert min(arm.deactivated for arm in arms.values()) >= 2  # at the end, too
 
 
@@ -294,12 +295,12 @@ def test_arms_are_served_while_the_parent_reads_nothing_and_what_was_dropped_is_
     pipe.close()
     assert silent.settled >= 31
     events = [each for each in talkative.heard if isinstance(each, ControllerFailed)]
-    first = [int(str(each.failure)) for each in events]
+    first = [int(each.failure.values["text"]) for each in events]
     assert first == sorted(first)
     assert 256 <= len(events) < 29 * 100
     dropped = [each for each in talkative.heard if isinstance(each, ReportsDropped)]
     assert dropped == [ReportsDropped(side, 29 * 100 - len(events)) for side in (Side.RIGHT, Side.LEFT)]
-    assert f"and {29 * 100 - len(events)} were dropped; the arms were served meanwhile, and hold" in str(dropped[0])
+    assert dropped[0].said == message("reports_dropped", arm="right", count=29 * 100 - len(events))
     assert [talkative.deactivated, silent.deactivated] == [2, 2]  # then, and at the end
 
 

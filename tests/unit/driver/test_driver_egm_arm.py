@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import pytest
 
+from yumi.catalogue import clause, message
 from yumi.control.shared_state import Limited, Snapshot
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.endpoint import arm_report
@@ -269,5 +270,7 @@ def test_report_names_what_the_arm_is_kept_apart_from() -> None:
     limited = running._replace(limited_part="right gripper", limited_other="post", limited_distance=0.0114)
     report = arm_report(Side.RIGHT, limited)
     assert report.limited == Limited("right gripper", "post", 0.0114)
-    assert str(report.limited) == "right gripper - post, 11 mm"
+    near = message("parts_near", part="right gripper", other="post", distance=0.0114)
+    assert report.limited.said == near
+    assert str(report.limited) == clause(near)
     assert arm_report(Side.RIGHT, limited._replace(is_streaming=False)).limited is None

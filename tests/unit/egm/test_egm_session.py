@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import pytest
 
+from refusals import refused
 from yumi.egm.codec import JointCodec, JointReport, MciState, MotorState, RapidState, RobotCodec, RobotMessage
 from yumi.egm.session import LARGEST_GAP, LONG_SILENCE, REORDERED, SILENCE, SensorSession, SessionCounters
+from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)
@@ -80,9 +82,12 @@ def test_session_answers_the_newest_of_a_batch_that_was_reordered(session: Senso
 def test_session_answers_the_newest_good_datagram_when_the_newest_is_garbage(
     session: SensorSession[JointReport],
 ) -> None:
-    assert session.accept([datagram(0), b"\xff\xff"], 0.0) is not None
+    garbage = b"\xff\xff"
+    assert session.accept([datagram(0), garbage], 0.0) is not None
     assert session.counters.malformed == 1
-    assert "cannot be decoded" in session.last_error
+    with refused(ProtocolError, "datagram_not_decoded", size=2) as refusal:
+        JointCodec().decode(garbage)
+    assert session.last_error == str(refusal.value)
 
 
 def test_session_tells_what_was_lost_from_what_was_only_overtaken(session: SensorSession[JointReport]) -> None:

@@ -7,10 +7,11 @@ import importlib.util
 import pytest
 from click.testing import CliRunner
 
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.cli.main import main
 from yumi.errors import missing_extra
 from yumi_evaluation import cli
+from yumi_evaluation.bench.contenders import WAKE_MODES, contenders
 
 
 @pytest.mark.parametrize("command", ["evaluate", "tune", "bench"])
@@ -25,6 +26,10 @@ def test_missing_extra_is_named_before_anything_is_computed(monkeypatch: pytest.
 
 def test_unknown_contender_and_wake_mode_are_refused_with_those_that_exist() -> None:
     contender = CliRunner().invoke(main, ["bench", "--only", "unknown"])
-    assert (contender.exit_code, "There is no contender 'unknown'; there are: c_echo" in contender.output) == (2, True)
+    names = tuple(each.name for each in contenders(WAKE_MODES))
+    assert names[0] == "c_echo"
+    no_contender = message("contender_unknown", name="unknown", known=names)
+    assert (contender.exit_code, contender.output) == (2, f"Error: {sentence(no_contender, FrontEnd.SHELL)}\n")
     wake = CliRunner().invoke(main, ["bench", "--wake", "never"])
-    assert (wake.exit_code, "There is no wake mode 'never'; there are: blocking, auto." in wake.output) == (2, True)
+    no_mode = message("wake_mode_unknown", mode="never", known=("blocking", "auto"))
+    assert (wake.exit_code, wake.output) == (2, f"Error: {sentence(no_mode, FrontEnd.SHELL)}\n")

@@ -9,7 +9,8 @@ from time import localtime, strftime
 import pytest
 
 from flight import CYCLE, LOST, SENTENCE, flown, write_flight_record
-from yumi.catalogue import message
+from refusals import refused
+from yumi.catalogue import message, sentence
 from yumi.driver.readiness import RobotState
 from yumi.errors import ProtocolError
 from yumi.recording.mcap import RecordingWriter, recorded_event
@@ -111,8 +112,7 @@ def test_why_the_robot_did_not_move_and_what_stopped_it_are_sentences(tmp_path: 
     pressed = message("emergency_stop_pressed")
     write_session(tmp_path / "session.mcap", RobotState(is_connected=True, reasons=(pressed,), causes=(stop,)))
     (state,) = page_recording(tmp_path / "session.mcap")["states"]
-    assert (state["reasons"], state["causes"]) == ([str(pressed)], [str(stop)])
-    assert state["reasons"][0].startswith("The emergency stop is pressed")
+    assert (state["reasons"], state["causes"]) == ([sentence(pressed)], [sentence(stop)])
 
 
 def test_recording_has_its_name_and_its_date_on_this_machine_s_clock(tmp_path: Path) -> None:
@@ -123,5 +123,5 @@ def test_recording_has_its_name_and_its_date_on_this_machine_s_clock(tmp_path: P
 
 def test_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     (tmp_path / "x.mcap").write_text("no")
-    with pytest.raises(ProtocolError, match="is not a recording"):
+    with refused(ProtocolError, "recording_damaged", file=str(tmp_path / "x.mcap")):
         page_recording(tmp_path / "x.mcap")

@@ -16,8 +16,10 @@ import pytest
 from msgspec.structs import replace
 
 from fake_driver import BOX, FakeDriver
+from refusals import refused
 from yumi.api.motion import CARTESIAN_CONTROLLER, GOAL_CONTROLLER, JOG_CONTROLLER
-from yumi.catalogue import Message
+from yumi.catalogue import FrontEnd, Message, sentence
+from yumi.catalogue import message as say
 from yumi.control.controllers.joint_goal import StopMotion
 from yumi.control.controllers.joint_trajectory import FollowTrajectory
 from yumi.control.loop import Commands
@@ -152,6 +154,11 @@ def run(story: Callable[[Site], Coroutine[Any, Any, None]], **settings: Any) -> 
     asyncio.run(asyncio.wait_for(main(), 4 * SOON))
 
 
+def on_page(code: str, **values: Any) -> str:
+    """What a page of a real robot shows of a message."""
+    return sentence(say(code, **values), FrontEnd.PAGE)
+
+
 async def eventually(condition: Callable[[], object]) -> None:
     for _ in range(1000):
         if condition():
@@ -210,7 +217,7 @@ def test_page_says_why_there_is_no_robot_and_finds_it_when_it_comes(monkeypatch:
 
     async def story(site: Site) -> None:
         async with site.page() as page:
-            await page.until("view", lambda view: "No driver runs" in view["why_no_robot"])
+            await page.until("view", lambda view: view["why_no_robot"] == on_page("no_driver_runs"))
             await asyncio.to_thread(driver.server.start)
             await page.until("view", lambda view: not view["why_no_robot"])
             await page.until("state")
@@ -261,7 +268,7 @@ NO_TOKEN = "Open the page by the address with the token that `yumi view` printed
 
 
 def test_other_machines_need_the_token(driver: FakeDriver) -> None:
-    with pytest.raises(SettingsError, match="needs a token"):
+    with refused(SettingsError, "page_needs_token", host="0.0.0.0"):
         ViewSettings(host="0.0.0.0")
 
     async def story(site: Site) -> None:
@@ -275,7 +282,7 @@ def test_other_machines_need_the_token(driver: FakeDriver) -> None:
 
 
 def test_page_that_may_operate_a_real_robot_needs_the_token_on_this_machine_too(driver: FakeDriver) -> None:
-    with pytest.raises(SettingsError, match="needs a token"):
+    with refused(SettingsError, "operating_page_needs_token"):
         ViewSettings(may_operate=True)
 
     async def story(site: Site) -> None:
@@ -339,11 +346,11 @@ def test_real_robot_is_only_looked_at(driver: FakeDriver) -> None:
         async with site.page() as page:
             await page.until("state")
             await page.send(type="take_control")
-            assert "yumi view --operate" in (await page.until("refused"))["sentence"]
+            assert (await page.until("refused"))["sentence"] == on_page("page_only_shows")
             for request in ("stop_egm", "start_egm"):
-                assert "yumi view --operate" in (await page.ask(request))["error"]["sentence"]
+                assert (await page.ask(request))["error"]["code"] == "page_only_shows"
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
-            assert "yumi view --operate" in (await page.until("jog_refused"))["error"]["sentence"]
+            assert (await page.until("jog_refused"))["error"]["code"] == "page_only_shows"
         assert driver.manager.asked == []
         assert driver.robot.speeds[Side.RIGHT].read() is None
 
@@ -359,8 +366,8 @@ def test_page_that_has_control_operates_and_another_one_does_not(driver: FakeDri
             assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
             assert driver.manager.speed.value == 0.5
             assert (await page.ask("grip", arm="left", action="close", force=8.0))["result"]["outcome"] == "holding"
-            refused = await page.ask("grip", arm="left", action="open", force=8.0)
-            assert "The force is for closing only" in refused["error"]["sentence"]
+            opened = await page.ask("grip", arm="left", action="open", force=8.0)
+            assert opened["error"]["code"] == "force_while_opening"
             await other.until("view", lambda view: view["control"] == "elsewhere")
             assert (await other.ask("start_egm"))["error"]["code"] == "control_not_taken"
             assert (await other.ask("stop_egm"))["type"] == "done"  # a stop is for every page that may operate
@@ -384,7 +391,7 @@ def test_motion_of_a_page_ends_when_it_loses_control(driver: FakeDriver, way: st
                 driver.robot.control.on_command = driver.robot.rest
                 if way == "is replaced":
                     await other.take_control()
-                    assert "Another page" in (await page.until("refused"))["sentence"]
+                    assert (await page.until("refused"))["sentence"] == on_page("control_taken_by_other")
                 elif way == "gives back":
                     await page.send(type="give_back")
                 if way != "closes":
@@ -440,6 +447,9 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
     run(story, may_operate=True)
 
 
+NESTED_TOO_DEEPLY = on_page("request_not_understood", why=say("request_nested_too_deeply"))
+
+
 @pytest.mark.parametrize(
     ("message", "words"),
     [
@@ -452,8 +462,8 @@ def test_jog_reaches_the_arm_and_ends_with_the_key_and_with_control(driver: Fake
             "Invalid value 'jog'",
         ),
         ({"type": "open_door"}, "Invalid value 'open_door'"),
-        ('{"type": ' + "[" * 16_000, "Request refused: its lists or objects are nested too deeply."),
-        ('{"x":' * 3000, "Request refused: its lists or objects are nested too deeply."),
+        ('{"type": ' + "[" * 16_000, NESTED_TOO_DEEPLY),
+        ('{"x":' * 3000, NESTED_TOO_DEEPLY),
     ],
 )
 def test_message_that_means_nothing_is_refused_and_changes_nothing(
@@ -498,11 +508,11 @@ def test_plan_is_shown_and_then_followed_once(driver: FakeDriver, monkeypatch: p
             assert not driver.robot.control.commands
             for _ in range(2):
                 await page.send(type="execute", id=3, plan=result["plan"])
-            assert "plan again" in (await page.until("failed"))["error"]["sentence"]
+            assert (await page.until("failed"))["error"]["code"] == "plan_is_old"
             await eventually(lambda: driver.robot.control.commands)
             await eventually(lambda: isinstance(driver.robot.control.commands[-1].message, FollowTrajectory))
             await page.send(type="plan", id=4, right=[0.4, 0.0, 0.3], is_pose=True)
-            assert "A pose of the fingertips" in (await page.until("failed"))["error"]["sentence"]
+            assert (await page.until("failed"))["error"]["code"] == "no_pose_of_fingertips"
 
     run(story, may_operate=True)
 
@@ -514,7 +524,8 @@ def test_plan_needs_to_know_where_both_arms_are(driver: FakeDriver) -> None:
         async with site.page() as page:
             await page.take_control()
             await page.send(type="plan", id=2, right="home")
-            assert "The position of the left arm is not known" in (await page.until("failed"))["error"]["sentence"]
+            unknown = on_page("position_unknown_for_plan", arm="left")
+            assert (await page.until("failed"))["error"]["sentence"] == unknown
 
     run(story, may_operate=True)
 
@@ -634,7 +645,8 @@ def test_jog_that_comes_late_is_refused_and_its_end_is_not(driver: FakeDriver) -
             await held(page, lambda: speeds_of(driver) == tuple(SPEEDS), type="jog_joints", hold=1, speeds=SPEEDS)
             late = time.monotonic() - OLDEST_SEEN - 0.1  # as if what was sent had waited in a tunnel
             await page.send(type="jog_joints", arm="right", hold=2, seen=late, speeds=[0.5] * 7)
-            assert "too slow" in (await page.until("jog_refused", lambda it: it["hold"] == 2))["error"]["sentence"]
+            late_jog = await page.until("jog_refused", lambda it: it["hold"] == 2)
+            assert late_jog["error"]["code"] == "page_too_slow_to_jog"
             await page.send(type="jog_joints", arm="right", hold=1, seen=late, speeds=[0.0] * 7)
             await eventually(lambda: speeds_of(driver) == ZERO)
 
@@ -739,7 +751,7 @@ def test_page_loses_control_with_its_driver_and_stops_the_next_one(monkeypatch: 
         async with site.page() as page:
             await page.take_control()
             await asyncio.to_thread(driver.server.stop)
-            assert (await page.until("refused"))["sentence"] == "The driver has ended."
+            assert (await page.until("refused"))["sentence"] == on_page("driver_has_ended")
             await page.until("view", lambda view: view["control"] == "none")
             await asyncio.to_thread(following.server.start)
             try:
@@ -769,7 +781,7 @@ def test_page_that_shows_nothing_gets_no_more_states_and_loses_control(
                 states += message["type"] == "state"
                 if message["type"] == "refused":
                     break
-            assert "did not answer" in message["sentence"]
+            assert message["sentence"] == on_page("page_was_silent")
             assert states <= 1
             await other.until("view", lambda view: view["control"] == "none")
 
@@ -785,7 +797,8 @@ def test_page_that_has_control_may_ask_for_nothing_for_long(
         async with site.page() as page:
             await page.take_control()
             silent, writer = await asyncio.open_unix_connection(find_driver(""))
-            assert b"No request came" in await silent.read()  # and so would it be for the page's connection
+            told = json.loads(await silent.read())  # and so would it be for the page's connection
+            assert told["error"]["said"]["code"] == "silent_client"
             writer.close()
             assert (await page.ask("set_speed_scale", speed_scale=0.5))["type"] == "done"
 
@@ -800,8 +813,9 @@ def test_jog_of_an_arm_without_egm_is_refused_once_for_each_hold(driver: FakeDri
         async with site.page() as page:
             await page.take_control()
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
-            refused = await page.until("jog_refused")
-            assert "EGM is not running on the right arm" in refused["error"]["sentence"]
+            jog = await page.until("jog_refused")
+            no_egm = on_page("goal_refused", reason=say("arm_without_egm", arm="right"))
+            assert jog["error"]["sentence"] == no_egm
             await page.send(type="jog_joints", arm="right", hold=1, speeds=SPEEDS)
             await page.until("state")
             await page.send(type="jog_joints", arm="right", hold=2, speeds=SPEEDS)
@@ -815,7 +829,8 @@ def test_egm_is_stopped_however_much_a_page_has_asked_for(driver: FakeDriver, mo
         async with site.page() as page:
             await page.take_control()
             monkeypatch.setattr(endpoint_server, "MAX_PENDING", 0)
-            assert "too many requests" in (await page.ask("set_speed_scale", speed_scale=0.5))["error"]["sentence"]
+            asked = await page.ask("set_speed_scale", speed_scale=0.5)
+            assert asked["error"]["code"] == "too_many_requests"
             assert (await page.ask("stop_egm"))["type"] == "done"
 
     run(story, may_operate=True)
@@ -852,7 +867,7 @@ def test_recording_is_served_and_nothing_is_operated() -> None:
             assert view["is_recording"]
             assert view["recording"] == {"name": "x.mcap", "date": "2026-11-24 14:03"}
             await page.send(type="take_control")
-            assert (await page.until("refused"))["sentence"] == "This is a recording."
+            assert (await page.until("refused"))["sentence"] == on_page("is_a_recording")
 
     run(story, recording=RECORDING, may_operate=True)
 
@@ -860,7 +875,7 @@ def test_recording_is_served_and_nothing_is_operated() -> None:
 def test_port_that_is_taken_is_refused(driver: FakeDriver) -> None:
     async def story(site: Site) -> None:
         second = ViewServer(ViewSettings(port=site.server.port))
-        with pytest.raises(SettingsError, match=r"Port \d+ on 127\.0\.0\.1 cannot be opened"):
+        with refused(SettingsError, "port_cannot_be_opened", port=site.server.port, host="127.0.0.1"):
             await second.start()
 
     run(story)
