@@ -26,8 +26,8 @@ def assert_says(said: Message, code: str, /, **values: Any) -> None:
     """``said`` has this code, and these values among its own; numbers to 1e-9."""
     assert said.code == code, said
     for name, value in values.items():
-        is_number = isinstance(value, float)
-        assert said.values[name] == (pytest.approx(value, abs=1e-9) if is_number else value), (name, said.values)
+        expected = pytest.approx(value, abs=1e-9, nan_ok=True) if isinstance(value, float) else value
+        assert said.values[name] == expected, (name, said.values)
 
 
 def numbers_in(said: Message) -> set[int]:

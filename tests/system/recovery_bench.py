@@ -7,6 +7,7 @@ from math import inf, radians
 import pytest
 
 from system.virtual_time_bench import System
+from yumi.catalogue import message
 from yumi.control.flight_recorder import Frame
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import StopNotConfirmed
@@ -76,6 +77,11 @@ class MovingSystem(System):
     def largest_jump(self) -> float:
         """Of either arm, see :func:`largest_jump`."""
         return max(largest_jump(arm.recorder.frames()) for arm in self.arms.values())
+
+
+def recovered(*events: str, done: str = "EGM runs on both arms, the controllers are active") -> str:
+    """What recovery returns after a stop by ``events`` of the controller."""
+    return str(message("recovered_after", events=events, done=done) if events else message("recovered", done=done))
 
 
 def largest_jump(frames: tuple[Frame, ...], begin: float = -inf, end: float = inf) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from system.test_doctor import served
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.driver.commissioning.installation import Contents, Installation, Plan
 from yumi.rws.types import OperatingMode
@@ -39,6 +40,10 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def run(command: str, *arguments: str, answer: str = "") -> Result:
     return CliRunner().invoke(main, [command, *arguments], input=answer)
+
+
+def in_shell(code: str, **values: str) -> str:
+    return sentence(Message(code, values), FrontEnd.SHELL)
 
 
 def test_dry_run_shows_the_plan_as_json_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
@@ -86,8 +91,9 @@ def test_json_does_not_ask(where: list[str], state: Path) -> None:
 def test_nothing_to_roll_back_is_said(where: list[str], state: Path) -> None:
     result = run("install", *where, "--roll-back", "--yes")
     assert result.exit_code == 1
-    assert "There is nothing to roll back" in result.output
-    assert "with `yumi uninstall`" in result.output
+    record = re.search(rf"{re.escape(str(state))}\S+/record\.json", result.stderr)
+    assert record is not None
+    assert result.stderr == f"Error: {in_shell('nothing_to_roll_back', file=record[0])}\n"
 
 
 def test_dry_run_of_a_roll_back_shows_it_and_changes_nothing(where: list[str], state: Path, controller: Irc5) -> None:
@@ -134,7 +140,6 @@ def test_another_robot_is_refused_by_its_name(command: str, state: Path) -> None
         result = run(command, "--robot", f"127.0.0.1:{what.port}", "--yes")
         assert {request.method for request in what.requests} == {"GET"}
     assert result.exit_code == 1
-    assert result.stderr.startswith(
-        f"Error: The controller at 127.0.0.1:{what.port} is an IRB 120 (mechanical unit ROB_1)"
-    )
+    robot = "an IRB 120 (mechanical unit ROB_1), not a YuMi"
+    assert result.stderr == f"Error: {in_shell('not_a_yumi', address=f'127.0.0.1:{what.port}', robot=robot)}\n"
     assert not list(state.rglob("*.json"))

@@ -352,7 +352,7 @@ def test_backup_without_progress_is_an_error(site: Site, monkeypatch: pytest.Mon
         return reply
 
     monkeypatch.setattr(site.transport, "handle_request", without_location)
-    with pytest.raises(ProtocolError, match="does not say how far it is"):
+    with refused(ProtocolError, "job_without_progress", address="memory", what="making the backup monday"):
         site.client.backup("monday")
 
 

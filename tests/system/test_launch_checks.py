@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from refusals import assert_says
+from refusals import assert_says, refused
 from system.virtual_time_bench import System
 from yumi.catalogue import Message, message
 from yumi.driver.bringup import EgmAddress, LaunchChecks
@@ -55,7 +55,7 @@ def test_controller_without_an_arm_is_refused(system: System, monkeypatch: pytes
         raise ControllerRefused(f"there is no {unit}", status=400)
 
     monkeypatch.setattr(system.client, "joint_target", joint_target)
-    with pytest.raises(RobotNotReady, match="no mechanical unit ROB_R; it does not move a YuMi's right arm"):
+    with refused(RobotNotReady, "unit_missing", unit="ROB_R", arm="right"):
         remarks(system, HERE)
 
 
@@ -69,18 +69,15 @@ def test_another_robot_is_refused_by_its_name_before_anything_that_it_lacks(
     controller = system.world.controller
     controller.identity = replace(controller.identity, options=options)
     monkeypatch.setattr(system.client, "mechanical_units", lambda: ("ROB_1",))
-    with pytest.raises(RobotNotReady) as refused:
+    robot_here = f"{robot} (mechanical unit ROB_1), not a YuMi"
+    with refused(RobotNotReady, "not_a_yumi", address="memory", robot=robot_here) as refusal:
         remarks(system, HERE)
-    assert str(refused.value) == (
-        f"The controller at memory is {robot} (mechanical unit ROB_1), not a YuMi; for other robots use "
-        "yumi.EgmServer (docs/how-to/control-any-abb-robot.md), or look with `yumi view --robot memory`."
-    )
-    assert (refused.value.__cause__, refused.value.__context__) == (None, None)
+    assert (refusal.value.__cause__, refusal.value.__context__) == (None, None)
 
 
 def test_program_of_another_version_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(system.client, "symbol", lambda *_: "1")
-    with pytest.raises(RobotNotReady, match=r"Task T_ROB_R has version 1\.0 of the state machine, not 1\.1; load"):
+    with refused(RobotNotReady, "state_machine_of_other_version", task="T_ROB_R", version="1.0", expected=1.1):
         remarks(system, HERE)
 
 
@@ -99,18 +96,17 @@ def test_datagrams_that_go_elsewhere_are_reported(system: System) -> None:
 def test_egm_without_datagrams_names_the_port_that_they_go_to(system: System) -> None:
     system.bringup.check_controller({**HERE, Side.LEFT: EgmAddress("127.0.0.1", 7000)})
     system.faults.inject(Fault.EGM_SILENCE)
-    with pytest.raises(RobotNotReady) as error:
-        system.manager.start_egm()
-    assert str(error.value) == (
-        "EGM started on the robot but no datagram came: the left arm's datagrams go to 127.0.0.1:6511, here they are "
-        "awaited at 127.0.0.1:7000; make the UDPUC device ROB_L or the settings fit."
+    elsewhere = message(
+        "datagrams_go_elsewhere", arm="left", there="127.0.0.1:6511", here="127.0.0.1:7000", device="ROB_L"
     )
+    with refused(RobotNotReady, "no_datagram_came_misdirected", why=(elsewhere,)):
+        system.manager.start_egm()
 
 
 def test_arm_without_a_device_is_refused(system: System, monkeypatch: pytest.MonkeyPatch) -> None:
     serial = CfgInstance("ROB_L", {"Type": "SIO"})
     monkeypatch.setattr(system.client, "cfg", lambda *_: (serial,))
-    with pytest.raises(RobotNotReady, match=r"The controller has no UDPUC device ROB_L .*; load SIO\.cfg of this"):
+    with refused(RobotNotReady, "udpuc_device_missing", device="ROB_L"):
         remarks(system, HERE)
 
 

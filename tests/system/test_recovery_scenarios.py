@@ -8,7 +8,8 @@ import httpx
 import pytest
 
 from refusals import refused
-from system.recovery_bench import MovingSystem
+from system.recovery_bench import MovingSystem, recovered
+from yumi.catalogue import Message, message
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.errors import NoConnection, RobotNotReady
 from yumi.robot.joints import CYCLE, Side
@@ -38,35 +39,34 @@ def test_robot_moves_again_after_what_needs_no_one(system: MovingSystem, fault: 
     system.faults.inject(fault)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
-    told = system.recover()
-    assert told.startswith(f"Recovered after {why}: ")
-    assert told.endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered(why)
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
 
 @pytest.mark.parametrize(
-    ("fault", "mended", "sentence"),
+    ("fault", "mended", "cause", "error"),
     [
         (
             Fault.MANUAL_MODE,
             Fault.AUTO_MODE,
-            "10015 Manual mode selected: .* the controller is in operating mode MANR, not in AUTO; set the "
-            "controller to AUTO on the FlexPendant",
+            message("event_10015", number=10015, title="Manual mode selected"),
+            message("cannot_bring_up", reason=message("not_in_auto", mode="MANR")),
         ),
         (
             Fault.WRONG_PROGRAM,
             Fault.RIGHT_PROGRAM,
-            r"Task T_ROB_R has no state machine \(TRobMain\); load the RAPID modules",
+            message("event_10125", number=10125, title="Program stopped"),
+            message("state_machine_missing", task="T_ROB_R", module="TRobMain"),
         ),
     ],
 )
 def test_recovery_says_what_a_person_has_to_do_first(
-    system: MovingSystem, fault: Fault, mended: Fault, sentence: str
+    system: MovingSystem, fault: Fault, mended: Fault, cause: Message, error: Message
 ) -> None:
     system.faults.inject(fault)
     system.wait(0.2)
-    with pytest.raises(RobotNotReady, match=sentence):
+    with refused(RobotNotReady, "not_brought_back", why=message("was_stopped_by", causes=(cause,)), error=error):
         system.recover()
     system.faults.inject(mended)
     system.recover()
@@ -77,8 +77,7 @@ def test_recovery_says_what_a_person_has_to_do_first(
 @pytest.mark.parametrize("silence", [0.05, 1.0])
 def test_arms_go_on_after_a_network_that_was_silent(system: MovingSystem, silence: float) -> None:
     system.be_silent(silence)
-    told = system.recover()
-    assert told.endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -93,7 +92,8 @@ def test_short_silence_needs_no_recovery(system: MovingSystem) -> None:
 def test_network_that_stays_silent_is_reported_with_what_to_check(system: MovingSystem) -> None:
     system.faults.inject(Fault.EGM_SILENCE)
     system.wait(1.0)
-    with pytest.raises(RobotNotReady, match=r"no datagram came for the right and left arm; check the remote address"):
+    error = message("no_datagram_came", arms=("right", "left"), devices=("ROB_R", "ROB_L"))
+    with refused(RobotNotReady, "not_brought_back", error=error):
         system.recover()
     system.faults.inject(Fault.EGM_REPAIR)
     system.recover()
@@ -114,7 +114,7 @@ def test_motion_that_ended_by_convergence_begins_again(system: MovingSystem) -> 
     system.faults.inject(Fault.EGM_CONVERGENCE)
     system.wait(0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
-    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered()
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -150,7 +150,7 @@ def test_driver_that_stood_still_for_longer_takes_its_arms_again(system: MovingS
     stand_still(system, 0.2)
     assert not any(arm.snapshot.is_commanded for arm in system.arms.values())
     system.recover()
-    assert system.told == ["No stop cause found in the event log.", *ACTIVATION]
+    assert system.told == [str(message("no_stop_cause")), *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -163,7 +163,7 @@ def test_machine_that_stood_still_with_its_robot_takes_its_arms_again(system: Mo
         assert not system.arms[side].line.manager.is_commanding
     system.wait(0.05)
     system.recover()
-    assert system.told == ["No stop cause found in the event log.", *ACTIVATION]
+    assert system.told == [str(message("no_stop_cause")), *ACTIVATION]
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -191,7 +191,7 @@ def test_controller_that_restarts_is_waited_for(system: MovingSystem) -> None:
     system.faults.inject(Fault.WARM_RESTART)
     system.wait(0.5)
     begin = system.now()
-    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered("10045 System restarted")
     assert system.told[0] == "wait for the controller, which does not answer"
     assert 19.0 < system.now() - begin < 25.0
     assert system.is_moving_again()
@@ -207,7 +207,7 @@ def test_stop_ends_the_waiting_for_a_controller_at_once(system: MovingSystem) ->
             system.manager.stop_rapid()
 
     begin = system.now()
-    with pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
+    with refused(RobotNotReady, "stop_requested_meanwhile"):
         system.manager.recover(stop)
     assert system.now() - begin < 0.1
 
@@ -230,7 +230,7 @@ def test_waiting_for_a_controller_ends_when_it_is_no_use_any_more(system: Moving
 
 def test_controller_that_never_answers_again_is_reported(system: MovingSystem) -> None:
     system.is_powered, system.http.is_there, system.arms = False, False, {}
-    with pytest.raises(RobotNotReady, match="has not answered for 120 s; check its power and the network cable"):
+    with refused(RobotNotReady, "controller_is_gone", address="memory", duration=120.0):
         system.recover()
 
 
@@ -241,7 +241,7 @@ def test_trouble_of_web_services_ends_neither_a_motion_nor_a_recovery(system: Mo
     system.wait(0.3)
     assert all(arm.snapshot.is_commanded for arm in system.arms.values())
     system.faults.inject(Fault.PROGRAM_STOP)
-    assert system.recover().startswith("Recovered after 10125 Program stopped")
+    assert system.recover() == recovered("10125 Program stopped")
     assert system.is_moving_again()
     assert system.largest_jump < NO_JUMP
 
@@ -279,18 +279,19 @@ def test_recovery_says_within_ten_seconds_that_the_web_service_hangs(
 ) -> None:
     """One that starts takes no connection; one that takes it and never answers is not worth two minutes."""
     timeout = 2.0
+    silence = message("no_answer_to_request", address="memory", timeout=timeout)
 
     def hang(*_: object) -> NoReturn:
         system.wait(timeout)
-        raise AnswerTimeout("memory accepted the connection but did not answer within 2.0 s.")
+        raise AnswerTimeout(silence)
 
     with monkeypatch.context() as patch:
         patch.setattr(system.http, "handle_request", hang)
         begin = system.now()
-        with pytest.raises(RobotNotReady, match=r"within 2\.0 s\. The web service of the controller hangs, or the"):
+        with refused(RobotNotReady, "web_service_hangs", error=silence):
             system.recover()
         assert system.now() - begin < 10.0
-    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered()
     assert system.is_moving_again()
 
 
@@ -306,7 +307,7 @@ def test_one_slow_answer_does_not_end_the_waiting_for_a_controller(
         return exchange(request)
 
     monkeypatch.setattr(system.http, "handle_request", hang_once)
-    assert system.recover().endswith("EGM runs on both arms, the controllers are active.")
+    assert system.recover() == recovered()
 
 
 def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingSystem) -> None:
@@ -319,7 +320,7 @@ def test_driver_that_is_to_end_does_not_finish_what_it_was_doing(system: MovingS
             system.manager.interrupt()
 
     system.steps.clear()
-    with system.bringup.reporting(interrupt), pytest.raises(RobotNotReady, match="A stop was requested meanwhile"):
+    with system.bringup.reporting(interrupt), refused(RobotNotReady, "stop_requested_meanwhile"):
         system.manager.make_ready()
     assert system.steps == ["switch the motors on"]
     assert system.client.controller_state() is ControllerState.MOTORS_OFF

@@ -6,7 +6,9 @@ from collections.abc import Callable
 
 import pytest
 
+from refusals import refused
 from system.virtual_time_bench import System
+from yumi.catalogue import Action, Message, message
 from yumi.driver.readiness import Mode
 from yumi.errors import YumiError
 from yumi.robot.joints import Side
@@ -83,62 +85,136 @@ def seen(system: System) -> tuple[object, ...]:
     )
 
 
-TO_AUTO = "controller is in operating mode MANR, not in AUTO; set the controller to AUTO on the FlexPendant"
-PRESSED = "the emergency stop is pressed; release it where it was pressed"
-GUARD = "a guard stop keeps the motors off; close the guard, or end what else causes the guard stop"
-BUSY = "a state machine is not idle (left arm: RUN_EGM_ROUTINE); end EGM"
-STOPPED = "the RAPID program is stopped; call robot.recover()"
-NOBODY = "Nothing answers in this memory"
-START_RAPID = "The RAPID program cannot start: the motors are off; call robot.recover()"
-PP_TO_MAIN = "The program pointers cannot be moved: the RAPID program runs; stop the program first"
+MANUAL = message("not_in_auto", mode="MANR")
+PRESSED = message("emergency_stop_pressed")
+GUARD = message("guard_stop_active")
+BUSY = message("not_idle", machines=(message("machine", arm="left", machine="RUN_EGM_ROUTINE"),))
+RUNS = message("program_runs")
+STOPPED = message("program_stopped")
+
+Expected = Callable[[str], Message]
+"""By the name of the request."""
+
+REFUSALS = {
+    "start_rapid": "cannot_start_rapid",
+    "pp_to_main": "cannot_move_pp",
+    "set_speed_ratio": "cannot_write",
+    "write_signal": "cannot_write",
+    "write_variable": "cannot_write",
+    "run_routine": "cannot_run_routine",
+    "load_module": "cannot_load_module",
+}
+
+
+def cannot(reason: Message) -> Expected:
+    """Each request in its own words, for the same reason."""
+
+    def expected(request: str) -> Message:
+        if request == "recover":
+            return message("not_brought_back", error=message("cannot_bring_up", reason=reason))
+        return Message(REFUSALS.get(request, "cannot_bring_up"), {"reason": reason})
+
+    return expected
+
+
+def says(code: str, **values: object) -> Expected:
+    return lambda _: Message(code, values)
+
+
+STOPPED_BY_PERSON = says("stopped_by_and_active", reason=PRESSED)
+NOBODY = says("text", text="Nothing answers in this memory.")
+VARIABLE = {"module": "TRobSG", "variable": "target_position_input", "task": "T_ROB_L"}
 
 
 @pytest.mark.parametrize(
-    ("robot", "requests", "sentence"),
+    ("robot", "requests", "expected", "actions"),
     [
         (
             in_manual,
             [("motors_on",), ("start_rapid",), ("pp_to_main",), ("set_speed_ratio", 50), ("make_ready",)],
-            TO_AUTO,
+            cannot(MANUAL),
+            {Action.TURN_TO_AUTO},
         ),
-        (in_manual, [RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",), SET_MODE, RECOVER], TO_AUTO),
-        (in_manual, [("write_signal", "RUN_SG_ROUTINE", "1")], TO_AUTO),
-        (in_emergency_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], PRESSED),
-        (in_emergency_stop, [("start_rapid",), RUN_ROUTINE, ("make_ready",)], PRESSED),
-        (in_emergency_stop, [("start_egm",), RECOVER], "after that, look at the robot and call robot.recover("),
-        (motors_off, [("start_rapid",)], START_RAPID),
-        (in_guard_stop, [("motors_on",), ("start_egm",), SET_MODE, RECOVER], GUARD),
-        (in_egm, [("pp_to_main",)], PP_TO_MAIN),
-        (in_egm, [RUN_ROUTINE, LOAD_MODULE], BUSY),
-        (stopped, [RUN_ROUTINE, LOAD_MODULE], STOPPED),
-        (gone, [("motors_on",), ("motors_off",), ("start_rapid",), ("stop_rapid",), ("pp_to_main",)], NOBODY),
-        (gone, [("set_speed_ratio", 50), RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",)], NOBODY),
-        (gone, [("stop_egm",), SET_MODE, ("write_signal", "RUN_SG_ROUTINE", "1"), ("read_signal", "x")], NOBODY),
-        (gone, [("read_variable", "T_ROB_L", "TRobSG", "x")], NOBODY),
-        (ready, [("set_speed_ratio", 101)], "A speed ratio of 101 % is not possible; give 0 to 100"),
-        (ready, [("run_routine", Side.LEFT, "2nd")], "'2nd' is not a name of a RAPID routine; give a letter, then"),
-        (ready, [("load_module", Side.LEFT, "Pick.txt", MODULE)], "'Pick.txt' is not a name of a RAPID file; give"),
-        (ready, [("write_signal", "nothing", "1"), ("read_signal", "nothing")], "look at its list of I/O signals"),
-        (ready, [("write_variable", "T_ROB_L", "TRobSG", "2nd", "1")], "'2nd' is not a RAPID name; give task, module"),
-        (ready, [("read_variable", "T_ROB_L", "TRobSG", "nothing")], "no TRobSG/nothing in task T_ROB_L; check"),
+        (
+            in_manual,
+            [RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",), SET_MODE, RECOVER],
+            cannot(MANUAL),
+            {Action.TURN_TO_AUTO},
+        ),
+        (in_manual, [("write_signal", "RUN_SG_ROUTINE", "1")], cannot(MANUAL), {Action.TURN_TO_AUTO}),
+        (
+            in_emergency_stop,
+            [("motors_on",), ("start_egm",), SET_MODE, RECOVER],
+            STOPPED_BY_PERSON,
+            {Action.RELEASE_STOP},
+        ),
+        (in_emergency_stop, [("start_rapid",), RUN_ROUTINE, ("make_ready",)], STOPPED_BY_PERSON, {Action.RELEASE_STOP}),
+        (in_emergency_stop, [("start_egm",), RECOVER], STOPPED_BY_PERSON, {Action.CONFIRM_STOP}),
+        (motors_off, [("start_rapid",)], cannot(message("motors_off")), {Action.MOTORS_ON}),
+        (
+            in_guard_stop,
+            [("motors_on",), ("start_egm",), SET_MODE, RECOVER],
+            says("stopped_by_and_active", reason=GUARD),
+            {Action.CONFIRM_STOP},
+        ),
+        (in_egm, [("pp_to_main",)], cannot(RUNS), set()),
+        (in_egm, [RUN_ROUTINE, LOAD_MODULE], cannot(BUSY), {Action.STOP_EGM}),
+        (stopped, [RUN_ROUTINE, LOAD_MODULE], cannot(STOPPED), {Action.RECOVER}),
+        (gone, [("motors_on",), ("motors_off",), ("start_rapid",), ("stop_rapid",), ("pp_to_main",)], NOBODY, set()),
+        (gone, [("set_speed_ratio", 50), RUN_ROUTINE, LOAD_MODULE, WRITE_VARIABLE, ("start_egm",)], NOBODY, set()),
+        (gone, [("stop_egm",), SET_MODE, ("write_signal", "RUN_SG_ROUTINE", "1"), ("read_signal", "x")], NOBODY, set()),
+        (gone, [("read_variable", "T_ROB_L", "TRobSG", "x")], NOBODY, set()),
+        (
+            ready,
+            [("set_speed_ratio", 101)],
+            says("speed_ratio_out_of_range", percent=101, lowest=0, highest=100),
+            set(),
+        ),
+        (ready, [("run_routine", Side.LEFT, "2nd")], says("no_routine_name", name="2nd"), set()),
+        (ready, [("load_module", Side.LEFT, "Pick.txt", MODULE)], says("no_rapid_file_name", name="Pick.txt"), set()),
+        (
+            ready,
+            [("write_signal", "nothing", "1"), ("read_signal", "nothing")],
+            says("signal_unknown", signal="nothing"),
+            set(),
+        ),
+        (ready, [("write_variable", "T_ROB_L", "TRobSG", "2nd", "1")], says("no_rapid_name", name="2nd"), set()),
+        (
+            ready,
+            [("read_variable", "T_ROB_L", "TRobSG", "nothing")],
+            says("variable_unknown", module="TRobSG", variable="nothing", task="T_ROB_L"),
+            set(),
+        ),
         (
             ready,
             [(*WRITE_VARIABLE[:-1], "TRUE"), (*WRITE_VARIABLE[:-1], "[1]")],
-            "it is a num, such as 1.5, or",
+            says("variable_refused", kind="num", example="1.5", **VARIABLE),
+            set(),
         ),
-        (ready, [("write_signal", "RUN_SG_ROUTINE", "2")], "a digital signal is 0 or 1, another one has the range of"),
-        (ready, [("write_signal", "OUTPUT_STATIONARY_ROB_L", "0")], 'a signal needs Access "All"'),
+        (
+            ready,
+            [("write_signal", "RUN_SG_ROUTINE", "2")],
+            says("signal_value_refused", signal="RUN_SG_ROUTINE", value="2"),
+            set(),
+        ),
+        (
+            ready,
+            [("write_signal", "OUTPUT_STATIONARY_ROB_L", "0")],
+            says("rws_refused", reason=message("rws_reject")),
+            set(),
+        ),
     ],
 )
 def test_request_that_is_refused_says_what_to_do_and_changes_nothing(
-    robot: Callable[[], System], requests: list[tuple[object, ...]], sentence: str
+    robot: Callable[[], System], requests: list[tuple[object, ...]], expected: Expected, actions: set[Action]
 ) -> None:
     system = robot()
     before = seen(system)
     for name, *arguments in requests:
         request = getattr(system.manager.panel if name in PANEL else system.manager, str(name))
-        with pytest.raises(YumiError) as refusal:
+        said = expected(str(name))
+        with refused(YumiError, said.code, **said.values) as refusal:
             request(*arguments)
-        assert sentence in str(refusal.value)
+        assert actions <= set(refusal.value.said.actions)
         system.wait(0.1)
         assert seen(system) == before

@@ -13,8 +13,9 @@ import pytest
 
 from refusals import assert_says, numbers_in
 from system.recovery_bench import MovingSystem
-from yumi.catalogue import Message, message
+from yumi.catalogue import Message, clause, message, remedy_of
 from yumi.clock import ManualClock
+from yumi.control.shared_state import Event as ArmEvent
 from yumi.control.shared_state import is_fault
 from yumi.driver.monitor import JOINTS_POLL, MOTORS_OFF, PROGRAM_STOPPED, STALE, WHOLE_POLL
 from yumi.driver.readiness import Mode, RobotState
@@ -311,9 +312,9 @@ def numbers_of(cause: Cause) -> list[int]:
     return [each.values["number"] for each in cause.causes]
 
 
-def shown(monitored: Monitored) -> list[tuple[int, str]]:
-    """The lines of the log as a person reads them."""
-    return [(level, str(said)) for level, said in monitored.lines]
+def changed(change: str) -> tuple[int, Message]:
+    """The line of the log that says what has changed for the better."""
+    return logging.INFO, message("robot_changed", changes=(change,))
 
 
 STOPS = [
@@ -373,21 +374,20 @@ def test_each_change_for_the_better_is_logged_whoever_made_it(monitored: Monitor
     monitored.lines.clear()
     controller.select_mode(OperatingMode.AUTO)
     monitored.wait(1.0)
-    assert (logging.INFO, "Operating mode AUTO.") in shown(monitored)
+    assert changed("operating mode AUTO") in monitored.lines
     controller.set_motors(on=True)
     monitored.wait(1.0)
-    assert (logging.INFO, "Motors on.") in shown(monitored)
+    assert changed("motors on") in monitored.lines
     controller.start_rapid()
     monitored.wait(1.0)
-    assert (logging.INFO, "RAPID program running.") in shown(monitored)
+    assert changed("RAPID program running") in monitored.lines
     monitored.lines.clear()
     system.faults.inject(Fault.WARM_RESTART)
     monitored.until(lambda state: not state.is_connected)
     monitored.until(lambda state: state.is_connected, timeout=60.0)
     monitored.wait(1.0)
-    assert [line for line in shown(monitored) if "controller answers" in line[1]] == [
-        (logging.INFO, "The controller answers.")
-    ]
+    answers = "the controller answers"
+    assert [line for line in monitored.lines if answers in line[1].values.get("changes", ())] == [changed(answers)]
 
 
 def test_emergency_stop_during_a_request_is_an_alarm(monitored: Monitored) -> None:
@@ -461,10 +461,16 @@ def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
 ) -> None:
     monkeypatch.setattr(monitored.monitor, "_thread", object())  # its steps are made by this test
     system, arm = monitored.system, monitored.system.arms[Side.RIGHT]
-    clock = ManualClock(system.now())
-    records = Recorder(
-        tmp_path, 50, {Side.RIGHT: arm.recorder}, lambda sentence: None, clock, monitored.monitor.describe
-    )
+    clock, described = ManualClock(system.now()), list[Message]()
+
+    def describe(event: ArmEvent, then: Callable[[Message], None]) -> None:
+        def hear(said: Message) -> None:
+            described.append(said)
+            then(said)
+
+        monitored.monitor.describe(event, hear)
+
+    records = Recorder(tmp_path, 50, {Side.RIGHT: arm.recorder}, lambda sentence: None, clock, describe)
     arm.events.clear()
     system.faults.inject(Fault.COLLISION)
     system.until(lambda: any(map(is_fault, arm.events)), 0.5)
@@ -474,10 +480,14 @@ def test_flight_record_of_a_stop_by_the_controller_has_its_cause(
     records.close()
     recorded = read_recording(next(tmp_path.glob("*.mcap"))).stop
     assert recorded is not None
-    happened, cause = recorded.sentence.split(" Cause: ")
-    assert str(stop).startswith(happened.removesuffix("."))  # without what to do: the cause says that
-    assert cause.startswith("50204 Motion supervision")
-    assert cause.count("recover") == 1
+    (said,) = described
+    assert recorded.sentence == str(said)
+    assert_says(said, "explained_stop", event=stop.said)
+    (cause,) = said.values["causes"]
+    assert (cause.values["number"], cause.values["title"]) == (50204, "Motion supervision")
+    assert clause(stop.said)[1:] in recorded.sentence
+    assert remedy_of(stop.said) not in recorded.sentence  # the cause says what to do
+    assert recorded.sentence.count(said.values["stop"]) == 1
 
 
 def test_stop_is_explained_to_all_who_wait_although_one_of_them_fails(
@@ -506,7 +516,8 @@ def test_state_that_was_read_too_long_ago_is_unknown(monitored: Monitored) -> No
     assert not state.is_connected
     assert state.execution is None
     assert [each.code for each in state.reasons] == ["state_is_old"]
-    assert str(state).startswith("the robot's state is not known: it was last read ")
+    assert state.reasons[0].values["age"] >= STALE + WHOLE_POLL
+    assert str(state).startswith(clause(state.reasons[0]))
 
 
 def test_state_is_known_for_as_long_as_the_monitor_makes_its_steps(without_egm: Monitored) -> None:

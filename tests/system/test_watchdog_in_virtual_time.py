@@ -9,7 +9,7 @@ from typing import cast
 
 import pytest
 
-from system.recovery_bench import MovingSystem
+from system.recovery_bench import MovingSystem, recovered
 from system.virtual_time_bench import System
 from yumi.driver.egm_control import Watchdog, WatchdogSettings
 from yumi.driver.state_machine import GRIPPER, RUN_GRIPPER, START_JOINT, WATCHDOG, SgCommand
@@ -72,7 +72,7 @@ def test_robot_that_stopped_itself_is_brought_back_by_the_next_driver(system: Mo
     system.arms = {}
     system.wait(TIMEOUT + 0.5)
     system.start_driver()
-    assert system.recover().startswith("Recovered after 80001 Stopped by the watchdog")
+    assert system.recover() == recovered("80001 Stopped by the watchdog", done="The robot is ready")
     system.manager.start_egm()
     assert system.is_moving_again()
 
