@@ -8,7 +8,8 @@ It does not trust the session. Whatever a datagram says, as long as the robot ma
 one goes on from the last. What the feedback is worth is decided in :mod:`yumi.control.feedback`, which commands the
 robot follows in :mod:`yumi.control.references` (docs/explanation/decisions/0014-feedback-is-doubted.md).
 
-How fast positions change is limited in :mod:`yumi.control.position_limiter`, the speeds sent with them in
+What is done with the arm follows from one state, and the table of :mod:`yumi.control.limiter_state`. How fast positions
+change is limited in :mod:`yumi.control.position_limiter`, the speeds sent with them in
 :mod:`yumi.control.feed_forward_limiter`, both within the factor of :mod:`yumi.control.speed_scale`.
 """
 
@@ -17,12 +18,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from math import dist, inf, isfinite
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.counters import LimiterCounters
 from yumi.control.feed_forward_limiter import FedForward, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
+from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent, LimiterState, next_state
 from yumi.control.motion import (
     EGM_GAIN,
     SERVO_CYCLES,
@@ -61,9 +63,16 @@ _NO_TIME = 0.1  # of a period: nothing follows from how far something moved mean
 _NO_LEAD = 1e-4  # [rad] less than the joints' resolution
 _SLIGHT_LEAD = 0.01  # [rad] a lead that a robot may follow at once
 _PROBE = 1e-3  # [rad] the lead that shows whether a robot that ignored its references follows again
-_SETTLING = 1.0  # [s] after which a command that is back settles no further
+_SETTLING_TIME = 1.0  # [s] after which a command that is back settles no further
 _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
+
+# An enumeration is slow to look into.
+_BEGINNING, _STANDBY, _SETTLING = LimiterState.BEGINNING, LimiterState.STANDBY, LimiterState.SETTLING
+_WAITING, _IGNORED = LimiterState.WAITING, LimiterState.IGNORED
+_BACK, _DESIRED, _IGNORING = LimiterEvent.BACK, LimiterEvent.DESIRED, LimiterEvent.IGNORING
+_NOT_FOLLOWING, _REPEATING = LimiterEvent.NOT_FOLLOWING, LimiterEvent.REPEATING
+_UNDESIRED, _UNUSABLE = LimiterEvent.UNDESIRED, LimiterEvent.UNUSABLE
 
 
 def _is_finite(command: ArmCommand) -> bool:
@@ -77,19 +86,21 @@ class SentMotion(NamedTuple):
         positions: sent so far.
         speeds: fed forward so far.
         is_at_rest: whether the command stands, and does not lead the robot any more.
-        is_settling: whether the arm is held, and its command not back where the arm is.
-        settling_for: since when [s].
+        held_for: for how long the arm is held, and nothing else was desired [s].
         stop_within: the positions between which an arm that holds may come to rest [rad]; None while it does not hold.
+        stop_at: where the arm holds while its feedback is implausible [rad], (7,); None while it is not.
+        was_refused: whether nothing but braking kept the arms apart, and no command beside a boundary did since.
         counters: what was changed so far.
     """
 
     positions: PositionMotion
-    speeds: FedForward
-    is_at_rest: bool
-    is_settling: bool
-    settling_for: float
-    stop_within: tuple[Joints, Joints] | None
-    counters: LimiterCounters
+    speeds: FedForward = FedForward()
+    is_at_rest: bool = True
+    held_for: float = 0.0
+    stop_within: tuple[Joints, Joints] | None = None
+    stop_at: Joints | None = None
+    was_refused: bool = False
+    counters: LimiterCounters = LimiterCounters()
 
 
 def _counted(motion: SentMotion, **changed: bool) -> SentMotion:
@@ -105,7 +116,9 @@ class Limiter:
     In each cycle: :meth:`check` the state, :meth:`limit` the command, and :meth:`observe` after the reply.
 
     Attributes:
-        is_waiting: whether the command waits since the robot follows an older one.
+        state: what is done with the arm.
+        is_strict: whether an event that the table of states does not have raises ForbiddenTransition, as in the tests;
+            else it is counted, and the arm holds.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -118,6 +131,8 @@ class Limiter:
         bandwidth: of the robot's low-pass filter on the speed [Hz]; 0 is none.
     """
 
+    is_strict: ClassVar[bool] = False
+
     def __init__(
         self,
         limits: JointLimits,
@@ -127,7 +142,7 @@ class Limiter:
         collisions: ArmCollisionLimiter | None = None,
         bandwidth: float = 0.0,
     ) -> None:
-        self.is_waiting = False
+        self.state = LimiterState.NO_SESSION
         self._period = period
         most = [_TAKEN_AT_ONCE * top * period for top in limits.acceleration]
         self._taken_at_once = joints(most)  # [rad/s] a joint may change its speed by when it follows again
@@ -137,24 +152,26 @@ class Limiter:
         self._following = FOLLOWING / (gain if gain > 0.0 else EGM_GAIN)
         self._position_limiter = PositionLimiter(limits)
         self._feed_forward_limiter = FeedForwardLimiter(limits, gain, period)
-        self._motion = SentMotion(resting_at(ZERO), FedForward(), True, False, 0.0, None, LimiterCounters())
+        self._motion = SentMotion(resting_at(ZERO))
         self._feedback = FeedbackCheck(limits, other_arm)
         self._references = ReferenceMonitor(gain, limits.velocity, period, bandwidth)
         self._collisions = collisions
-        self._was_refused = False  # whether nothing but braking was accepted, and no command beside a boundary since
         self._session = 0
         self._sent_at = -inf
-        self._state: ArmState | None = None  # what was made of the newest state
-        self._is_new = False  # whether the robot does not follow yet, and the next command is the first of its session
+        self._checked: ArmState | None = None  # what was made of the newest state
         self._delay = PositionDelay()
         self._scale = self._scaled = FULL  # of speeds, and of positions
         self._scales = deque([FULL] * (SERVO_CYCLES + 2), SERVO_CYCLES + 2)  # of the last cycles
-        self._stop_at: Joints | None = None  # where the arm holds while its feedback is implausible
 
     @property
     def counters(self) -> LimiterCounters:
         """What was changed so far."""
         return self._motion.counters
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the command waits since the robot follows an older one."""
+        return self.state is _WAITING
 
     @property
     def is_at_rest(self) -> bool:
@@ -183,8 +200,12 @@ class Limiter:
         """The parts that must not come nearer to each other, where that limits the arm in this cycle."""
         return self._collisions.limited if self._collisions else None
 
-    def note_silence(self) -> None:
-        """The arm's datagrams do not arrive any more: the other arm keeps clear of where this one may go."""
+    def note_silence(self, *, is_long: bool = False) -> None:
+        """The arm's datagrams do not arrive any more: the other arm keeps clear of where this one may go.
+
+        ``is_long``: for so long that the arm's controllers are deactivated.
+        """
+        self._go(LimiterEvent.LONG_SILENCE if is_long else LimiterEvent.SILENCE)
         if self._collisions is not None:
             self._collisions.connection_lost()
 
@@ -215,23 +236,28 @@ class Limiter:
             None where no reply is safe: it is open whether the robot still follows, or where it is.
         """
         if state.session != self._session:
-            self._state = self._enter(state)
+            checked = self._enter(state)
         elif self._feedback.is_plausible(state, self._motion.positions.position):
-            self._state = self._accept(state)
+            checked = self._accept(state)
         else:
             # A plan that seemed to stand would hide that the lead becomes less as the robot goes on.
             last = self._feedback.reject(state)
-            self._state = self._references.expected(last) or last
+            checked = self._references.expected(last) or last
+            if self._feedback.is_lost:
+                self._go(LimiterEvent.NOT_BELIEVED)
+            elif self._feedback.in_a_row >= DOUBTED:
+                self._go(LimiterEvent.IMPLAUSIBLE)
         if self._feedback.implausible != self.counters.implausible:
             self._change(counters=self.counters._replace(implausible=self._feedback.implausible))
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
-        if self._state is not None and is_back and dist(self._motion.positions.position, state.planned) >= _SLIGHT_LEAD:
+        if checked is not None and is_back and dist(self._motion.positions.position, state.planned) >= _SLIGHT_LEAD:
             # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
             self._rest()
-            self._state = None
+            checked = None
         is_followed = state.is_running and not self._feedback.in_a_row  # else the plan may be the expected one
-        self._references.compare(self._state if is_followed else None)
-        return self._state
+        self._references.compare(checked if is_followed else None)
+        self._checked = checked
+        return checked
 
     def limit(self, state: ArmState, desired: ArmCommand | None) -> ArmCommand:
         """The command to send, next to ``desired``; None holds.
@@ -239,7 +265,7 @@ class Limiter:
         The first command of a session in which the robot does not follow yet equals the measured position: a robot that
         begins to follow finds no step. So do the commands while the robot does not follow, once they have come there.
         """
-        if state is not self._state:
+        if state is not self._checked:
             checked = self.check(state)
             if checked is None:  # repeat the last command; before the first one, where the robot is
                 if self._sent_at == -inf:
@@ -254,8 +280,9 @@ class Limiter:
     def _limit(self, state: ArmState, desired: ArmCommand | None) -> bool:
         """Go on with the motion for a state that was checked; whether the collision limiter has accepted it."""
         self._sent_at = state.time
-        if self._is_new:
+        if self.state is _BEGINNING:
             self._begin(state)
+            self._go(LimiterEvent.FIRST_SENT)
             return False
         if state.dt <= 0.0:
             self._rest()  # without datagrams the command has stood still
@@ -265,27 +292,72 @@ class Limiter:
         if dt < _NO_TIME * self._period:
             return False
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
-            self.is_waiting = False
+            if self._feedback.in_a_row < DOUBTED:
+                self._go(_NOT_FOLLOWING)
             self._delay.clear()
             self._motion = self._come_to(self._motion, state, dt)
             return False
+        return self._follow(state, desired, dt)
+
+    def _follow(self, state: ArmState, desired: ArmCommand | None, dt: float) -> bool:
+        """Go on with a robot that follows, and whose position is believed; returns what :meth:`_limit` does."""
         if desired is None or self._gain == 0.0 or not _is_finite(desired):
             self._delay.clear()
         else:
             desired = self._delay.next(desired, state.dt, self._motion.positions.position)
-        if self._has_to_wait():
+        event = self._event(state, desired)
+        if event is _REPEATING:
+            if self.state is not _WAITING:
+                self._rest()  # to brake would lead it on by what it does not follow
             desired = self._place_to_wait()
             speeds = self._references.speeds(state, self._references.followed)
             self._change(speeds=self._feed_forward_limiter.follow(self._motion.speeds, speeds, dt))
+        elif event is not _DESIRED:
+            desired = None
+        is_accepted = False
         if self._collisions is None:
-            self._motion = self._step(self._motion, state, desired, dt)
-            return False
-        self._motion, is_accepted = self._step_apart(self._collisions, self._motion, state, desired, dt)
+            self._motion = self._step(self._motion, state, desired, dt, event)
+        else:
+            self._motion, is_accepted = self._step_apart(self._collisions, self._motion, state, desired, dt, event)
+        if event is _UNDESIRED and self._is_back(state):
+            event = _BACK
+        self._go(event)
         return is_accepted
+
+    def _event(self, state: ArmState, desired: ArmCommand | None) -> LimiterEvent:
+        """What a cycle brings of such a robot, and of what is desired."""
+        references = self._references
+        if references.are_ignored:
+            return _IGNORING
+        is_missed = references.is_repeating if self.state is _WAITING else references.are_lost(self._taken_at_once)
+        if is_missed:
+            return _REPEATING
+        if desired is None or self.state in (_SETTLING, _IGNORED):
+            return _UNDESIRED
+        if not _is_finite(desired):
+            self._count(refused=True)
+            return _UNUSABLE
+        if not self._is_near(self._motion, state):
+            self._count(slowed=True)
+            return _UNUSABLE
+        return _DESIRED
+
+    def _go(self, event: LimiterEvent) -> None:
+        """To what follows on an event."""
+        try:
+            self.state = next_state(self.state, event)
+        except ForbiddenTransition:
+            if self.is_strict:
+                raise
+            self.state = LimiterState.HOLDING
+            self._count(forbidden=True)
 
     def _change(self, **values: Any) -> None:
         """Go on with the motion as it was, but for what is different in it."""
         self._motion = self._motion._replace(**values)
+
+    def _count(self, **changed: bool) -> None:
+        self._motion = _counted(self._motion, **changed)
 
     def _rest(self) -> None:
         """Go on from rest."""
@@ -295,16 +367,6 @@ class Limiter:
         """Go on with a robot that repeated the last command for a while."""
         motion = self._motion
         self._change(speeds=self._feed_forward_limiter.resume(motion.speeds, state, motion.positions.position))
-
-    def _has_to_wait(self) -> bool:
-        """Whether the command waits in this cycle, for a robot that follows an older one."""
-        references = self._references
-        if self.is_waiting:  # until the robot follows a newer one, or the arm is held for following none
-            self.is_waiting = references.is_repeating and self.problem is Problem.NONE
-        elif self.problem is Problem.NONE and references.are_lost(self._taken_at_once):
-            self.is_waiting = True
-            self._rest()  # to brake would lead it on by what it does not follow
-        return self.is_waiting
 
     def _place_to_wait(self) -> ArmCommand:
         """Where a command waits: as near to the one that the robot follows as it may set out to at once."""
@@ -319,36 +381,39 @@ class Limiter:
         collisions: ArmCollisionLimiter,
         motion: SentMotion,
         state: ArmState,
-        desired: ArmCommand | None,
+        wanted: ArmCommand | None,
         dt: float,
+        event: LimiterEvent,
     ) -> tuple[SentMotion, bool]:
         """The first of some such motions that keeps the arms apart, and True; where none does, braking, and False."""
-        wanted = desired if desired is not None and _is_finite(desired) else None
         is_held = collisions.begin_cycle(wanted, state.position, dt)
-        candidates = (desired,) if wanted is None else () if is_held else self._candidates(collisions, motion, wanted)
+        candidates = (None,) if wanted is None else () if is_held else self._candidates(collisions, motion, wanted)
+        found = motion
         for index, candidate in enumerate(candidates):
-            found = self._step(motion, state, candidate, dt)
+            found = self._step(motion, state, candidate, dt, event)
             feeds_forward = candidate is not None and candidate.velocity is not ZERO
             robot = found.speeds.robot
             if collisions.accepts(state.planned, found.positions.moving, robot, feeds_forward=feeds_forward):
-                self._was_refused = self._was_refused and index > 0
+                found = found._replace(was_refused=motion.was_refused and index > 0)
                 if candidate is wanted or candidate is None or wanted is None:
                     return found, True
                 # A robot that only follows later is not led elsewhere.
                 is_elsewhere = candidate.position is not wanted.position
                 is_withheld = wanted.velocity is not ZERO and not feeds_forward
                 return _counted(found, kept_apart=is_elsewhere, feedforward_withheld=is_withheld), True
-            # What a refused motion has shown of how the arm comes to rest counts for the next one.
-            motion = motion._replace(
-                is_at_rest=found.is_at_rest, is_settling=found.is_settling, stop_within=found.stop_within
-            )
-        self._was_refused = not is_held
         positions = motion.positions
         if not positions.stands(dt):
             positions = self._position_limiter.brake(positions, dt)
         speeds = self._feed_forward_limiter.step(motion.speeds, state, positions.position, ZERO, dt)
-        motion = motion._replace(positions=positions, speeds=speeds, is_at_rest=False)
-        return _counted(motion, kept_apart=True, refused=wanted is not desired), False
+        # What a refused motion has shown of how the arm comes to rest counts for the next one.
+        braking = motion._replace(
+            positions=positions,
+            speeds=speeds,
+            is_at_rest=False,
+            stop_within=found.stop_within,
+            was_refused=not is_held,
+        )
+        return _counted(braking, kept_apart=True), False
 
     def _candidates(
         self, collisions: ArmCollisionLimiter, motion: SentMotion, desired: ArmCommand
@@ -362,7 +427,7 @@ class Limiter:
             yield ArmCommand(first.position)  # may go there, but the robot has to follow it late
         # What was compared has found the boundary; where that does not change the command, it is refused again.
         along = collisions.steered(desired)
-        if along != first and not self._was_refused:
+        if along != first and not motion.was_refused:
             yield along
         position, velocity, _ = motion.positions.moving
         far = largest_difference(desired.position, position)
@@ -371,19 +436,13 @@ class Limiter:
             rows = zip(position, desired.position, strict=True)
             yield ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
 
-    def _step(self, motion: SentMotion, state: ArmState, desired: ArmCommand | None, dt: float) -> SentMotion:
-        """The motion after a cycle in which the robot follows."""
-        holds = desired is None or motion.is_settling or self.problem is not Problem.NONE
-        if desired is None or (holds and not self.is_waiting):
-            held, settling_for = self._hold(motion, state, dt), motion.settling_for + state.dt
-            is_near = dist(held.positions.position, state.position) < _SLIGHT_LEAD
-            # The arm stands sooner than the command is back; what keeps shaking does so for its noise.
-            is_settling = not (held.is_at_rest or (is_near and settling_for >= _SETTLING))
-            return held._replace(is_settling=is_settling, settling_for=settling_for)
-        if not _is_finite(desired):
-            return _counted(self._hold(motion, state, dt)._replace(settling_for=0.0), refused=True)
-        if not self._is_near(motion, state) and not self.is_waiting:
-            return _counted(self._hold(motion, state, dt)._replace(settling_for=0.0), slowed=True)
+    def _step(
+        self, motion: SentMotion, state: ArmState, desired: ArmCommand | None, dt: float, event: LimiterEvent
+    ) -> SentMotion:
+        """The motion after a cycle in which the robot follows: next to ``desired``, or held."""
+        if desired is None:
+            held_for = 0.0 if event is _UNUSABLE else motion.held_for + state.dt
+            return self._hold(motion, state, dt, event)._replace(held_for=held_for)
         goal = inside(desired.position, self._limits, motion.positions.position)
         positions = self._position_limiter.step(motion.positions, goal, dt, state.dt)
         position = positions.position
@@ -395,13 +454,22 @@ class Limiter:
         if is_cut or is_slowed:
             cut, slowed = counters.position_limited + is_cut, counters.slowed + is_slowed
             counters = counters._replace(position_limited=cut, slowed=slowed)
-        return SentMotion(positions, speeds, False, motion.is_settling, 0.0, None, counters)
+        return SentMotion(positions, speeds, False, 0.0, None, None, motion.was_refused, counters)
+
+    def _is_back(self, state: ArmState) -> bool:
+        """Whether the command of an arm that is held is back where the arm is.
+
+        The arm stands sooner than the command is back; what keeps shaking does so for its noise.
+        """
+        motion = self._motion
+        is_near = dist(motion.positions.position, state.position) < _SLIGHT_LEAD
+        return motion.is_at_rest or (is_near and motion.held_for >= _SETTLING_TIME)
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
-        positions, speeds, at_rest, settling, settling_for, within, counters = self._motion
+        positions, speeds, at_rest, held_for, within, stop_at, was_refused, counters = self._motion
         speeds = speeds.observed(state, positions.sent.position)
-        self._motion = SentMotion(positions, speeds, at_rest, settling, settling_for, within, counters)
+        self._motion = SentMotion(positions, speeds, at_rest, held_for, within, stop_at, was_refused, counters)
         self._scale_positions()
         is_valid = state.is_running and not self._feedback.in_a_row
         self._references.observe(
@@ -420,28 +488,25 @@ class Limiter:
         last = self._last
         if not self._feedback.is_start(state, last.position):
             self._feedback.reject(state)
+            self._go(LimiterEvent.SESSION_ELSEWHERE)
             return None
         may_follow = state.time - self._sent_at < self._following
         is_led = max(map(abs, self._references.speeds(state, last))) >= _SLIGHT_LEAD * EGM_GAIN
         if may_follow and is_led:  # a speed that was sent with it may keep the robot away from where it was sent
             self._accept(state)
+            self._go(LimiterEvent.SESSION_LED)
             return None
-        self._is_new = not may_follow
-        return self._begin_session(state._replace(dt=0.0))  # nothing was sent since the last command
-
-    def _begin_session(self, state: ArmState) -> ArmState:
+        self._go(LimiterEvent.SESSION_CONTINUED if may_follow else LimiterEvent.SESSION_NEW)
         self._session = state.session
         self._change(stop_within=None)
-        self.is_waiting = False
         self._delay.clear()
         self._references.begin(state)
-        return self._accept(state)
+        return self._accept(state._replace(dt=0.0))  # nothing was sent since the last command
 
     def _accept(self, state: ArmState) -> ArmState:
         if self._feedback.in_a_row:
             self._resume(state)
-            self._stop_at = None
-            self._change(stop_within=None)
+            self._change(stop_within=None, stop_at=None)
             if dist(self._motion.positions.position, state.planned) >= _SLIGHT_LEAD:
                 self._change(is_at_rest=False)  # the command is not where the robot is
         return self._feedback.accept(state)
@@ -449,13 +514,10 @@ class Limiter:
     def _begin(self, state: ArmState) -> None:
         """Begin with the first command: where the robot is, at most at the end of its range."""
         position = inside(state.position, self._limits, self._limits.lower)
-        self._change(
-            positions=resting_at(position), speeds=FedForward(), is_at_rest=True, is_settling=False, stop_within=None
-        )
-        self._is_new = False
+        self._change(positions=resting_at(position), speeds=FedForward(), is_at_rest=True, stop_within=None)
         self._references.begin(state, ArmCommand(position))
 
-    def _hold(self, motion: SentMotion, state: ArmState, dt: float) -> SentMotion:
+    def _hold(self, motion: SentMotion, state: ArmState, dt: float, event: LimiterEvent) -> SentMotion:
         """Come to rest, then repeat the last command.
 
         A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
@@ -467,7 +529,7 @@ class Limiter:
         if motion.is_at_rest and positions.stands(dt):  # it may creep after the noise of an arm that stood
             return motion._replace(speeds=self._feed_forward_limiter.step(motion.speeds, state, last, ZERO, dt))
         # A command that chased noise would never rest; a lead of some size shows whether it is taken.
-        kept = _PROBE if self.problem is Problem.REFERENCES_IGNORED else _NO_LEAD
+        kept = _PROBE if event is _IGNORING else _NO_LEAD
         stop_within = motion.stop_within or self._places_to_stop(motion, state)
         rows = zip(last, self._place_to_rest(state), *stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])
@@ -512,14 +574,16 @@ class Limiter:
 
         Where its position is implausible, come to rest where the command itself does.
         """
-        goal, last = state.position, motion.positions.position
+        goal, last, stop_at = state.position, motion.positions.position, motion.stop_at
         if self._feedback.in_a_row:
-            self._stop_at = goal = self._stop_at or self._position_limiter.place_to_stop(motion.positions)
+            stop_at = goal = stop_at or self._position_limiter.place_to_stop(motion.positions)
         positions = self._go_to(motion.positions, goal, state, dt)
         position = positions.position
         speeds = self._feed_forward_limiter.step(motion.speeds, state, position, ZERO, dt)
         is_at_rest = dist(position, goal) < _NEAR and dist(last, position) < _CREEPS
-        return motion._replace(positions=positions, speeds=speeds, is_at_rest=is_at_rest, stop_within=None)
+        return motion._replace(
+            positions=positions, speeds=speeds, is_at_rest=is_at_rest, stop_within=None, stop_at=stop_at
+        )
 
     def _go_to(self, positions: PositionMotion, goal: Joints, state: ArmState, dt: float) -> PositionMotion:
         """Nearer to ``goal`` within the limits; never out of the range, or further out."""

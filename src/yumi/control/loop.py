@@ -270,7 +270,7 @@ class ArmLoop:
         unwatched = now - looked
         is_ours = unwatched > STOOD_STILL and silence - unwatched < self._interruption  # until then the robot was heard
         self._last = None
-        self._limiter.note_silence()
+        self._limiter.note_silence(is_long=True)
         deactivated = self.manager.deactivate_commanding()
         self._events.append(SessionLost(self._side, silence, deactivated, unwatched if is_ours else 0.0))
         self.publish(now)

@@ -13,6 +13,7 @@ from ruckig import RuckigError
 from soak import long, short
 from yumi.control import motion
 from yumi.control.limiter import Limiter
+from yumi.control.limiter_state import LimiterState
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import Problem
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, Joints, change_rate, joints
@@ -432,7 +433,7 @@ def test_limiter_that_held_goes_to_the_next_goal_whatever_the_noise_of_the_plan(
         command = limiter.limit(checked, None if is_held else ArmCommand(goal))
         limiter.observe(checked)
         if count == 400:
-            assert not limiter._motion.is_settling
+            assert limiter.state is LimiterState.FOLLOWING
     assert planned == pytest.approx(goal, abs=1e-3)
 
 

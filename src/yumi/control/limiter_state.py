@@ -1,0 +1,162 @@
+"""What the limiter does with an arm: its states, and the one table of what leads from one to the next.
+
+Each datagram, each thing desired and each silence is an event. ``setup/limiter_states.py`` makes the page of the
+documentation from this, docs/reference/limiter-states.md, and its picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import IntEnum
+
+
+class LimiterState(IntEnum):
+    """What the limiter does with an arm, see ``MEANINGS``."""
+
+    NO_SESSION = 0
+    ENTERING = 1
+    BEGINNING = 2
+    STANDBY = 3
+    FOLLOWING = 4
+    SETTLING = 5
+    HOLDING = 6
+    WAITING = 7
+    IGNORED = 8
+    COASTING = 9
+    LOST = 10
+    SILENT = 11
+    GONE = 12
+
+
+class LimiterEvent(IntEnum):
+    """What leads from one state to another, see ``SEEN``."""
+
+    SESSION_ELSEWHERE = 0
+    SESSION_LED = 1
+    SESSION_NEW = 2
+    SESSION_CONTINUED = 3
+    FIRST_SENT = 4
+    NOT_FOLLOWING = 5
+    IMPLAUSIBLE = 6
+    NOT_BELIEVED = 7
+    IGNORING = 8
+    REPEATING = 9
+    UNDESIRED = 10
+    BACK = 11
+    UNUSABLE = 12
+    DESIRED = 13
+    SILENCE = 14
+    LONG_SILENCE = 15
+
+
+_S, _E = LimiterState, LimiterEvent
+
+MEANINGS: Mapping[LimiterState, str] = {
+    _S.NO_SESSION: "The robot was not heard yet, or only where no arm can be. Nothing is sent.",
+    _S.ENTERING: "A session has begun, but the last command may still move the robot, or the arm is where that cannot "
+    "have led it. Nothing is sent: a robot without a reply keeps its last reference.",
+    _S.BEGINNING: "A session has begun. The next command is where the robot is measured, so that it finds no step.",
+    _S.STANDBY: "The robot does not follow. The command goes to where the arm is, within the limits.",
+    _S.FOLLOWING: "What is desired is sent, as far as the limits and the other arm allow.",
+    _S.SETTLING: "The arm brakes within the limits, and its command goes back to where the arm is. What is desired is "
+    "not taken until it is there.",
+    _S.HOLDING: "The last command is repeated. What is desired next is taken.",
+    _S.WAITING: "The robot follows an older command: those since were lost. The command waits as near to the older one "
+    "as the robot may set out to at once.",
+    _S.IGNORED: "Commands lead the robot, and its plan stands. The arm holds whatever is desired, its command at "
+    "most 0.001 rad ahead, until the plan moves. The arm's controllers are deactivated.",
+    _S.COASTING: "No position can be believed. The command comes to rest within the limits, where it can. Controllers "
+    "go on when a position can be believed.",
+    _S.LOST: "No position could be believed for long. As COASTING, and the arm's controllers are deactivated.",
+    _S.SILENT: "Nothing is calculated and nothing sent: the robot keeps its last reference. The other arm keeps "
+    "clear of where that leads this one. Controllers go on when the robot is heard again.",
+    _S.GONE: "As SILENT, and the arm's controllers are deactivated. When the robot is heard again, the arm holds.",
+}
+"""What is done with an arm in each state."""
+
+SEEN: Mapping[LimiterEvent, str] = {
+    _E.SESSION_ELSEWHERE: "a session begins where the arm cannot be, by its range, its plan or the last command",
+    _E.SESSION_LED: "a session begins while the last command is new enough to move the robot, and leads it",
+    _E.SESSION_NEW: "a session begins, and no command that was sent can move the robot",
+    _E.SESSION_CONTINUED: "a session begins while the last command is new enough to move the robot, but leads nowhere",
+    _E.FIRST_SENT: "the first command of a session was sent",
+    _E.NOT_FOLLOWING: "the robot does not follow: motors, EGM or RAPID are off",
+    _E.IMPLAUSIBLE: "5 positions or more in a row that no joint could have reached (before: the arm goes on as if it "
+    "had moved as it was led)",
+    _E.NOT_BELIEVED: "20 such positions or more in a row",
+    _E.IGNORING: "the plan has stood still for 0.12 s although commands lead the robot",
+    _E.REPEATING: "the robot goes on by one command, although others were sent since",
+    _E.UNDESIRED: "nothing is desired, or the arm settles, and the command is not back where the arm is",
+    _E.BACK: "nothing is desired, or the arm settles, and the command is back, or has been near for 1 s",
+    _E.UNUSABLE: "what is desired is no number, or the command is further ahead than the robot's speed explains",
+    _E.DESIRED: "a position is desired that can be taken",
+    _E.SILENCE: "no datagram for 20 ms",
+    _E.LONG_SILENCE: "no datagram for 80 ms",
+}
+"""What was seen at each event."""
+
+_SESSIONS = {
+    _E.SESSION_ELSEWHERE: _S.ENTERING,
+    _E.SESSION_LED: _S.ENTERING,
+    _E.SESSION_NEW: _S.BEGINNING,
+    _E.SESSION_CONTINUED: _S.SETTLING,
+}
+_SILENCES = {_E.SILENCE: _S.SILENT, _E.LONG_SILENCE: _S.GONE}
+_ARM = {
+    **_SESSIONS,
+    _E.NOT_FOLLOWING: _S.STANDBY,
+    _E.IMPLAUSIBLE: _S.COASTING,
+    _E.IGNORING: _S.IGNORED,
+    _E.REPEATING: _S.WAITING,
+    _E.UNDESIRED: _S.SETTLING,
+    _E.BACK: _S.HOLDING,
+    _E.UNUSABLE: _S.HOLDING,
+    _E.DESIRED: _S.FOLLOWING,
+    **_SILENCES,
+}
+_LONG_DOUBT = {_E.NOT_BELIEVED: _S.LOST}
+
+
+def _without(events: Mapping[LimiterEvent, LimiterState], *left_out: LimiterEvent) -> dict[LimiterEvent, LimiterState]:
+    return {event: state for event, state in events.items() if event not in left_out}
+
+
+TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
+    _S.NO_SESSION: {
+        _E.SESSION_ELSEWHERE: _S.NO_SESSION,
+        _E.SESSION_NEW: _S.BEGINNING,
+        _E.SILENCE: _S.NO_SESSION,
+        _E.LONG_SILENCE: _S.NO_SESSION,
+    },
+    _S.ENTERING: {**_SESSIONS, **_SILENCES},
+    _S.BEGINNING: {**_SESSIONS, _E.FIRST_SENT: _S.HOLDING, **_SILENCES},
+    _S.STANDBY: _ARM,
+    _S.FOLLOWING: _ARM,
+    _S.SETTLING: _without(_ARM, _E.DESIRED, _E.UNUSABLE),
+    _S.HOLDING: _ARM,
+    _S.WAITING: _ARM,
+    _S.IGNORED: _without(_ARM, _E.REPEATING),
+    _S.COASTING: {**_ARM, **_LONG_DOUBT},
+    _S.LOST: {**_without(_ARM, _E.IMPLAUSIBLE), **_LONG_DOUBT},
+    _S.SILENT: {**_ARM, **_LONG_DOUBT},
+    _S.GONE: {**_ARM, **_LONG_DOUBT},
+}
+"""What follows in each state on each event; an event that a state does not have is forbidden in that state."""
+
+_NEXT = tuple(tuple(TRANSITIONS[state].get(event) for event in LimiterEvent) for state in LimiterState)
+
+
+class ForbiddenTransition(RuntimeError):
+    """An event in a state that has none such in the table: the program is wrong."""
+
+
+def next_state(state: LimiterState, event: LimiterEvent) -> LimiterState:
+    """What follows on an event.
+
+    Raises:
+        ForbiddenTransition: by the table that event cannot be in that state.
+    """
+    following = _NEXT[state][event]
+    if following is None:
+        raise ForbiddenTransition(f"{event.name} in the state {state.name}")
+    return following
