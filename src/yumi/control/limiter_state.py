@@ -36,13 +36,13 @@ class LimiterEvent(IntEnum):
     SESSION_NEW = 2
     SESSION_CONTINUED = 3
     FIRST_SENT = 4
-    NOT_FOLLOWING = 5
+    NOT_BELIEVED = 5
     IMPLAUSIBLE = 6
-    NOT_BELIEVED = 7
+    NOT_FOLLOWING = 7
     IGNORING = 8
     REPEATING = 9
-    UNDESIRED = 10
-    BACK = 11
+    BACK = 10
+    UNDESIRED = 11
     UNUSABLE = 12
     DESIRED = 13
     SILENCE = 14
@@ -54,7 +54,7 @@ _S, _E = LimiterState, LimiterEvent
 MEANINGS: Mapping[LimiterState, str] = {
     _S.NO_SESSION: "The robot was not heard yet, or only where no arm can be. Nothing is sent.",
     _S.ENTERING: "A session has begun, but the last command may still move the robot, or the arm is where that cannot "
-    "have led it. Nothing is sent: a robot without a reply keeps its last reference.",
+    "have led it. Nothing is sent: a robot without a reply keeps its last reference. Each datagram is judged anew.",
     _S.BEGINNING: "A session has begun. The next command is where the robot is measured, so that it finds no step.",
     _S.STANDBY: "The robot does not follow. The command goes to where the arm is, within the limits.",
     _S.FOLLOWING: "What is desired is sent, as far as the limits and the other arm allow.",
@@ -64,34 +64,35 @@ MEANINGS: Mapping[LimiterState, str] = {
     _S.WAITING: "The robot follows an older command: those since were lost. The command waits as near to the older one "
     "as the robot may set out to at once.",
     _S.IGNORED: "Commands lead the robot, and its plan stands. The arm holds whatever is desired, its command at "
-    "most 0.001 rad ahead, until the plan moves. The arm's controllers are deactivated.",
+    "most 0.001 rad ahead, and its controllers are deactivated. Over when the plan moves.",
     _S.COASTING: "No position can be believed. The command comes to rest within the limits, where it can. Controllers "
     "go on when a position can be believed.",
-    _S.LOST: "No position could be believed for long. As COASTING, and the arm's controllers are deactivated.",
+    _S.LOST: "No position could be believed for long. As COASTING, and the arm's controllers are deactivated. Over "
+    "when a position can be believed.",
     _S.SILENT: "Nothing is calculated and nothing sent: the robot keeps its last reference. The other arm keeps "
     "clear of where that leads this one. Controllers go on when the robot is heard again.",
-    _S.GONE: "As SILENT, and the arm's controllers are deactivated. When the robot is heard again, the arm holds.",
+    _S.GONE: "As SILENT, and the arm's controllers are deactivated.",
 }
 """What is done with an arm in each state."""
 
 SEEN: Mapping[LimiterEvent, str] = {
     _E.SESSION_ELSEWHERE: "a session begins where the arm cannot be, by its range, its plan or the last command",
-    _E.SESSION_LED: "a session begins while the last command is new enough to move the robot, and leads it",
-    _E.SESSION_NEW: "a session begins, and no command that was sent can move the robot",
-    _E.SESSION_CONTINUED: "a session begins while the last command is new enough to move the robot, but leads nowhere",
+    _E.SESSION_LED: "a session begins less than about 1 s after the last command, which still leads the robot on",
+    _E.SESSION_NEW: "a session begins, and nothing was sent for about 1 s, or ever: no command can move the robot",
+    _E.SESSION_CONTINUED: "a session begins less than about 1 s after the last command, which leads the robot nowhere",
     _E.FIRST_SENT: "the first command of a session was sent",
-    _E.NOT_FOLLOWING: "the robot does not follow: motors, EGM or RAPID are off",
+    _E.NOT_BELIEVED: "20 positions or more in a row that no joint could have reached",
     _E.IMPLAUSIBLE: "5 positions or more in a row that no joint could have reached (before: the arm goes on as if it "
     "had moved as it was led)",
-    _E.NOT_BELIEVED: "20 such positions or more in a row",
+    _E.NOT_FOLLOWING: "the robot does not follow: motors, EGM or RAPID are off",
     _E.IGNORING: "the plan has stood still for 0.12 s although commands lead the robot",
     _E.REPEATING: "the robot goes on by one command, although others were sent since",
-    _E.UNDESIRED: "nothing is desired, or the arm settles, and the command is not back where the arm is",
     _E.BACK: "nothing is desired, or the arm settles, and the command is back, or has been near for 1 s",
+    _E.UNDESIRED: "nothing is desired, or the arm settles, and the command is not back where the arm is",
     _E.UNUSABLE: "what is desired is no number, or the command is further ahead than the robot's speed explains",
     _E.DESIRED: "a position is desired that can be taken",
-    _E.SILENCE: "no datagram for 20 ms",
-    _E.LONG_SILENCE: "no datagram for 80 ms",
+    _E.SILENCE: "no datagram for 20 ms, once",
+    _E.LONG_SILENCE: "no datagram for 80 ms, once",
 }
 """What was seen at each event."""
 
