@@ -25,12 +25,18 @@ TIMEOUT = 30.0
 
 
 class Robot:
-    """The virtual controller; can be killed and started again at the same address."""
+    """The virtual controller; can be killed and started again at the same address.
 
-    def __init__(self, folder: Path) -> None:
+    Args:
+        folder: for its log.
+        options: of the command; its grippers are calibrated where nothing else is said.
+    """
+
+    def __init__(self, folder: Path, *options: str) -> None:
         self.rws_port = free_tcp_port()
         self.ports = {"--left-egm-port": free_port(), "--right-egm-port": free_port()}
         self._folder = folder
+        self._options = options or ("--left-object", "0.02", "--calibrated")
         self._command: Command | None = None
 
     @property
@@ -38,17 +44,17 @@ class Robot:
         return [text for name, port in self.ports.items() for text in (name, str(port))]
 
     def start(self) -> None:
-        arguments = [
-            "controller",
-            "--rws-port",
-            str(self.rws_port),
-            "--left-object",
-            "0.02",
-            "--calibrated",
-            *self.egm_options,
-        ]
+        self.begin()
+        self.wait_until_ready()
+
+    def begin(self) -> None:
+        """Start its process, and wait for nothing."""
+        arguments = ["controller", "--rws-port", str(self.rws_port), *self._options, *self.egm_options]
         self.stop()
         self._command = Command("virtual controller", arguments, self._folder / "controller.log").__enter__()
+
+    def wait_until_ready(self) -> None:
+        assert self._command is not None
         self._command.wait_until_ready(TIMEOUT)
 
     def kill(self) -> None:

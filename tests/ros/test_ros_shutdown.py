@@ -1,4 +1,7 @@
-"""A driver whose network hangs ends all the same when it is asked to, and says what it could not do."""
+"""A driver on a robot that nobody has brought up: what it says first, what it leaves alone, and how it ends.
+
+Where its network hangs it ends all the same when it is asked to, and says what it could not do.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,16 @@ from time import monotonic
 import pytest
 from rclpy.action import ActionClient
 from ros_bench import TIMEOUT, Client, Robot, begin_egm
+from ros_clients import ArmClient
 from std_srvs.srv import Trigger
 from yumi_interfaces.action import Recover
 from yumi_interfaces.msg import RobotState
 
 from hostile_server import HostileServer, dripping, hostile_before
 from yumi.process.supervision import Command
+from yumi.robot.joints import Side, joints
+from yumi.rws.client import RwsClient
+from yumi.rws.types import ControllerState, ExecutionState
 
 # A machine that stands still for a second makes the end of a driver late by as much.
 pytestmark = [pytest.mark.ros, pytest.mark.real_time, pytest.mark.timeout(120)]
@@ -28,12 +35,12 @@ DRIP = dripping(b"HTTP/1.1 200 OK\r\nX-Drop: ")
 
 
 class Driven:
-    """A driver with EGM on both arms, and a proxy between it and its controller."""
+    """A driver, and a proxy between it and its controller."""
 
-    def __init__(self, folder: Path, robot: Robot, server: HostileServer) -> None:
+    def __init__(self, folder: Path, robot: Robot, server: HostileServer, *options: str) -> None:
         self.server = server
         port = server.address.rpartition(":")[2]
-        arguments = ["up", "--robot", f"127.0.0.1:{port}", *robot.egm_options]
+        arguments = ["up", "--robot", f"127.0.0.1:{port}", *robot.egm_options, *options]
         self.driver = Command("driver", arguments, folder / "driver.log").__enter__()
         self.driver.wait_until_ready(2 * TIMEOUT)
         self.client = Client()
@@ -54,28 +61,61 @@ class Driven:
 
 
 @pytest.fixture
-def driven(ros: None, tmp_path: Path) -> Iterator[Driven]:
-    robot = Robot(tmp_path)  # its own: a driver that cannot log out leaves its subscriptions with the controller
+def fresh(tmp_path: Path) -> Iterator[Robot]:
+    """One of its own: a driver that cannot log out leaves its subscriptions with the controller."""
+    robot = Robot(tmp_path, "--left-object", "0.02")
     robot.start()
-    with hostile_before(f"127.0.0.1:{robot.rws_port}") as server:
-        driven = Driven(tmp_path, robot, server)
-        yield driven
-        driven.close()
+    yield robot
     robot.stop()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_driver_before_a_controller_that_drips_ends_within_5_s(driven: Driven, number: signal.Signals) -> None:
+@pytest.fixture
+def driven(ros: None, tmp_path: Path, fresh: Robot, request: pytest.FixtureRequest) -> Iterator[Driven]:
+    with hostile_before(f"127.0.0.1:{fresh.rws_port}") as server:
+        driven = Driven(tmp_path, fresh, server, *getattr(request, "param", ()))
+        yield driven
+        driven.close()
+
+
+def test_driver_says_what_bringup_will_do_first_and_ends_within_5_s_before_a_controller_that_drips(
+    driven: Driven,
+) -> None:
+    log = driven.driver.log.read_text()
+    announced = (
+        "Bring-up will: switch the motors on, move the program pointers to main, start the RAPID program, calibrate "
+        "the right gripper (its fingers close), calibrate the left gripper (its fingers close)."
+    )
+    assert announced in log
+    done = (
+        "Bring-up: switch the motors on",
+        "Bring-up: move the program pointers to main",
+        "Bring-up: calibrate the right and left grippers",
+    )
+    places = [log.index(words) for words in (announced, *done)]
+    assert places == sorted(places)
     begin_egm(driven.client)
     driven.server.attack = DRIP
     driven.client.until(lambda: driven.server.attacked > 0)
-    assert driven.seconds_to_end(number) < ENDED
+    assert driven.seconds_to_end(signal.SIGTERM) < ENDED
     assert "EGM could not be ended on the robot" in driven.driver.log.read_text()
     assert "Traceback" not in driven.driver.log.read_text()
 
 
-def test_driver_with_a_sane_controller_ends_egm_and_itself_within_5_s(driven: Driven) -> None:
+@pytest.mark.parametrize("driven", [["--no-bringup"]], indirect=True, ids=["no-bringup"])
+def test_driver_without_bringup_moves_the_robot_once_it_is_asked_to_and_ends_egm_and_itself_within_5_s(
+    driven: Driven, fresh: Robot
+) -> None:
+    with RwsClient(f"127.0.0.1:{fresh.rws_port}") as client:
+        assert client.controller_state() is ControllerState.MOTORS_OFF
+        assert client.execution() is ExecutionState.STOPPED
+        assert client.signal("hand_StatusCalibrated_R").value == 0
     begin_egm(driven.client)
+    arm = ArmClient(driven.client, Side.RIGHT)
+    arm.wait_for_command(TIMEOUT)
+    start = arm.wait_for_state(TIMEOUT)
+    goal = joints([*start[:6], start[6] + 0.1])
+    arm.move(goal)
+    driven.client.until(lambda: arm.error(goal) < 1e-3, what="the motion")
     assert driven.seconds_to_end(signal.SIGINT) < ENDED
     assert driven.driver.exit_code == 0
     assert "could not be ended" not in driven.driver.log.read_text()
