@@ -24,7 +24,7 @@ from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.counters import LimiterCounters
 from yumi.control.feed_forward_limiter import FedForward, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
-from yumi.control.limiter_state import ForbiddenTransition, LimiterEvent, LimiterState, next_state
+from yumi.control.limiter_state import SETTLES, ForbiddenTransition, LimiterEvent, LimiterState, next_state
 from yumi.control.motion import (
     EGM_GAIN,
     SERVO_CYCLES,
@@ -68,8 +68,7 @@ _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 
 # An enumeration is slow to look into.
-_BEGINNING, _STANDBY, _SETTLING = LimiterState.BEGINNING, LimiterState.STANDBY, LimiterState.SETTLING
-_WAITING, _IGNORED = LimiterState.WAITING, LimiterState.IGNORED
+_BEGINNING, _WAITING = LimiterState.BEGINNING, LimiterState.WAITING
 _BACK, _DESIRED, _IGNORING = LimiterEvent.BACK, LimiterEvent.DESIRED, LimiterEvent.IGNORING
 _NOT_FOLLOWING, _REPEATING = LimiterEvent.NOT_FOLLOWING, LimiterEvent.REPEATING
 _UNDESIRED, _UNUSABLE = LimiterEvent.UNDESIRED, LimiterEvent.UNUSABLE
@@ -332,7 +331,7 @@ class Limiter:
         is_missed = references.is_repeating if self.state is _WAITING else references.are_lost(self._taken_at_once)
         if is_missed:
             return _REPEATING
-        if desired is None or self.state in (_SETTLING, _IGNORED):
+        if desired is None or self.state in SETTLES:
             return _UNDESIRED
         if not _is_finite(desired):
             self._count(refused=True)

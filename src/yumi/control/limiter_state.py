@@ -87,8 +87,8 @@ SEEN: Mapping[LimiterEvent, str] = {
     _E.NOT_FOLLOWING: "the robot does not follow: motors, EGM or RAPID are off",
     _E.IGNORING: "the plan has stood still for 0.12 s although commands lead the robot",
     _E.REPEATING: "the robot goes on by one command, although others were sent since",
-    _E.BACK: "nothing is desired, or the arm settles, and the command is back, or has been near for 1 s",
-    _E.UNDESIRED: "nothing is desired, or the arm settles, and the command is not back where the arm is",
+    _E.BACK: "nothing is desired, or the arm has to settle, and the command is back, or has been near for 1 s",
+    _E.UNDESIRED: "nothing is desired, or the arm has to settle, and the command is not back where the arm is",
     _E.UNUSABLE: "what is desired is no number, or the command is further ahead than the robot's speed explains",
     _E.DESIRED: "a position is desired that can be taken",
     _E.SILENCE: "no datagram for 20 ms, once",
@@ -116,11 +116,15 @@ _ARM = {
     **_SILENCES,
 }
 _LONG_DOUBT = {_E.NOT_BELIEVED: _S.LOST}
+SETTLES = (_S.SETTLING, _S.IGNORED, _S.LOST, _S.GONE)
+"""States after which an arm settles before anything that is desired is taken: whatever moved it has been ended."""
 
 
 def _without(events: Mapping[LimiterEvent, LimiterState], *left_out: LimiterEvent) -> dict[LimiterEvent, LimiterState]:
     return {event: state for event, state in events.items() if event not in left_out}
 
+
+_SETTLING = _without(_ARM, _E.DESIRED, _E.UNUSABLE)
 
 TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
     _S.NO_SESSION: {
@@ -133,14 +137,14 @@ TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
     _S.BEGINNING: {**_SESSIONS, _E.FIRST_SENT: _S.HOLDING, **_SILENCES},
     _S.STANDBY: _ARM,
     _S.FOLLOWING: _ARM,
-    _S.SETTLING: _without(_ARM, _E.DESIRED, _E.UNUSABLE),
+    _S.SETTLING: _SETTLING,
     _S.HOLDING: _ARM,
     _S.WAITING: _ARM,
-    _S.IGNORED: _without(_ARM, _E.REPEATING),
+    _S.IGNORED: _without(_SETTLING, _E.REPEATING),
     _S.COASTING: {**_ARM, **_LONG_DOUBT},
-    _S.LOST: {**_without(_ARM, _E.IMPLAUSIBLE), **_LONG_DOUBT},
+    _S.LOST: {**_without(_SETTLING, _E.IMPLAUSIBLE), **_LONG_DOUBT},
     _S.SILENT: {**_ARM, **_LONG_DOUBT},
-    _S.GONE: {**_ARM, **_LONG_DOUBT},
+    _S.GONE: {**_SETTLING, **_LONG_DOUBT},
 }
 """What follows in each state on each event; an event that a state does not have is forbidden in that state."""
 
