@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from browser import browser
+from browser import DRAWN_SELDOM, browser
 from system.test_doctor import served, world
 from yumi.catalogue import message
 from yumi.driver.settings import RobotSettings
@@ -82,6 +82,7 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
             in lines[1]
         )
         page = chromium.new_page(viewport={"width": 1000, "height": 700})
+        page.add_init_script(DRAWN_SELDOM)
         page.set_default_timeout(SOON)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)

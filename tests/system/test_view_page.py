@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import yumi
-from browser import browser
+from browser import DRAWN_SELDOM, browser
 from flight import LOST, flown, write_flight_record
 from yumi.errors import StopNotConfirmed
 from yumi.process.supervision import Command
@@ -54,8 +54,8 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 
 
 @pytest.fixture
-def url(served: str, chromium: Any) -> str:
-    """No page is open, the arms are at home, and EGM is off, whatever the test before has left."""
+def held(served: str, chromium: Any) -> str:
+    """No page is open, and EGM holds both arms at home, whatever the test before has left."""
     for context in chromium.contexts:
         context.close()
     with yumi.attach() as driver:
@@ -65,9 +65,16 @@ def url(served: str, chromium: Any) -> str:
             driver.recover(confirm=stop.stop)
         driver.speed_scale = 1.0
         driver.start_egm()
-        driver.move_to(right="home", left="home")
-        driver.stop_egm()
+        driver.move_to(right="home", left="home", speed_scale=1.0)
     return served
+
+
+@pytest.fixture
+def url(held: str) -> str:
+    """The same, but EGM is off."""
+    with yumi.attach() as driver:
+        driver.stop_egm()
+    return held
 
 
 class Page:
@@ -76,6 +83,7 @@ class Page:
     def __init__(self, chromium: Any, url: str) -> None:
         self.errors: list[str] = []
         self.tab = chromium.new_page(viewport={"width": 1280, "height": 900})
+        self.tab.add_init_script(DRAWN_SELDOM)
         self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
         self.tab.on("console", lambda line: self.errors.append(line.text) if line.type == "error" else None)
         self.tab.goto(url)
@@ -263,13 +271,10 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     assert page.errors == []
 
 
-def test_arm_is_pushed_aside_and_follows_the_handle(chromium: Any, url: str) -> None:
-    page = Page(chromium, url)
-    page.wait("#verdict", "EGM is off")
-    page.take_control()
-    page.press("#start")
+def test_arm_is_pushed_aside_and_follows_the_handle(chromium: Any, held: str) -> None:
+    page = Page(chromium, held)
     page.wait("#verdict", "EGM holds both arms")
-    page.tab.wait_for_selector("#start:not([aria-busy])")  # controllers start where the arm is
+    page.take_control()
 
     # Push the arm: what is measured deviates, and comes back.
     page.turn_to("virtual")
@@ -302,13 +307,10 @@ def test_arm_is_pushed_aside_and_follows_the_handle(chromium: Any, url: str) -> 
     assert page.errors == []
 
 
-def test_arm_is_jogged_into_the_limit_whose_pair_is_shown_and_planned_out(chromium: Any, url: str) -> None:
-    page = Page(chromium, url)
-    page.wait("#verdict", "EGM is off")
-    page.take_control()
-    page.press("#start")
+def test_arm_is_jogged_into_the_limit_whose_pair_is_shown_and_planned_out(chromium: Any, held: str) -> None:
+    page = Page(chromium, held)
     page.wait("#verdict", "EGM holds both arms")
-    page.tab.wait_for_selector("#start:not([aria-busy])")  # controllers start where the arm is
+    page.take_control()
 
     # By the arrow keys on the picture, to the left, until the limiter leads the arm along its own body.
     page.turn_to("tool")
@@ -339,13 +341,11 @@ def test_arm_is_jogged_into_the_limit_whose_pair_is_shown_and_planned_out(chromi
     assert page.errors == []
 
 
-def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(chromium: Any, url: str) -> None:
+def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(chromium: Any, held: str) -> None:
     """How soon, ``test_view_measured`` says."""
-    page = Page(chromium, url)
-    page.wait("#verdict", "EGM is off")
-    page.take_control()
-    page.press("#start")
+    page = Page(chromium, held)
     page.wait("#verdict", "EGM holds both arms")
+    page.take_control()
     page.begin("joint 0 1")
     page.wait("#verdict", "The right arm moves")
     with Watch() as watch:
@@ -355,7 +355,7 @@ def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(ch
     assert watch.travel() < JOGGED_ON
 
     # A second page that takes control ends the jog of the first, too.
-    first, second = Page(chromium, url), Page(chromium, url)
+    first, second = Page(chromium, held), Page(chromium, held)
     first.take_control()
     second.wait("#control-note", "Another page has control")
     first.tab.bring_to_front()
@@ -415,10 +415,14 @@ def _difference(one: Joints, other: Joints) -> float:
     return max(abs(before - after) for before, after in zip(one, other, strict=True))
 
 
-def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: str) -> None:
+def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, held: str) -> None:
     """The last one: it leaves the arm beside the box, from where home is no straight way."""
     pytest.importorskip("roboplan", reason="needs yumi-ros2[planning]")
-    page = Page(chromium, url)
+    begin, end = (yumi.degrees(goal) for goal in BESIDE)
+    with yumi.attach() as driver:
+        driver.move_to(right=begin, speed_scale=1.0)
+        driver.stop_egm()
+    page = Page(chromium, held)
     page.wait(
         "#tool-pose", "as the controller reports while EGM is off"
     )  # where the arms are is known without EGM, too
@@ -428,7 +432,6 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
     page.turn_to("poses")
     page.tab.select_option("#pose", "joint positions")
     shapes = CollisionModel(dict.fromkeys(Side, GripperModules.SERVO), obstacles=(BOX,))
-    begin, end = (yumi.degrees(goal) for goal in BESIDE)
 
     def least(way: list[Joints]) -> float:
         """The least distance of the right arm from the box [m]."""
@@ -440,21 +443,20 @@ def test_motion_is_planned_round_a_box_shown_and_executed(chromium: Any, url: st
 
     straight = [joints([a + share * (b - a) for a, b in zip(begin, end, strict=True)]) for share in (0.2, 0.5, 0.8)]
     assert least(straight) < -0.01
-    for goal in BESIDE:
-        for index, angle in enumerate(goal):
-            page.tab.locator("#joint-goal input").nth(index).fill(str(angle))
-        page.press("#plan")
-        assert "Nothing moves before Execute" in page.wait("#plan-text", "A motion of")
-        before = page.angle(0)
-        page.tab.focus("#plan-time")  # the slider moves the ghost
-        page.tab.keyboard.press("End")
-        assert page.angle(0) == before
-        with Watch() as watch:
-            page.press("#execute")
-            page.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)  # else the toast may be an old one
-            page.wait("#toast", "The right arm stands at the goal")
-        assert page.angle(0) == pytest.approx(goal[0], abs=0.3)
-        assert not page.tab.is_visible("#plan-box")
+    for index, angle in enumerate(BESIDE[1]):
+        page.tab.locator("#joint-goal input").nth(index).fill(str(angle))
+    page.press("#plan")
+    assert "Nothing moves before Execute" in page.wait("#plan-text", "A motion of")
+    before = page.angle(0)
+    page.tab.focus("#plan-time")  # the slider moves the ghost
+    page.tab.keyboard.press("End")
+    assert page.angle(0) == before
+    with Watch() as watch:
+        page.press("#execute")
+        page.tab.wait_for_selector("#plan-box", state="hidden", timeout=SOON)  # else the toast may be an old one
+        page.wait("#toast", "The right arm stands at the goal")
+    assert page.angle(0) == pytest.approx(BESIDE[1][0], abs=0.3)
+    assert not page.tab.is_visible("#plan-box")
     assert least([position for _, position in watch.seen][::5]) > 0.0
     assert page.errors == []
 
