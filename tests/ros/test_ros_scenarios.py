@@ -89,8 +89,11 @@ SCENES = [
     *(fault.value.name for fault in DISTURBANCES),
     *(SHORT, BUSY, LOST, UNCALIBRATED, KILLED, ALONE, BESIDE),
 ]
-SMOKE = {"program-stop", "emergency-stop", "warm-restart-4s", "web-socket-drop", KILLED}
-"""What runs with all other tests: what needs nobody, what needs a person, the network, and another driver."""
+SMOKE = {"warm-restart-4s", "web-socket-drop", KILLED}
+"""What runs with all other tests: the controller, the network and the driver that are gone for a time.
+
+What needs nobody and what needs a person are in ``test_ros_robot_back_to_work``: program, emergency stop, collision.
+"""
 
 
 def scenes(values: Sequence[object], name: Callable[[Any], str] = str) -> list[object]:
