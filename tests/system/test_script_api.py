@@ -33,10 +33,130 @@ CLOSE = radians(0.15)
 
 @pytest.fixture(scope="module")
 def virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualRobot]:
+    """First for tests that connect to it themselves and treat it badly, which it bears; then for one connection.
+
+    How each stop ends is in ``test_recovery_scenarios``, in virtual time; the marked ones run with ``make soak``.
+    """
     virtual = VirtualRobot(tmp_path_factory.mktemp("robot"))
     virtual.start()
     yield virtual
     virtual.stop()
+
+
+def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(virtual: VirtualRobot) -> None:
+    script = virtual.script(
+        "import yumi\n"
+        "with yumi.connect(**OPTIONS) as robot:\n"
+        "    motion = robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
+        "    print('moving')\n"
+        "    motion.wait()\n"
+    )
+    assert script.stdout is not None
+    assert script.stdout.readline().startswith(ANNOUNCEMENT)
+    assert script.stdout.readline() == "moving\n"
+    script.send_signal(signal.SIGINT)
+    output = output_of(script)
+    assert output.rstrip().endswith("KeyboardInterrupt")
+    assert not virtual.is_guided(Side.RIGHT)
+
+
+def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(virtual: VirtualRobot) -> None:
+    script = virtual.script(
+        "import yumi\n"
+        "robot = yumi.connect(**OPTIONS).open()\n"
+        "robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
+    )
+    output = output_of(script)
+    assert (script.returncode, len(output.splitlines())) == (0, 1)
+    assert output.startswith(ANNOUNCEMENT)
+    assert not virtual.is_guided(Side.RIGHT)
+
+
+@pytest.mark.soak
+def test_connection_whose_control_process_died_can_be_recovered(virtual: VirtualRobot) -> None:
+    with yumi.connect(**virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.05)
+        for child in multiprocessing.active_children():
+            child.kill()
+        with refused(GoalNotReached, "control_process_ended", arm="right"):
+            motion.wait(TIMEOUT)
+        robot.recover()
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+@pytest.mark.soak
+def test_robot_that_fell_silent_can_be_recovered(virtual: VirtualRobot) -> None:
+    with yumi.connect(**virtual.options) as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
+        virtual.kill()
+        with refused(GoalNotReached, "feedback_lost", arm="right"):
+            motion.wait(TIMEOUT)
+        with refused(RobotNotReady, "arm_waits_for_recovery", arm="right"):
+            robot.right.move_to(FAR)
+        assert robot.right.mode is ArmMode.FAULT
+        virtual.start()
+        robot.recover()
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+
+
+def test_emergency_stop_of_one_arm_guided_alone_is_named_by_the_error_and_waits_for_a_person(
+    virtual: VirtualRobot,
+) -> None:
+    with yumi.connect(**virtual.options, arms="right") as robot:
+        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
+        virtual.inject(Fault.EMERGENCY_STOP)
+        with pytest.raises(GoalNotReached) as end:
+            motion.wait(TIMEOUT)
+        virtual.inject(Fault.EMERGENCY_STOP_RESET)
+        with pytest.raises(StopNotConfirmed) as refusal:
+            robot.recover()
+        with pytest.raises(RobotNotReady) as not_ready:
+            robot.right.gripper.close()
+        for error in (end, refusal, not_ready):
+            assert 10013 in numbers_in(error.value.said)
+        assert end.value.said.code == "explained_stop"
+        assert end.value.stop == refusal.value.stop == robot.stop_to_confirm
+        robot.recover(confirm=robot.stop_to_confirm)
+        assert robot.stop_to_confirm == ""
+        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
+        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+        assert virtual.is_guided(Side.RIGHT)
+        assert not virtual.is_guided(Side.LEFT)
+        with refused(RobotNotReady, "arm_not_named_to_connect", arm="left"):
+            robot.left.move_to(LEFT)
+    assert not virtual.is_guided(Side.RIGHT)
+    with refused(RobotNotReady, "script_not_connected"):
+        _ = robot.right.position
+
+
+@pytest.mark.soak
+def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(virtual: VirtualRobot) -> None:
+    with yumi.connect(**virtual.options):
+        virtual.inject(Fault.COLLISION)
+    robot = yumi.connect(**virtual.options)
+    with pytest.raises(StopNotConfirmed) as refusal:
+        robot.open()
+    assert 50204 in numbers_in(refusal.value.said)
+    assert not robot.is_connected
+    robot.open(confirm=refusal.value.stop).close()
+
+
+def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(virtual: VirtualRobot) -> None:
+    async def script() -> None:
+        async with yumi.connect_async(**virtual.options) as robot:
+            await robot.move_to(right=TURNED, left=LEFT, speed_scale=1.0, timeout=TIMEOUT)
+            assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
+            task = asyncio.create_task(robot.right.move_to(FAR, speed_scale=0.05))
+            await robot.left.gripper.close()
+            task.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await task
+            assert robot.right.mode is ArmMode.HOLDING
+
+    asyncio.run(script())
+    assert not virtual.is_guided(Side.RIGHT)
 
 
 @pytest.fixture(scope="module")
@@ -161,134 +281,3 @@ def test_second_connection_to_a_robot_is_refused(robot: Robot, virtual: VirtualR
         pass
     assert refusal.value.said.values["owner"].code == "owner_process"
     assert robot.right.mode is ArmMode.HOLDING
-
-
-@pytest.fixture(scope="module")
-def own_virtual(tmp_path_factory: pytest.TempPathFactory) -> Iterator[VirtualRobot]:
-    """A robot for tests that treat it badly, which it bears.
-
-    How each stop ends is in ``test_recovery_scenarios``, in virtual time; the marked ones run with ``make soak``.
-    """
-    virtual = VirtualRobot(tmp_path_factory.mktemp("own"))
-    virtual.start()
-    yield virtual
-    virtual.stop()
-
-
-def test_ctrl_c_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
-    script = own_virtual.script(
-        "import yumi\n"
-        "with yumi.connect(**OPTIONS) as robot:\n"
-        "    motion = robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
-        "    print('moving')\n"
-        "    motion.wait()\n"
-    )
-    assert script.stdout is not None
-    assert script.stdout.readline().startswith(ANNOUNCEMENT)
-    assert script.stdout.readline() == "moving\n"
-    script.send_signal(signal.SIGINT)
-    output = output_of(script)
-    assert output.rstrip().endswith("KeyboardInterrupt")
-    assert not own_virtual.is_guided(Side.RIGHT)
-
-
-def test_script_that_forgets_to_close_leaves_the_arms_at_rest_and_ends_egm(own_virtual: VirtualRobot) -> None:
-    script = own_virtual.script(
-        "import yumi\n"
-        "robot = yumi.connect(**OPTIONS).open()\n"
-        "robot.right.move_to([1.5, *robot.right.position[1:]], speed_scale=0.05, wait=False)\n"
-    )
-    output = output_of(script)
-    assert (script.returncode, len(output.splitlines())) == (0, 1)
-    assert output.startswith(ANNOUNCEMENT)
-    assert not own_virtual.is_guided(Side.RIGHT)
-
-
-@pytest.mark.soak
-def test_connection_whose_control_process_died_can_be_recovered(own_virtual: VirtualRobot) -> None:
-    with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.05)
-        for child in multiprocessing.active_children():
-            child.kill()
-        with refused(GoalNotReached, "control_process_ended", arm="right"):
-            motion.wait(TIMEOUT)
-        robot.recover()
-        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
-        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-
-
-def test_one_arm_can_be_guided_alone(own_virtual: VirtualRobot) -> None:
-    with yumi.connect(**own_virtual.options, arms="right") as robot:
-        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
-        assert own_virtual.is_guided(Side.RIGHT)
-        assert not own_virtual.is_guided(Side.LEFT)
-        with refused(RobotNotReady, "arm_not_named_to_connect", arm="left"):
-            robot.left.move_to(LEFT)
-    assert not own_virtual.is_guided(Side.RIGHT)
-    with refused(RobotNotReady, "script_not_connected"):
-        _ = robot.right.position
-
-
-@pytest.mark.soak
-def test_robot_that_fell_silent_can_be_recovered(own_virtual: VirtualRobot) -> None:
-    with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
-        own_virtual.kill()
-        with refused(GoalNotReached, "feedback_lost", arm="right"):
-            motion.wait(TIMEOUT)
-        with refused(RobotNotReady, "arm_waits_for_recovery", arm="right"):
-            robot.right.move_to(FAR)
-        assert robot.right.mode is ArmMode.FAULT
-        own_virtual.start()
-        robot.recover()
-        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
-        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-
-
-def test_emergency_stop_is_named_by_the_error_and_waits_for_a_person(own_virtual: VirtualRobot) -> None:
-    with yumi.connect(**own_virtual.options) as robot:
-        motion = robot.right.move_to(FAR, wait=False, speed_scale=0.1)
-        own_virtual.inject(Fault.EMERGENCY_STOP)
-        with pytest.raises(GoalNotReached) as end:
-            motion.wait(TIMEOUT)
-        own_virtual.inject(Fault.EMERGENCY_STOP_RESET)
-        with pytest.raises(StopNotConfirmed) as refusal:
-            robot.recover()
-        with pytest.raises(RobotNotReady) as not_ready:
-            robot.right.gripper.close()
-        for error in (end, refusal, not_ready):
-            assert 10013 in numbers_in(error.value.said)
-        assert end.value.said.code == "explained_stop"
-        assert end.value.stop == refusal.value.stop == robot.stop_to_confirm
-        robot.recover(confirm=robot.stop_to_confirm)
-        assert robot.stop_to_confirm == ""
-        robot.right.move_to(TURNED, speed_scale=1.0, timeout=TIMEOUT)
-        assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-
-
-@pytest.mark.soak
-def test_robot_that_has_collided_is_opened_only_with_a_persons_confirmation(own_virtual: VirtualRobot) -> None:
-    with yumi.connect(**own_virtual.options):
-        own_virtual.inject(Fault.COLLISION)
-    robot = yumi.connect(**own_virtual.options)
-    with pytest.raises(StopNotConfirmed) as refusal:
-        robot.open()
-    assert 50204 in numbers_in(refusal.value.said)
-    assert not robot.is_connected
-    robot.open(confirm=refusal.value.stop).close()
-
-
-def test_asyncio_moves_both_arms_and_a_cancelled_task_stops_its_arm(own_virtual: VirtualRobot) -> None:
-    async def script() -> None:
-        async with yumi.connect_async(**own_virtual.options) as robot:
-            await robot.move_to(right=TURNED, left=LEFT, speed_scale=1.0, timeout=TIMEOUT)
-            assert robot.right.position == pytest.approx(TURNED, abs=CLOSE)
-            task = asyncio.create_task(robot.right.move_to(FAR, speed_scale=0.05))
-            await robot.left.gripper.close()
-            task.cancel()
-            with pytest.raises(asyncio.CancelledError):
-                await task
-            assert robot.right.mode is ArmMode.HOLDING
-
-    asyncio.run(script())
-    assert not own_virtual.is_guided(Side.RIGHT)
