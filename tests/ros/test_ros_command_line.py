@@ -1,4 +1,4 @@
-"""The commands as a person runs them: the demonstration, its interruption, and what the driver refuses to start with."""
+"""The commands as a person runs them: the demonstration, its interruption, and what a driver refuses to start with."""
 
 from __future__ import annotations
 
