@@ -187,7 +187,7 @@ def test_line_of_the_action_is_reached_refused_and_cancelled(lines: tuple[Lines,
     far, moon = in_tool(side, -1.5), in_tool(side, 0.01)
     moon.header.frame_id = "moon"
     for target, fields, words in (
-        (far, {}, "arm cannot follow it beyond"),
+        (far, {"speed": 1.0}, "arm cannot follow it beyond"),
         (moon, {}, "there is no frame 'moon'"),
         (in_tool(side, 0.05), {"speed": 2.0}, "speed is 2; allowed is"),
         (in_tool(side, 0.05), {"speed": -1.0}, "speed is -1; give a finite number"),
@@ -299,7 +299,7 @@ def test_both_tools_move_as_one_motion_or_not_at_all(both: Goals) -> None:
     assert right == pytest.approx(left, abs=10), "begin and end, in hundredths of a second"
     # Where one cannot go, neither moves.
     far = in_tool(Side.LEFT, -1.5)
-    status, result = both.end(both.send(right=down[Side.RIGHT], left=[far]))
+    status, result = both.end(both.send(right=down[Side.RIGHT], left=[far], speed=1.0))
     assert (status, result.success) == (GoalStatus.STATUS_ABORTED, False)
     assert "the left arm cannot follow it beyond" in result.message
     status, result = both.end(both.send(right=down[Side.RIGHT]))
