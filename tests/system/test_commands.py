@@ -135,9 +135,8 @@ def test_robot_is_used_by_commands_without_ros(driver: Command, robot: VirtualRo
     commanding = [it["name"] for it in json.loads(run("controllers", "--json"))["right"] if it["commands"]]
     assert commanding == ["joint_trajectory_controller"]
     assert "speed_scale is 0.5" in run("speed-scale", "0.5")
+    run("speed-scale", "1")
     assert "EGM" in refusal("calibrate", "right")
-    run("stop")
-    run("calibrate", "right")
     run("mode", "motors_off")
     assert state()["motors"] == "motoroff"
     assert "motoroff" in run("mode")
