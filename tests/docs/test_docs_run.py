@@ -57,6 +57,14 @@ def test_command_that_is_run_on_another_page_is_there(page: str) -> None:
             assert [command for command in fence.commands if _bare(command) not in there] == []
 
 
+def test_example_of_help_that_is_run_on_a_page_is_there() -> None:
+    for pattern, reason in LEFT_OUT.items():
+        if reason.startswith("as in "):
+            fences = [each for each in read(reason.removeprefix("as in ")) if not each.reason]
+            commands = [_bare(command) for each in fences for command in each.commands]
+            assert any(re.match(pattern, command) for command in commands), pattern
+
+
 @pytest.mark.parametrize("page", pages())
 def test_page_shows_python_that_is_run_and_settings_that_can_be_read(page: str, tmp_path: Path) -> None:
     fences = read(page)
