@@ -29,7 +29,7 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import PerfectArm
-from yumi.catalogue import message
+from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import Controller, ControllerInfo, MemoryBuffer, State
 from yumi.control.controller_manager import ControllerManager
@@ -63,7 +63,14 @@ KIND = "tests/Watcher"
 P = ParamSpec("P")
 T = TypeVar("T")
 RATE = 250  # [Hz]
+SPEEDS = ("slow", "fast")
+WEIGHTS = {"parameter": "weights", "lowest": 0.0, "highest": 9.0, "unit": "kg"}
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def no_value(code: str, **values: Any) -> Message:
+    """Why a controller's parameter cannot have a value."""
+    return message("controller_parameter_refused", controller="watcher", reason=message(code, **values))
 
 
 class Watcher(Controller):
@@ -80,7 +87,7 @@ class Watcher(Controller):
             Parameter("gain", 1.0, 0.0, 2.0, "1/s", "Stiffness."),
             Parameter("count", 3, 1, 5, description="How many."),
             Parameter("is_loud", False, description="Whether it is loud."),
-            Parameter("mode", "slow", choices=("slow", "fast"), description="How."),
+            Parameter("mode", "slow", choices=SPEEDS, description="How."),
             Parameter("weights", (1.0, 2.0), 0.0, 9.0, "kg", "How heavy."),
             Parameter("joints", joint_names, description="Which joints.", read_only=True),
         )
@@ -225,30 +232,22 @@ def test_parameters_of_every_type_reach_the_controller(watcher: Watcher, manager
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "sentence"),
+    ("name", "value", "said"),
     [
-        ("gain", number(2.5), "Parameter gain out of range Min: 0.0, Max: 2.0, value: 2.5"),
+        ("gain", number(2.5), "Parameter gain out of range Min: 0.0, Max: 2.0, value: 2.5"),  # rclpy's own words
         ("gain", integer(1), "Wrong parameter type"),
-        ("mode", text("late"), "Controller 'watcher': mode is 'late'; choose from: slow, fast."),
-        (
-            "weights",
-            numbers([1.0, 10.0]),
-            "Controller 'watcher': weights is (1.0, 10.0); allowed is 0 to 9 kg.",
-        ),
-        (
-            "weights",
-            numbers([float("nan")]),
-            "Controller 'watcher': weights is (nan,); allowed is 0 to 9 kg.",
-        ),
+        ("mode", text("late"), no_value("value_not_a_choice", parameter="mode", value="'late'", choices=SPEEDS)),
+        ("weights", numbers([1.0, 10.0]), no_value("value_out_of_range_with_unit", value="(1.0, 10.0)", **WEIGHTS)),
+        ("weights", numbers([float("nan")]), no_value("value_out_of_range_with_unit", value="(nan,)", **WEIGHTS)),
     ],
 )
 def test_refused_parameter_changes_nothing_and_says_why(
-    watcher: Watcher, manager: Manager, name: str, value: Any, sentence: str
+    watcher: Watcher, manager: Manager, name: str, value: Any, said: Message | str
 ) -> None:
     before = get_parameter(manager.client, "/r/watcher", name), dict(watcher.values)
     refused = set_parameter(manager.client, "/r/watcher", name, value)
     assert not refused.successful
-    assert refused.reason.startswith(sentence)
+    assert refused.reason.startswith(str(said))
     assert (get_parameter(manager.client, "/r/watcher", name), dict(watcher.values)) == before
 
 
@@ -286,7 +285,8 @@ def test_whole_numbers_tell_their_range(watcher: Watcher, manager: Manager) -> N
 
 def test_settled_parameter_is_refused_until_the_controller_is_cleaned_up(watcher: Watcher, manager: Manager) -> None:
     refused = set_parameter(manager.client, "/r/watcher", "joints", texts(["one"]))
-    assert refused.reason.startswith("Parameter 'joints' of controller 'watcher' is settled while it is inactive")
+    said = message("controller_parameter_settled", parameter="joints", controller="watcher", state="inactive")
+    assert refused.reason == str(said)
     assert manager.call("cleanup_controller", name="watcher").ok
     assert set_parameter(manager.client, "/r/watcher", "joints", texts(["one"])).successful
 
@@ -301,8 +301,9 @@ def test_failure_of_a_controller_is_logged_and_an_active_one_is_not_activated_ag
     rig: SimpleNamespace, watcher: Watcher, manager: Manager
 ) -> None:
     assert manager.switch(["watcher"], []).ok
-    rig.arm.on_event(ControllerFailed(Side.RIGHT, message("text", text="Controller 'watcher' failed.")))
-    manager.client.until(manager.client.hears("Right arm: Controller 'watcher' failed."))
+    failure = message("text", text="Controller 'watcher' failed.")
+    rig.arm.on_event(ControllerFailed(Side.RIGHT, failure))
+    manager.client.until(manager.client.hears(str(message("controller_failed", arm="right", failure=failure))))
     assert not manager.switch(["watcher"], []).ok
     assert manager.switch([], ["watcher"]).ok
 
@@ -421,7 +422,12 @@ def test_switch_that_is_not_answered_in_time_fails_in_upstreams_words(
     rig.line.may_answer.clear()
     Timer(1.0, rig.line.may_answer.set).start()  # what comes after the answer asks the line, too
     answer = manager.switch([], [], timeout=0.3)
-    assert (answer.ok, answer.message) == (False, "Switch controller timed out after 0.3 seconds.")
+    assert (answer.ok, answer.message) == (False, str(message("switch_timed_out", limit=0.3)))
+
+
+@pytest.mark.words
+def test_switch_that_took_too_long_is_worded_as_upstream_does() -> None:
+    assert str(message("switch_timed_out", limit=0.3)) == "Switch controller timed out after 0.3 seconds."
 
 
 def test_manager_without_the_control_process_lists_nothing_refuses_all_and_is_finalized(

@@ -28,6 +28,7 @@ from ros_bench import Client, begin_egm
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.robot.joints import Side, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
@@ -58,6 +59,15 @@ def spare(manager: Manager) -> Iterator[str]:
     yield "spare_controller"
     manager.switch([], ["spare_controller"], BEST_EFFORT)
     manager.call("unload_controller", name="spare_controller")
+
+
+def said(code: str, **values: Any) -> str:
+    """How the driver words a message."""
+    return sentence(message(code, **values), FrontEnd.ROS)
+
+
+def nobody(manager: Manager) -> str:
+    return said("controller_unknown", controller="nobody", loaded=tuple(manager.controllers()))
 
 
 def heard(client: Client, kind: Any, topic: str, qos: Any = 10) -> list[Any]:
@@ -139,22 +149,34 @@ def test_set_controller_state_leads_a_controller_through_its_life(manager: Manag
 def test_switch_without_strictness_leaves_out_what_cannot_be_switched(egm_running: Manager) -> None:
     answer = egm_running.switch([POSITION, "nobody"], [], strictness=0)
     assert answer.ok
-    assert answer.message.startswith("Successfully switched controllers!")
-    assert "'nobody'" in answer.message
+    assert answer.message == f"{said('switched')} {nobody(egm_running)}"
     assert egm_running.switch([], [POSITION], strictness=0).ok
 
 
 def test_strict_switch_refuses_an_unknown_name_and_changes_nothing(egm_running: Manager) -> None:
     answer = egm_running.switch([POSITION, "nobody"], [], STRICT)
     assert not answer.ok
-    assert "There is no controller 'nobody'" in answer.message
+    assert answer.message == nobody(egm_running)
     assert egm_running.state(POSITION) == "inactive"
 
 
 def test_switch_with_nothing_left_is_a_success_in_upstreams_words(egm_running: Manager) -> None:
     answer = egm_running.switch([], [POSITION], BEST_EFFORT)
     assert answer.ok
-    assert answer.message.startswith(
+    left_out = said(
+        "transition_not_allowed",
+        controller=POSITION,
+        state="inactive",
+        transition="deactivate",
+        allowed=("activate", "cleanup", "shutdown"),
+    )
+    assert answer.message == f"{said('nothing_to_switch')} {left_out}"
+
+
+@pytest.mark.words
+def test_switch_is_answered_as_upstream_does() -> None:
+    assert said("switched") == "Successfully switched controllers!"
+    assert said("nothing_to_switch") == (
         "After checking the controllers, no controllers need to be activated or deactivated."
     )
 
@@ -163,14 +185,14 @@ def test_switch_refuses_a_second_owner_of_an_interface(egm_running: Manager, spa
     assert egm_running.spawn(spare, POSITION_KIND)
     answer = egm_running.switch([POSITION], [], BEST_EFFORT)
     assert not answer.ok
-    assert f"'{spare}' has claimed" in answer.message
+    assert answer.message == said("interface_claimed", controller=POSITION, interface=POSITIONS[0], owner=spare)
     assert egm_running.switch([POSITION], [spare], STRICT).ok  # the one for the other
     assert egm_running.switch([], [POSITION], STRICT).ok
 
 
 def test_switch_refuses_a_strictness_that_does_not_exist(manager: Manager) -> None:
     answer = manager.switch([POSITION], [], strictness=7)
-    assert (answer.ok, answer.message) == (False, "Strictness 7 is unknown; choose 1 (best effort) or 2 (strict).")
+    assert (answer.ok, answer.message) == (False, said("strictness_unknown", value=7))
 
 
 def test_active_controller_is_neither_unloaded_nor_cleaned_up_nor_configured(manager: Manager) -> None:
@@ -181,7 +203,10 @@ def test_active_controller_is_neither_unloaded_nor_cleaned_up_nor_configured(man
 
 def test_reload_controller_libraries_is_refused_while_a_controller_is_active(manager: Manager) -> None:
     assert not manager.call("reload_controller_libraries", force_kill=False).ok
-    manager.client.until(manager.client.hears("reload_controller_libraries: Controllers are active: joint_state_"))
+    active = tuple(name for name, each in manager.controllers().items() if each.state == "active")
+    assert active[0] == BROADCASTER
+    refusal = said("controllers_are_active", controllers=active)
+    manager.client.until(manager.client.hears(f"reload_controller_libraries: {refusal}"))
 
 
 def test_reload_controller_libraries_by_force_unloads_all_and_the_spawner_brings_them_back(client: Client) -> None:
@@ -247,18 +272,22 @@ def test_spawner_started_again_configures_an_inactive_controller_anew_and_fails_
 
 
 @pytest.mark.parametrize(
-    ("kind", "sentence"),
+    ("kind", "refusal"),
     [
-        (None, "load_controller: Controller 'spare_controller' has no type; set the parameter spare_controller.type"),
+        (
+            None,
+            "load_controller: "
+            f"{said('controller_without_type', controller='spare_controller', node='controller_manager')}",
+        ),
         ("no/Such", "'no/Such'"),
     ],
 )
 def test_controller_without_a_known_type_is_not_loaded(
-    manager: Manager, spare: str, kind: str | None, sentence: str
+    manager: Manager, spare: str, kind: str | None, refusal: str
 ) -> None:
     assert manager.set_parameter(f"{spare}.type", text(kind or "")).successful
     assert not manager.call("load_controller", name=spare).ok
-    manager.client.until(manager.client.hears(sentence))
+    manager.client.until(manager.client.hears(refusal))
     assert manager.state(spare) == "not loaded"
 
 

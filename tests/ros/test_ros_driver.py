@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from itertools import pairwise
-from math import nan, radians
+from math import inf, nan, radians
 from statistics import median
 from typing import Any
 
@@ -18,10 +19,20 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
+from yumi.catalogue import FrontEnd, clause, message, sentence
 from yumi.process.supervision import Command
 from yumi.robot.joints import CYCLE, Side, finger_names, home, joint_names
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
+
+
+def said(code: str, **values: Any) -> str:
+    """How the driver words a message."""
+    return sentence(message(code, **values), FrontEnd.ROS)
+
+
+def goal_refused(code: str, **values: Any) -> str:
+    return said("command_refused", noun="Goal", reason=message(code, **values))
 
 
 class Arm:
@@ -95,8 +106,8 @@ def test_description_is_there_for_late_comers(client: Client) -> None:
 @pytest.mark.smoke
 def test_goal_before_egm_is_refused_with_a_sentence(idle: Client) -> None:
     arm = Arm(idle, Side.RIGHT)
-    sentence = "Goal refused: EGM is not running on the right arm; call start_egm."
-    idle.until(lambda: _publish_until_heard(idle, arm, "yumi_joint_1_r", 0.1, sentence))
+    refusal = goal_refused("arm_without_egm", arm="right")
+    idle.until(lambda: _publish_until_heard(idle, arm, "yumi_joint_1_r", 0.1, refusal))
 
 
 @pytest.mark.real_time  # processes that take the processors delay most cycles
@@ -131,29 +142,43 @@ def test_arm_goes_where_joint_commands_say(egm_running: Client) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "position", "sentence"),
+    ("name", "position", "refusal"),
     [
-        ("yumi_joint_1_r", nan, "yumi_joint_1_r is nan"),
-        ("yumi_joint_1_r", float("inf"), "yumi_joint_1_r is inf"),
-        ("yumi_joint_2_r", 1.0, "yumi_joint_2_r is 57.3°; its range is -143.5° to 43.5°."),
-        ("elbow", 0.0, "'elbow' is not a joint of the right arm"),
+        ("yumi_joint_1_r", nan, said("goal_joint_not_finite", joint="yumi_joint_1_r", value="nan")),
+        ("yumi_joint_1_r", inf, said("goal_joint_not_finite", joint="yumi_joint_1_r", value="inf")),
+        (
+            "yumi_joint_2_r",
+            1.0,
+            said(
+                "goal_joint_out_of_range",
+                joint="yumi_joint_2_r",
+                position=1.0,
+                lower=radians(-143.5),
+                upper=radians(43.5),
+            ),
+        ),
+        (
+            "elbow",
+            0.0,
+            goal_refused("no_joint_of_arm", name="elbow", arm="right", joints=joint_names(Side.RIGHT)),
+        ),
     ],
 )
 def test_commands_a_robot_must_never_see_change_nothing(
-    egm_running: Client, name: str, position: float, sentence: str
+    egm_running: Client, name: str, position: float, refusal: str
 ) -> None:
     arm = Arm(egm_running, Side.RIGHT)
     before = arm.rest()
-    egm_running.until(lambda: _publish_until_heard(egm_running, arm, name, position, sentence))
+    egm_running.until(lambda: _publish_until_heard(egm_running, arm, name, position, refusal))
     count = len(arm.states)
     egm_running.until(lambda: len(arm.states) > count + 50)
     assert arm.position() == pytest.approx(before, abs=radians(0.05))
 
 
-def _publish_until_heard(client: Client, arm: Arm, name: str, position: float, sentence: str) -> bool:
+def _publish_until_heard(client: Client, arm: Arm, name: str, position: float, refusal: str) -> bool:
     """Each refusal is logged once a second, and the log must have found us: ask again until it is told."""
     arm.command([name], [position])
-    return client.hears(sentence)()
+    return client.hears(refusal)()
 
 
 @pytest.mark.parametrize(("position", "effort"), [(0.03, 0.0), (-0.001, 0.0), (nan, 0.0), (0.01, 21.0), (0.01, nan)])
@@ -195,8 +220,7 @@ def test_vacuum_that_the_gripper_does_not_have_is_refused(client: Client) -> Non
     answer = client.call(SetBool, "r/gripper/vacuum_1", SetBool.Request(data=True))
     assert (answer.success, answer.message) == (
         False,
-        "The right gripper has no vacuum: it is configured as servo; if it has vacuum 1, set gripper.right in "
-        "yumi.yaml.",
+        said("gripper_has_no_vacuum", gripper="right", modules="servo", channel=1),
     )
 
 
@@ -231,6 +255,14 @@ def test_every_status_of_a_healthy_robot_is_ok(client: Client, request: pytest.F
         pytest.fail(f"{len(statuses)} statuses; not OK: {found}")
 
 
+def silences(client: Client) -> list[int]:
+    """For how long the right arm's robot was silent [ms], of each line of the log that its feedback is lost."""
+    lost = message("feedback_lost", arm="right", silence=0.777, controllers=("joint_position_controller",))
+    before, after = clause(lost, FrontEnd.ROS).split("777 ms")
+    line = re.compile(rf"{re.escape(before)}(\d+) ms{re.escape(after)}", re.IGNORECASE)  # it may begin a sentence
+    return [int(found[1]) for found in map(line.search, client.sentences) if found]
+
+
 @pytest.mark.real_time  # within 100 ms the driver must notice the silence
 def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_a_jump(
     egm_running: Client, robot: Robot, driver: Command
@@ -241,9 +273,9 @@ def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_
     start = arm.position()[6]
     egm_running.until(lambda: abs(arm.position()[6] - start) > radians(5.0))  # in the middle of the motion
     with robot.power_cut():
-        egm_running.until(egm_running.hears("Right arm: EGM feedback lost, the robot has been silent for "))
-        (sentence,) = [text for text in egm_running.sentences if text.startswith("Right arm: EGM feedback lost")]
-        assert int(sentence.split("silent for ")[1].split(" ms")[0]) <= 100
+        egm_running.until(lambda: bool(silences(egm_running)))
+        (silence,) = silences(egm_running)
+        assert silence <= 100
         refused = egm_running.call(Trigger, "yumi_robot_manager/start_egm")
         assert not refused.success
         assert "127.0.0.1" in refused.message
@@ -258,8 +290,8 @@ def test_driver_survives_a_power_cut_of_the_controller_and_starts_again_without_
 
 def test_driver_logs_when_egm_begins_and_ends(idle: Client) -> None:
     assert idle.call(Trigger, "yumi_robot_manager/start_egm").success
-    for arm in ("Right", "Left"):
-        idle.until(idle.hears(f"{arm} arm: the robot follows commands."))
+    for side in Side:
+        idle.until(idle.hears(said("robot_follows", arm=side.word)))
     assert idle.call(Trigger, "yumi_robot_manager/stop_egm").success
-    for arm in ("Right", "Left"):
-        idle.until(idle.hears(f"{arm} arm: the robot no longer follows commands."))
+    for side in Side:
+        idle.until(idle.hears(said("robot_stopped_following", arm=side.word)))

@@ -22,11 +22,19 @@ from std_msgs.msg import Bool
 from std_srvs.srv import SetBool, Trigger
 
 from system.virtual_time_bench import System
-from yumi.catalogue import message
+from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.driver.settings import GripperSettings
 from yumi.errors import CommandRefused, GoalNotReached
-from yumi.robot.gripper import TRAVEL, GripperModules, GripperState, read_gripper
+from yumi.robot.gripper import (
+    LOWEST_SPEED,
+    MAX_FORCE,
+    TOP_SPEED,
+    TRAVEL,
+    GripperModules,
+    GripperState,
+    read_gripper,
+)
 from yumi.robot.joints import CYCLE, Side, finger_names
 from yumi.ros.gripper import GripperParts, Grippers
 from yumi.ros.nodes import TimerThread
@@ -193,22 +201,29 @@ def test_parallel_gripper_command_takes_speed_and_effort_by_finger_name(hand: Ha
 
 
 @pytest.mark.parametrize(
-    ("command", "sentence"),
+    ("command", "reason"),
     [
         (
             JointState(name=["elbow"], position=[0.0]),
-            "'elbow' is not a finger of this gripper; name gripper_l_joint",
+            message("no_finger", name="elbow", fingers=finger_names(Side.LEFT)),
         ),
-        (JointState(), "The goal has no position; give that of a finger"),
-        (JointState(position=[0.01, 0.02]), "cannot have different values of position: one motor moves both"),
-        (JointState(position=[0.01], velocity=[0.5]), "speed 0.5 m/s is out of range"),
-        (JointState(position=[0.01], effort=[nan]), "effort nan N is out of range"),
-        (JointState(position=[nan]), "position nan m is out of range"),
+        (JointState(), message("goal_without_position")),
+        (JointState(position=[0.01, 0.02]), message("fingers_with_different_values", what="position")),
+        (
+            JointState(position=[0.01], velocity=[0.5]),
+            message("gripper_speed_out_of_range", speed=0.5, lowest=LOWEST_SPEED, highest=TOP_SPEED),
+        ),
+        (
+            JointState(position=[0.01], effort=[nan]),
+            message("gripper_effort_out_of_range", effort=nan, most=MAX_FORCE),
+        ),
+        (JointState(position=[nan]), message("gripper_position_out_of_range", position=nan, most=TRAVEL)),
     ],
 )
-def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, sentence: str) -> None:
+def test_goal_that_no_gripper_can_carry_out_is_refused(hand: Hand, command: JointState, reason: Message) -> None:
+    hand.client.sentences.clear()
     assert not hand.send(ParallelGripperCommand, ParallelGripperCommand.Goal(command=command)).accepted
-    hand.client.until(hand.client.hears(sentence))
+    hand.client.until(hand.client.hears(f"Gripper goal refused: {reason}"))
     assert hand.robot.state(Side.LEFT).position == TRAVEL
 
 
@@ -225,7 +240,7 @@ def test_second_goal_is_refused_and_the_first_can_be_cancelled(hand: Hand) -> No
     assert first.accepted
     assert not hand.command(TRAVEL).accepted
     refused = hand.trigger("calibrate")
-    assert refused.message == "The left gripper carries out another command; wait for its end."
+    assert refused.message == str(message("gripper_busy", gripper="left"))
     hand.cancel(first)
     hand.robot.gate.set()
     answer = hand.result(first)
@@ -297,10 +312,8 @@ def test_vacuum_picks_an_object_and_loses_it(hand: Hand) -> None:
 def test_vacuum_that_the_gripper_does_not_have_is_refused(hand: Hand) -> None:
     answer = hand.switch("vacuum_2", is_on=True)
     assert not answer.success
-    assert answer.message == (
-        "The left gripper has vacuum 1 only: it is configured as servo+vacuum; if it has vacuum 2, set gripper.left in "
-        "yumi.yaml."
-    )
+    said = message("gripper_has_other_vacuum", gripper="left", has=(1,), modules="servo+vacuum", channel=2)
+    assert answer.message == str(said)
 
 
 def test_finger_joints_come_with_force_and_speed(hand: Hand) -> None:
@@ -326,7 +339,8 @@ def test_gripper_is_jogged_open_and_stopped(hand: Hand) -> None:
 
 
 def test_refused_goal_has_its_reason_in_the_state(hand: Hand) -> None:
-    with pytest.raises(CommandRefused, match=r"The left gripper refused the goal: .*position 0\.03 m is out of range"):
+    said = message("gripper_position_out_of_range", position=0.03, most=TRAVEL)
+    with pytest.raises(CommandRefused, match=re.escape(f"The left gripper refused the goal: {said}")):
         hand.application.begin(0.03)
 
 
@@ -340,8 +354,7 @@ def test_failed_goal_has_its_reason_in_the_state(hand: Hand) -> None:
     assert hand.trigger("calibrate").success
     hand.robot.faults.inject(Fault.GRIPPER_ERROR, Side.LEFT)
     hand.robot.wait(CYCLE)
-    with pytest.raises(
-        GoalNotReached, match="The left gripper reports error 7; look at the event log, then clear the error"
-    ):
+    said = message("gripper_reports_error", gripper="left", error=7)
+    with pytest.raises(GoalNotReached, match=re.escape(str(said))):
         hand.application.begin(0.01)()
     assert hand.trigger("clear_error").success

@@ -9,7 +9,7 @@ import pytest
 import yaml
 from diagnostic_msgs.msg import DiagnosticStatus
 
-from yumi.catalogue import message
+from yumi.catalogue import clause, message
 from yumi.control.controller import ControllerInfo, HardwareInfo, State, Statistics
 from yumi.control.counters import LimiterCounters
 from yumi.control.shared_state import PROBLEMS, Problem, Snapshot
@@ -146,7 +146,8 @@ def test_egm_whose_arm_holds_for_a_problem_is_an_error_with_its_cause(problem: P
 def test_egm_of_an_arm_that_is_kept_apart_names_the_pair() -> None:
     snapshot = Snapshot(limited_part="right gripper", limited_other="post", limited_distance=0.0114)
     values = {pair.key: pair.value for pair in messages.egm_status(Side.RIGHT, snapshot).values}
-    assert values["limited_by"] == "right gripper - post, 11 mm"
+    said = message("parts_near", part="right gripper", other="post", distance=0.0114)
+    assert values["limited_by"] == clause(said)
     values = {pair.key: pair.value for pair in messages.egm_status(Side.RIGHT, Snapshot()).values}
     assert values["limited_by"] == ""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from math import nan
 from pathlib import Path
 from types import SimpleNamespace
@@ -50,9 +51,8 @@ def test_state_is_reported_by_id_and_label_and_found_by_either(state: State, num
 
 @pytest.mark.parametrize(("number", "label"), [(0, ""), (0, "Active"), (10, "configuring")])
 def test_what_is_no_state_to_be_in_is_refused(number: int, label: str) -> None:
-    with pytest.raises(
-        CommandRefused, match=r"is not a primary state; choose from: 1 unconfigured, 2 inactive, 3 active"
-    ):
+    choices = "1 unconfigured, 2 inactive, 3 active, 4 finalized"
+    with refused(CommandRefused, "state_not_primary", number=number, label=label, choices=choices):
         messages.state_of(SimpleNamespace(id=number, label=label))
 
 
@@ -156,17 +156,21 @@ def test_stamps_follow_a_clock_that_was_set(clock: ManualClock, ros_clock: RosCl
 
 @pytest.mark.parametrize("nanosec", [1_000_000_000, 4_294_967_295])
 def test_time_with_more_nanoseconds_than_a_second_is_refused(nanosec: int) -> None:
-    sentence = f" has {nanosec} ns beside its seconds; allowed is 0 to 999999999."
+    def refuses(name: str) -> AbstractContextManager[object]:
+        return refused(
+            CommandRefused, "nanoseconds_out_of_range", name=f"Trajectory refused: {name}", nanoseconds=nanosec
+        )
+
     point, late = JointTrajectoryPoint(positions=[0.0] * 7), JointTrajectoryPoint(positions=[0.0] * 7)
     late.time_from_start = Duration(sec=1, nanosec=nanosec)
-    with pytest.raises(CommandRefused, match=f"^Trajectory refused: time_from_start of point 2{sentence}"):
+    with refuses("time_from_start of point 2"):
         trajectory_of(JointTrajectory(points=[point, late]), None)
     goal = FollowJointTrajectory.Goal(goal_time_tolerance=Duration(nanosec=nanosec))
-    with pytest.raises(CommandRefused, match=f"^Trajectory refused: goal_time_tolerance{sentence}"):
+    with refuses("goal_time_tolerance"):
         tolerances_of(goal, [Side.RIGHT])
     message = JointTrajectory()
     message.header.stamp.nanosec = nanosec
-    with pytest.raises(CommandRefused, match=f"^Trajectory refused: header.stamp{sentence}"):
+    with refuses("header.stamp"):
         messages.stamp_of(message)
 
 

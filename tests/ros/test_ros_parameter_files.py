@@ -16,6 +16,7 @@ from ros_bench import Client
 from std_msgs.msg import String
 
 from controller_arms import PerfectArm
+from yumi.catalogue import Message, message
 from yumi.clock import SystemClock
 from yumi.control.controller import MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
@@ -86,6 +87,12 @@ def manager(rig: SimpleNamespace) -> Iterator[Manager]:
 def spawned(manager: Manager, name: str, file: str, kind: str | None = None) -> bool:
     """As ``spawner NAME --inactive -p FILE``; ``kind`` where the file has a type among the controller's parameters."""
     return manager.spawn(name, kind, [str(FILES / file)], inactive=True)
+
+
+def no_choice(controller: str, parameter: str, value: str, *choices: str) -> Message:
+    """A parameter has a value that it cannot have."""
+    reason = message("value_not_a_choice", parameter=parameter, value=value, choices=choices)
+    return message("controller_parameter_refused", controller=controller, reason=reason)
 
 
 def hears(manager: Manager, sentence: str) -> None:
@@ -175,53 +182,80 @@ def test_parameter_that_changes_nothing_is_logged_with_the_reason(
 
 
 @pytest.mark.parametrize(
-    ("file", "name", "sentence"),
+    ("file", "name", "said"),
     [
         ("ur.yaml", "ur_scaled_trajectory_controller", "take joint_trajectory_controller/JointTrajectoryController"),
         ("ur.yaml", "ur_forward_effort_controller", "EGM takes no efforts"),
-        ("franka.yaml", "gravity_compensation_example_controller", "is not known; known are: joint_state_broadcaster/"),
+        (
+            "franka.yaml",
+            "gravity_compensation_example_controller",
+            message(
+                "controller_type_unknown",
+                controller="gravity_compensation_example_controller",
+                type="franka_example_controllers/GravityCompensationExampleController",
+                types=tuple(CONTROLLER_KINDS),
+            ),
+        ),
         (
             "franka.yaml",
             "fr3_effort_arm_controller",
-            "Controller 'fr3_effort_arm_controller': command_interfaces is ('effort',); choose from: pos",
+            no_choice("fr3_effort_arm_controller", "command_interfaces", "('effort',)", "position", "velocity"),
         ),
         (
             "openarm.yaml",
             "right_gripper_controller",
-            "'gripper_r_joint' is not a joint of this arm; name yumi_joint_1_r",
+            message("parameter_joint_foreign", joint="gripper_r_joint", joints=tuple(NAMES)),
         ),
-        ("openarm.yaml", "left_joint_trajectory_controller", "'yumi_joint_1_l' is not a joint of this arm; name yumi"),
+        (
+            "openarm.yaml",
+            "left_joint_trajectory_controller",
+            message("parameter_joint_foreign", joint="yumi_joint_1_l", joints=tuple(NAMES)),
+        ),
     ],
 )
 def test_what_this_robot_does_not_have_is_refused_with_a_sentence(
-    manager: Manager, file: str, name: str, sentence: str
+    manager: Manager, file: str, name: str, said: Message | str
 ) -> None:
     assert not spawned(manager, name, file)
-    hears(manager, sentence)
+    hears(manager, str(said))
 
 
 @pytest.mark.parametrize(
-    ("section", "sentence"),
+    ("section", "said"),
     [
         (
             "/**/mine: {ros__parameters: {constrains: {goal_time: 1.0}}}",
-            "Parameter 'constrains.goal_time' of 'mine' does not exist; did you mean 'constraints.goal_time'?",
+            message(
+                "parameter_unknown_similar",
+                name="constrains.goal_time",
+                node="mine",
+                similar="constraints.goal_time",
+            ),
         ),
         (
             "mine: {ros__parameters: {action_monitor_rate: 5.0}}",
-            "mine.yaml line 1: /mine is not the node /r/mine; write /**/mine, or its namespace before it.",
+            message(
+                "section_of_other_node",
+                place="mine.yaml line 1",
+                section="/mine",
+                node="/r/mine",
+                controller="mine",
+            ),
         ),
-        ("/r/mine: {ros__parameters: {interpolation_method: none}}", "is 'none'; choose from: splines."),
+        (
+            "/r/mine: {ros__parameters: {interpolation_method: none}}",
+            no_choice("mine", "interpolation_method", "'none'", "splines"),
+        ),
         ("/r/mine: {ros__parameters: {state_publish_rate: 100}}", "of type 'INTEGER', expecting type 'DOUBLE'"),
     ],
 )
 def test_mistake_in_a_file_is_refused_with_a_sentence(
-    manager: Manager, tmp_path: Path, section: str, sentence: str
+    manager: Manager, tmp_path: Path, section: str, said: Message | str
 ) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text(section)
     assert not manager.spawn("mine", "joint_trajectory_controller/JointTrajectoryController", [str(file)])
-    hears(manager, sentence)
+    hears(manager, str(said))
     assert manager.state("mine") == "not loaded"
 
 

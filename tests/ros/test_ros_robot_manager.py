@@ -147,7 +147,7 @@ def test_speed_scale_is_set_by_a_service_and_reported_by_the_parameter(rig: Robo
     assert parameter_of(rig) == rig.speed.value
     answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=0.25)
     assert answer.success
-    assert answer.message == "speed_scale is 0.25: every controller moves with at most 25% of its speeds."
+    assert answer.message == str(message("speed_scale_in_force", value=0.25))
     assert (rig.speed.value, parameter_of(rig)) == (0.25, 0.25)
 
 
@@ -191,7 +191,7 @@ def test_service_refuses_a_speed_scale_out_of_range(rig: RobotManagerRig, value:
     before = rig.speed.value
     answer = rig.call(SetSpeedScale, "set_speed_scale", speed_scale=value)
     assert not answer.success
-    assert answer.message == f"speed_scale is {value:g}; allowed is 0.01 to 1."
+    assert answer.message == str(message("speed_scale_out_of_range", value=value, lowest=0.01, highest=1.0))
     assert rig.speed.value == parameter_of(rig) == before
 
 
@@ -232,7 +232,8 @@ def test_refusal_of_the_robot_is_the_answer_and_in_the_log(rig: RobotManagerRig)
 
 def test_unknown_arm_is_refused_and_nothing_is_asked_of_the_robot(rig: RobotManagerRig) -> None:
     answer = rig.call(RunRoutine, "run_routine", arm="middle", routine="wave")
-    assert (answer.success, answer.message) == (False, "There is no arm 'middle'; choose right or left.")
+    assert (answer.success, answer.code) == (False, "arm_unknown")
+    assert answer.message == str(message("arm_unknown", arm="middle"))
     assert rig.manager.calls == []
 
 
@@ -263,8 +264,8 @@ def test_action_whose_step_fails_is_aborted_with_the_reason(rig: RobotManagerRig
 def test_unknown_mode_is_answered_with_those_there_are(rig: RobotManagerRig) -> None:
     status, result = Goal(rig, SetMode, "set_mode", mode="fly").end()
     assert status == GoalStatus.STATUS_ABORTED
-    choices = "motors_off, ready, egm_left, egm_right, egm_both"
-    assert result.message == f"There is no mode 'fly'; choose one of {choices}."
+    modes = ("motors_off", "ready", "egm_left", "egm_right", "egm_both")
+    assert result.message == str(message("mode_not_known", mode="fly", modes=modes))
     assert rig.manager.calls == []
 
 
@@ -275,7 +276,7 @@ def test_second_action_is_refused_while_the_first_is_carried_out(rig: RobotManag
     status, result = Goal(rig, Recover, "recover").end()
     rig.manager.may_go_on.set()
     assert status == GoalStatus.STATUS_ABORTED
-    assert result.message.startswith("Another set_mode or recover is being carried out; wait for its result")
+    assert result.message == str(message("another_mode_change"))
     assert first.end()[1].success
 
 
