@@ -130,7 +130,7 @@ class _ToolTopic(CommandTopic):
         try:
             super().take(received, waited)
         except YumiError as error:  # the control process has ended
-            self._refusals.warn(str(error))
+            self._refusals.warn(error.said)
 
 
 class _StreamTopic(_ToolTopic):

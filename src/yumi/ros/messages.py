@@ -6,9 +6,8 @@ the fields that the installed type has are filled.
 
 from __future__ import annotations
 
-import re
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from datetime import datetime, timezone
 from enum import Enum
 from math import degrees, isfinite, isnan
@@ -653,7 +652,6 @@ _MOST_LINES = 10
 """Lines in one period, however many reasons there are: each message may have another invalid name."""
 
 _REASONS = 50  # remembered; the oldest make room
-_NUMBER = re.compile(r"(?<![\w'])-?\d[\d.e+-]*")  # a number of its own; digits in a joint's name are part of the reason
 
 
 LONGEST_WAIT = 0.5
@@ -672,6 +670,15 @@ def check_wait(noun: str, waited: float) -> None:
         raise _refused(noun, said("command_waited", waited=waited, longest=LONGEST_WAIT))
 
 
+def _reason(value: object) -> Hashable:
+    """What a refusal is for, whatever its numbers: its code, and the names and reasons among its values."""
+    if isinstance(value, Message):
+        return (value.code, *map(_reason, value.values.values()))
+    if isinstance(value, tuple):
+        return tuple(map(_reason, value))
+    return "" if isinstance(value, (int, float)) else str(value)
+
+
 class RefusalLog:
     """Warnings of one topic, throttled by reason: different mistakes are all logged, however soon they follow.
 
@@ -683,14 +690,14 @@ class RefusalLog:
     def __init__(self, log: Any, now: Callable[[], float]) -> None:
         self._log = log
         self._now = now
-        self._last: OrderedDict[str, float] = OrderedDict()  # when a reason was logged
+        self._last: OrderedDict[Hashable, float] = OrderedDict()  # when a reason was logged
         self._begin = -_LOG_PERIOD  # of the period whose lines are counted
         self._lines = 0
         self._unlogged = 0  # refusals since the last line
 
-    def warn(self, sentence: str) -> None:
+    def warn(self, refusal: Message) -> None:
         """Log a refusal, unless its reason was logged just now; what was not logged is counted with the next line."""
-        now, reason = self._now(), _NUMBER.sub("#", sentence)
+        now, reason, sentence = self._now(), _reason(refusal), str(refusal)
         if now - self._begin >= _LOG_PERIOD:
             self._begin, self._lines = now, 0
         if now - self._last.get(reason, -_LOG_PERIOD) < _LOG_PERIOD or self._lines >= _MOST_LINES:

@@ -152,7 +152,7 @@ class CommandTopic(ABC):
             check_wait(self.noun, waited)
         except CommandRefused as error:
             if not self.is_stop(received):
-                self._refusals.warn(str(error))
+                self._refusals.warn(error.said)
                 return
         self.take(received, waited)
 
@@ -162,7 +162,7 @@ class CommandTopic(ABC):
         try:
             self._accept(received, time - self._age(received))
         except CommandRefused as error:
-            self._refusals.warn(str(error))
+            self._refusals.warn(error.said)
 
     def is_stop(self, received: Any) -> bool:
         """Whether a command does nothing but end a motion, and is never too late."""
