@@ -50,8 +50,7 @@ def page() -> str:
         "",
         "An event comes with each datagram that a session has taken, so that a state which follows on itself stays;",
         "of several that hold at once the one that stands first in the table of events counts.",
-        "What deactivates controllers has the arm settle before it follows again,",
-        "and nothing is desired until a person or a program activates controllers.",
+        "Once controllers are deactivated, nothing is desired until a person or a program activates controllers.",
         "At the begin of a session they are deactivated too, after its first reply.",
         "",
         "![The states of the limiter, with the events that lead to each](../images/limiter-states.svg)",
@@ -71,8 +70,9 @@ def page() -> str:
         "## What follows",
         "",
         "A row for each event, a column for the states in which the same follows.",
-        "An event without an entry is forbidden in that state:",
-        "the tests raise `ForbiddenTransition`; an arm holds instead, and the counter `forbidden` shows it.",
+        "An event without an entry is forbidden in that state: the program is wrong, and the cycle gets no reply,",
+        "so that the robot keeps its last reference.",
+        "The driver deactivates the arm's controllers and reports the fault.",
         "",
         f"| event | {' | '.join(', '.join(state.name for state in group) for group in groups.values())} |",
         f"|---{'|---' * len(groups)}|",
@@ -96,7 +96,7 @@ def picture() -> str:
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}">',
         _STYLE,
         f'<rect x="{left}" y="8" width="{2 * _WIDE + 3 * _GAP}" height="{height - 16}" rx="8" class="group"/>',
-        f'<text x="{left + _GAP}" y="29" class="title">An arm in a session: from each of these states to each</text>',
+        f'<text x="{left + _GAP}" y="29" class="title">An arm in a session</text>',
         *_arrow((middle, 20), (middle, 52), ""),
     ]
     for state, place in places.items():
@@ -104,17 +104,18 @@ def picture() -> str:
     begins, enters = places[LimiterState.BEGINNING], places[LimiterState.ENTERING]
     right = _GAP + _WIDE
     parts += _arrow((middle, 54 + _HIGH), (middle, begins[1] - 2), "")
-    parts += _arrow((right, begins[1] + 24), (left - 2, begins[1] + 24), _ways(LimiterState.BEGINNING, INSIDE))
-    parts += _arrow((left, begins[1] + 76), (right + 2, begins[1] + 76), "SESSION_NEW")
-    parts += _arrow((right, enters[1] + 24), (left - 2, enters[1] + 24), _ways(LimiterState.ENTERING, INSIDE))
-    parts += _arrow((left, enters[1] + 76), (right + 2, enters[1] + 76), "SESSION_LED, SESSION_ELSEWHERE")
+    for state, place in ((LimiterState.BEGINNING, begins), (LimiterState.ENTERING, enters)):
+        there, back = place[1] + 24, place[1] + 76
+        parts += _arrow((right, there), (left - 2, there), _ways((state,), INSIDE))
+        parts += _arrow((left, back), (right + 2, back), _ways(INSIDE, (state,)))
     return "\n".join([*parts, "</svg>", ""])
 
 
-def _ways(start: LimiterState, ends: Sequence[LimiterState]) -> str:
-    """The events that lead from one state to some others; silences lead from each."""
-    events = [event.name for event, end in TRANSITIONS[start].items() if end in ends and "SILENCE" not in event.name]
-    return ", ".join(events)
+def _ways(starts: Sequence[LimiterState], ends: Sequence[LimiterState]) -> str:
+    """The events that lead from some states to some others; interruptions may come at any time, and are left out."""
+    found = {event for start in starts for event, end in TRANSITIONS[start].items() if end in ends}
+    found -= {LimiterEvent.INTERRUPTION, LimiterEvent.CONNECTION_LOST}
+    return ", ".join(event.name for event in sorted(found))
 
 
 def _box(state: LimiterState, place: tuple[int, int]) -> Iterator[str]:

@@ -16,7 +16,6 @@ from hypothesis import settings
 
 from yumi.catalogue import FrontEnd, speak_as
 from yumi.clock import ManualClock
-from yumi.control.limiter import Limiter
 from yumi.robot.joints import Joints, joints
 
 
@@ -30,7 +29,6 @@ def pytest_configure(config: pytest.Config) -> None:
     """A shell starts what goes on in its background so that Ctrl-C is ignored, and every command would inherit that."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    Limiter.is_strict = True  # what its table of states forbids raises
     if config.getoption("random_words"):
         folder = str(Path(__file__).parent / "random_words")
         os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [folder, os.environ.get("PYTHONPATH")]))

@@ -17,7 +17,7 @@ from yumi.process.supervision import Command
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(120)]
 
-CALLS = 200
+CALLS = 500
 GROWTH_KB = 8192
 """What the driver's memory may grow by: the calls themselves wait there."""
 
@@ -37,7 +37,7 @@ def callers(egm_running: Client) -> Iterator[list[Any]]:
         node.destroy_client(caller)
 
 
-def test_200_calls_at_once_are_all_answered_while_egm_goes_on_and_leave_nothing_behind(
+def test_500_calls_at_once_are_all_answered_while_egm_goes_on_and_leave_nothing_behind(
     egm_running: Client, driver: Command, callers: list[Any]
 ) -> None:
     statuses: list[dict[str, str]] = []

@@ -11,7 +11,7 @@ from soak import CYCLES, long, short, tell
 from yumi.clock import SystemClock
 from yumi.process.supervision import Command
 
-LEAST = 2
+LEAST = 5
 """After so many starts everything that is made once is there."""
 
 WARM = 50

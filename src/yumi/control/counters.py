@@ -47,7 +47,6 @@ class LimiterCounters(NamedTuple):
         implausible: measured or planned positions that no arm can have reached.
         kept_apart: commands that would have led an arm too near to something.
         feedforward_withheld: speeds not fed forward, since the robot would have coasted too near to something.
-        forbidden: events that the table of the limiter's states does not have; the arm held. The program is wrong then.
     """
 
     refused: int = 0
@@ -56,4 +55,3 @@ class LimiterCounters(NamedTuple):
     implausible: int = 0
     kept_apart: int = 0
     feedforward_withheld: int = 0
-    forbidden: int = 0

@@ -18,13 +18,13 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from math import dist, inf, isfinite
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from yumi.control.collisions import ArmCollisionLimiter
 from yumi.control.counters import LimiterCounters
 from yumi.control.feed_forward_limiter import FedForward, FeedForwardLimiter
 from yumi.control.feedback import DOUBTED, FeedbackCheck
-from yumi.control.limiter_state import SETTLES, ForbiddenTransition, LimiterEvent, LimiterState, next_state
+from yumi.control.limiter_state import SETTLING_STATES, LimiterEvent, LimiterState, next_state
 from yumi.control.motion import (
     EGM_GAIN,
     SERVO_CYCLES,
@@ -67,12 +67,6 @@ _SETTLING_TIME = 1.0  # [s] after which a command that is back settles no furthe
 _NEAR = 0.02  # [rad] as near as a measured position is known
 _CREEPS = 2e-5  # [rad] a command that follows the noise of an arm that stands moves less in a cycle
 
-# An enumeration is slow to look into.
-_BEGINNING, _WAITING = LimiterState.BEGINNING, LimiterState.WAITING
-_BACK, _DESIRED, _IGNORING = LimiterEvent.BACK, LimiterEvent.DESIRED, LimiterEvent.IGNORING
-_NOT_FOLLOWING, _REPEATING = LimiterEvent.NOT_FOLLOWING, LimiterEvent.REPEATING
-_UNDESIRED, _UNUSABLE = LimiterEvent.UNDESIRED, LimiterEvent.UNUSABLE
-
 
 def _is_finite(command: ArmCommand) -> bool:
     return isfinite(sum(command.position) + sum(command.velocity))
@@ -85,6 +79,7 @@ class SentMotion(NamedTuple):
         positions: sent so far.
         speeds: fed forward so far.
         is_at_rest: whether the command stands, and does not lead the robot any more.
+        must_settle: whether the arm is held until its command is back where the arm is, whatever is desired.
         held_for: for how long the arm is held, and nothing else was desired [s].
         stop_within: the positions between which an arm that holds may come to rest [rad]; None while it does not hold.
         stop_at: where the arm holds while its feedback is implausible [rad], (7,); None while it is not.
@@ -95,6 +90,7 @@ class SentMotion(NamedTuple):
     positions: PositionMotion
     speeds: FedForward = FedForward()
     is_at_rest: bool = True
+    must_settle: bool = False
     held_for: float = 0.0
     stop_within: tuple[Joints, Joints] | None = None
     stop_at: Joints | None = None
@@ -116,8 +112,6 @@ class Limiter:
 
     Attributes:
         state: what is done with the arm.
-        is_strict: whether an event that the table of states does not have raises ForbiddenTransition, as in the tests;
-            else it is counted, and the arm holds.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -129,8 +123,6 @@ class Limiter:
         collisions: what keeps the arm apart from the other one and from all else; None where nothing does.
         bandwidth: of the robot's low-pass filter on the speed [Hz]; 0 is none.
     """
-
-    is_strict: ClassVar[bool] = False
 
     def __init__(
         self,
@@ -170,7 +162,7 @@ class Limiter:
     @property
     def is_waiting(self) -> bool:
         """Whether the command waits since the robot follows an older one."""
-        return self.state is _WAITING
+        return self.state is LimiterState.WAITING
 
     @property
     def is_at_rest(self) -> bool:
@@ -199,12 +191,17 @@ class Limiter:
         """The parts that must not come nearer to each other, where that limits the arm in this cycle."""
         return self._collisions.limited if self._collisions else None
 
-    def note_silence(self, *, is_long: bool = False) -> None:
-        """The arm's datagrams do not arrive any more: the other arm keeps clear of where this one may go.
+    def note_interruption(self) -> None:
+        """No datagram of the arm arrives: the other arm keeps clear of where this one may go."""
+        self._go(LimiterEvent.INTERRUPTION)
+        self._lose_connection()
 
-        ``is_long``: for so long that the arm's controllers are deactivated.
-        """
-        self._go(LimiterEvent.LONG_SILENCE if is_long else LimiterEvent.SILENCE)
+    def note_connection_lost(self) -> None:
+        """No datagram has arrived for so long that the arm's controllers are deactivated; see above."""
+        self._go(LimiterEvent.CONNECTION_LOST)
+        self._lose_connection()
+
+    def _lose_connection(self) -> None:
         if self._collisions is not None:
             self._collisions.connection_lost()
 
@@ -243,9 +240,9 @@ class Limiter:
             last = self._feedback.reject(state)
             checked = self._references.expected(last) or last
             if self._feedback.is_lost:
-                self._go(LimiterEvent.NOT_BELIEVED)
+                self._go(LimiterEvent.FEEDBACK_LOST)
             elif self._feedback.in_a_row >= DOUBTED:
-                self._go(LimiterEvent.IMPLAUSIBLE)
+                self._go(LimiterEvent.FEEDBACK_DOUBTED)
         if self._feedback.implausible != self.counters.implausible:
             self._change(counters=self.counters._replace(implausible=self._feedback.implausible))
         is_back = state.session == self._session and state.dt <= 0.0 and not state.is_running
@@ -279,7 +276,7 @@ class Limiter:
     def _limit(self, state: ArmState, desired: ArmCommand | None) -> bool:
         """Go on with the motion for a state that was checked; whether the collision limiter has accepted it."""
         self._sent_at = state.time
-        if self.state is _BEGINNING:
+        if self.state is LimiterState.BEGINNING:
             self._begin(state)
             self._go(LimiterEvent.FIRST_SENT)
             return False
@@ -292,7 +289,7 @@ class Limiter:
             return False
         if self._feedback.in_a_row >= DOUBTED or not state.is_running:
             if self._feedback.in_a_row < DOUBTED:
-                self._go(_NOT_FOLLOWING)
+                self._go(LimiterEvent.NOT_FOLLOWING)
             self._delay.clear()
             self._motion = self._come_to(self._motion, state, dt)
             return False
@@ -304,52 +301,51 @@ class Limiter:
             self._delay.clear()
         else:
             desired = self._delay.next(desired, state.dt, self._motion.positions.position)
-        event = self._event(state, desired)
-        if event is _REPEATING:
-            if self.state is not _WAITING:
+        was_waiting = self.state is LimiterState.WAITING
+        self._go(self._event(state, desired))
+        if self.state is LimiterState.WAITING:
+            if not was_waiting:
                 self._rest()  # to brake would lead it on by what it does not follow
             desired = self._place_to_wait()
             speeds = self._references.speeds(state, self._references.followed)
             self._change(speeds=self._feed_forward_limiter.follow(self._motion.speeds, speeds, dt))
-        elif event is not _DESIRED:
+        elif self.state is not LimiterState.FOLLOWING:
             desired = None
         is_accepted = False
         if self._collisions is None:
-            self._motion = self._step(self._motion, state, desired, dt, event)
+            self._motion = self._step(self._motion, state, desired, dt)
         else:
-            self._motion, is_accepted = self._step_apart(self._collisions, self._motion, state, desired, dt, event)
-        if event is _UNDESIRED and self._is_back(state):
-            event = _BACK
-        self._go(event)
+            self._motion, is_accepted = self._step_apart(self._collisions, self._motion, state, desired, dt)
+        if self.state is LimiterState.SETTLING and not self._motion.must_settle:
+            self._go(LimiterEvent.BACK)
         return is_accepted
 
     def _event(self, state: ArmState, desired: ArmCommand | None) -> LimiterEvent:
         """What a cycle brings of such a robot, and of what is desired."""
         references = self._references
         if references.are_ignored:
-            return _IGNORING
-        is_missed = references.is_repeating if self.state is _WAITING else references.are_lost(self._taken_at_once)
-        if is_missed:
-            return _REPEATING
-        if desired is None or self.state in SETTLES:
-            return _UNDESIRED
+            return LimiterEvent.IGNORING
+        if references.is_repeating if self.is_waiting else references.are_lost(self._taken_at_once):
+            return LimiterEvent.REPEATING
+        if desired is None or self._motion.must_settle:
+            return LimiterEvent.UNDESIRED
         if not _is_finite(desired):
             self._count(refused=True)
-            return _UNUSABLE
+            return LimiterEvent.UNUSABLE
         if not self._is_near(self._motion, state):
             self._count(slowed=True)
-            return _UNUSABLE
-        return _DESIRED
+            return LimiterEvent.UNUSABLE
+        return LimiterEvent.DESIRED
 
     def _go(self, event: LimiterEvent) -> None:
-        """To what follows on an event."""
-        try:
-            self.state = next_state(self.state, event)
-        except ForbiddenTransition:
-            if self.is_strict:
-                raise
-            self.state = LimiterState.HOLDING
-            self._count(forbidden=True)
+        """To the state that follows on an event, before anything else changes.
+
+        Raises:
+            ForbiddenTransition: the program is wrong. The cycle gets no reply, so that the robot keeps its reference.
+        """
+        self.state = next_state(self.state, event)
+        if self.state in SETTLING_STATES:
+            self._change(must_settle=True)
 
     def _change(self, **values: Any) -> None:
         """Go on with the motion as it was, but for what is different in it."""
@@ -382,14 +378,13 @@ class Limiter:
         state: ArmState,
         wanted: ArmCommand | None,
         dt: float,
-        event: LimiterEvent,
     ) -> tuple[SentMotion, bool]:
         """The first of some such motions that keeps the arms apart, and True; where none does, braking, and False."""
         is_held = collisions.begin_cycle(wanted, state.position, dt)
         candidates = (None,) if wanted is None else () if is_held else self._candidates(collisions, motion, wanted)
         found = motion
         for index, candidate in enumerate(candidates):
-            found = self._step(motion, state, candidate, dt, event)
+            found = self._step(motion, state, candidate, dt)
             feeds_forward = candidate is not None and candidate.velocity is not ZERO
             robot = found.speeds.robot
             if collisions.accepts(state.planned, found.positions.moving, robot, feeds_forward=feeds_forward):
@@ -409,6 +404,7 @@ class Limiter:
             positions=positions,
             speeds=speeds,
             is_at_rest=False,
+            must_settle=found.must_settle,
             stop_within=found.stop_within,
             was_refused=not is_held,
         )
@@ -435,13 +431,17 @@ class Limiter:
             rows = zip(position, desired.position, strict=True)
             yield ArmCommand(joints([now + (goal - now) * _HOP / far for now, goal in rows]))
 
-    def _step(
-        self, motion: SentMotion, state: ArmState, desired: ArmCommand | None, dt: float, event: LimiterEvent
-    ) -> SentMotion:
+    def _step(self, motion: SentMotion, state: ArmState, desired: ArmCommand | None, dt: float) -> SentMotion:
         """The motion after a cycle in which the robot follows: next to ``desired``, or held."""
         if desired is None:
-            held_for = 0.0 if event is _UNUSABLE else motion.held_for + state.dt
-            return self._hold(motion, state, dt, event)._replace(held_for=held_for)
+            if self.state is LimiterState.HOLDING:  # what is desired cannot be used; the next may be
+                return self._hold(motion, state, dt)._replace(held_for=0.0)
+            held, held_for = self._hold(motion, state, dt), motion.held_for + state.dt
+            is_near = dist(held.positions.position, state.position) < _SLIGHT_LEAD
+            # The arm stands sooner than the command is back; what keeps shaking does so for its noise.
+            is_back = held.is_at_rest or (is_near and held_for >= _SETTLING_TIME)
+            must_settle = not is_back or self.state is LimiterState.IGNORED
+            return held._replace(must_settle=must_settle, held_for=held_for)
         goal = inside(desired.position, self._limits, motion.positions.position)
         positions = self._position_limiter.step(motion.positions, goal, dt, state.dt)
         position = positions.position
@@ -453,22 +453,14 @@ class Limiter:
         if is_cut or is_slowed:
             cut, slowed = counters.position_limited + is_cut, counters.slowed + is_slowed
             counters = counters._replace(position_limited=cut, slowed=slowed)
-        return SentMotion(positions, speeds, False, 0.0, None, None, motion.was_refused, counters)
-
-    def _is_back(self, state: ArmState) -> bool:
-        """Whether the command of an arm that is held is back where the arm is.
-
-        The arm stands sooner than the command is back; what keeps shaking does so for its noise.
-        """
-        motion = self._motion
-        is_near = dist(motion.positions.position, state.position) < _SLIGHT_LEAD
-        return motion.is_at_rest or (is_near and motion.held_for >= _SETTLING_TIME)
+        return motion._replace(
+            positions=positions, speeds=speeds, is_at_rest=False, held_for=0.0, stop_within=None, counters=counters
+        )
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
-        positions, speeds, at_rest, held_for, within, stop_at, was_refused, counters = self._motion
-        speeds = speeds.observed(state, positions.sent.position)
-        self._motion = SentMotion(positions, speeds, at_rest, held_for, within, stop_at, was_refused, counters)
+        motion = self._motion
+        self._change(speeds=motion.speeds.observed(state, motion.positions.sent.position))
         self._scale_positions()
         is_valid = state.is_running and not self._feedback.in_a_row
         self._references.observe(
@@ -513,10 +505,12 @@ class Limiter:
     def _begin(self, state: ArmState) -> None:
         """Begin with the first command: where the robot is, at most at the end of its range."""
         position = inside(state.position, self._limits, self._limits.lower)
-        self._change(positions=resting_at(position), speeds=FedForward(), is_at_rest=True, stop_within=None)
+        self._change(
+            positions=resting_at(position), speeds=FedForward(), is_at_rest=True, must_settle=False, stop_within=None
+        )
         self._references.begin(state, ArmCommand(position))
 
-    def _hold(self, motion: SentMotion, state: ArmState, dt: float, event: LimiterEvent) -> SentMotion:
+    def _hold(self, motion: SentMotion, state: ArmState, dt: float) -> SentMotion:
         """Come to rest, then repeat the last command.
 
         A command runs ahead of the robot by its speed over the loop gain. It goes back to the robot within its limits,
@@ -528,7 +522,7 @@ class Limiter:
         if motion.is_at_rest and positions.stands(dt):  # it may creep after the noise of an arm that stood
             return motion._replace(speeds=self._feed_forward_limiter.step(motion.speeds, state, last, ZERO, dt))
         # A command that chased noise would never rest; a lead of some size shows whether it is taken.
-        kept = _PROBE if event is _IGNORING else _NO_LEAD
+        kept = _PROBE if self.state is LimiterState.IGNORED else _NO_LEAD
         stop_within = motion.stop_within or self._places_to_stop(motion, state)
         rows = zip(last, self._place_to_rest(state), *stop_within, strict=True)
         goal = joints([max(low, min(high, now + max(-kept, min(kept, ahead - now)))) for ahead, now, low, high in rows])

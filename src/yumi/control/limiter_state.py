@@ -1,6 +1,6 @@
 """What the limiter does with an arm: its states, and the one table of what leads from one to the next.
 
-Each datagram, each thing desired and each silence is an event. ``setup/limiter_states.py`` makes the page of the
+Each datagram, each command and each interruption is an event. ``setup/limiter_states.py`` makes the page of the
 documentation from this, docs/reference/limiter-states.md, and its picture.
 """
 
@@ -22,10 +22,10 @@ class LimiterState(IntEnum):
     HOLDING = 6
     WAITING = 7
     IGNORED = 8
-    COASTING = 9
+    DOUBTED = 9
     LOST = 10
-    SILENT = 11
-    GONE = 12
+    INTERRUPTED = 11
+    DISCONNECTED = 12
 
 
 class LimiterEvent(IntEnum):
@@ -36,8 +36,8 @@ class LimiterEvent(IntEnum):
     SESSION_NEW = 2
     SESSION_CONTINUED = 3
     FIRST_SENT = 4
-    NOT_BELIEVED = 5
-    IMPLAUSIBLE = 6
+    FEEDBACK_LOST = 5
+    FEEDBACK_DOUBTED = 6
     NOT_FOLLOWING = 7
     IGNORING = 8
     REPEATING = 9
@@ -45,8 +45,8 @@ class LimiterEvent(IntEnum):
     UNDESIRED = 11
     UNUSABLE = 12
     DESIRED = 13
-    SILENCE = 14
-    LONG_SILENCE = 15
+    INTERRUPTION = 14
+    CONNECTION_LOST = 15
 
 
 _S, _E = LimiterState, LimiterEvent
@@ -58,20 +58,22 @@ MEANINGS: Mapping[LimiterState, str] = {
     _S.BEGINNING: "A session has begun. The next command is where the robot is measured, so that it finds no step.",
     _S.STANDBY: "The robot does not follow. The command goes to where the arm is, within the limits.",
     _S.FOLLOWING: "What is desired is sent, as far as the limits and the other arm allow.",
-    _S.SETTLING: "The arm brakes within the limits, and its command goes back to where the arm is. What is desired is "
-    "not taken until it is there.",
-    _S.HOLDING: "The last command is repeated. What is desired next is taken.",
+    _S.SETTLING: "The arm comes to rest within the limits, and its command goes back to where the arm is. What is "
+    "desired is not taken until BACK, whatever comes between.",
+    _S.HOLDING: "The arm comes to rest within the limits, then the last command is repeated. What is desired next is "
+    "taken.",
     _S.WAITING: "The robot follows an older command: those since were lost. The command waits as near to the older one "
     "as the robot may set out to at once.",
     _S.IGNORED: "Commands lead the robot, and its plan stands. The arm holds whatever is desired, its command at "
-    "most 0.001 rad ahead, and its controllers are deactivated. Over when the plan moves.",
-    _S.COASTING: "No position can be believed. The command comes to rest within the limits, where it can. Controllers "
+    "most 0.001 rad ahead, and its controllers are deactivated. When the plan moves, the arm settles.",
+    _S.DOUBTED: "No position can be believed. The command comes to rest within the limits, where it can. Controllers "
     "go on when a position can be believed.",
-    _S.LOST: "No position could be believed for long. As COASTING, and the arm's controllers are deactivated. Over "
-    "when a position can be believed.",
-    _S.SILENT: "Nothing is calculated and nothing sent: the robot keeps its last reference. The other arm keeps "
+    _S.LOST: "No position could be believed for long. As DOUBTED, and the arm's controllers are deactivated. When "
+    "a position can be believed, the arm settles.",
+    _S.INTERRUPTED: "Nothing is calculated and nothing sent: the robot keeps its last reference. The other arm keeps "
     "clear of where that leads this one. Controllers go on when the robot is heard again.",
-    _S.GONE: "As SILENT, and the arm's controllers are deactivated.",
+    _S.DISCONNECTED: "As INTERRUPTED, and the arm's controllers are deactivated. When the robot is heard again, the "
+    "arm settles.",
 }
 """What is done with an arm in each state."""
 
@@ -81,18 +83,18 @@ SEEN: Mapping[LimiterEvent, str] = {
     _E.SESSION_NEW: "a session begins, and nothing was sent for about 1 s, or ever: no command can move the robot",
     _E.SESSION_CONTINUED: "a session begins less than about 1 s after the last command, which leads the robot nowhere",
     _E.FIRST_SENT: "the first command of a session was sent",
-    _E.NOT_BELIEVED: "20 positions or more in a row that no joint could have reached",
-    _E.IMPLAUSIBLE: "5 positions or more in a row that no joint could have reached (before: the arm goes on as if it "
-    "had moved as it was led)",
+    _E.FEEDBACK_LOST: "20 positions or more in a row that no joint could have reached",
+    _E.FEEDBACK_DOUBTED: "5 positions or more in a row that no joint could have reached (before, the arm goes on as if "
+    "it had moved as it was led)",
     _E.NOT_FOLLOWING: "the robot does not follow: motors, EGM or RAPID are off",
     _E.IGNORING: "the plan has stood still for 0.12 s although commands lead the robot",
     _E.REPEATING: "the robot goes on by one command, although others were sent since",
-    _E.BACK: "nothing is desired, or the arm has to settle, and the command is back, or has been near for 1 s",
-    _E.UNDESIRED: "nothing is desired, or the arm has to settle, and the command is not back where the arm is",
+    _E.BACK: "the command is back where the arm is, or has been near for 1 s",
+    _E.UNDESIRED: "nothing is desired, or the arm has to settle",
     _E.UNUSABLE: "what is desired is no number, or the command is further ahead than the robot's speed explains",
     _E.DESIRED: "a position is desired that can be taken",
-    _E.SILENCE: "no datagram for 20 ms, once",
-    _E.LONG_SILENCE: "no datagram for 80 ms, once",
+    _E.INTERRUPTION: "no datagram for 20 ms, once",
+    _E.CONNECTION_LOST: "no datagram for 80 ms, once",
 }
 """What was seen at each event."""
 
@@ -102,22 +104,21 @@ _SESSIONS = {
     _E.SESSION_NEW: _S.BEGINNING,
     _E.SESSION_CONTINUED: _S.SETTLING,
 }
-_SILENCES = {_E.SILENCE: _S.SILENT, _E.LONG_SILENCE: _S.GONE}
+_INTERRUPTIONS = {_E.INTERRUPTION: _S.INTERRUPTED, _E.CONNECTION_LOST: _S.DISCONNECTED}
 _ARM = {
     **_SESSIONS,
     _E.NOT_FOLLOWING: _S.STANDBY,
-    _E.IMPLAUSIBLE: _S.COASTING,
+    _E.FEEDBACK_DOUBTED: _S.DOUBTED,
     _E.IGNORING: _S.IGNORED,
     _E.REPEATING: _S.WAITING,
     _E.UNDESIRED: _S.SETTLING,
-    _E.BACK: _S.HOLDING,
     _E.UNUSABLE: _S.HOLDING,
     _E.DESIRED: _S.FOLLOWING,
-    **_SILENCES,
+    **_INTERRUPTIONS,
 }
-_LONG_DOUBT = {_E.NOT_BELIEVED: _S.LOST}
-SETTLES = (_S.SETTLING, _S.IGNORED, _S.LOST, _S.GONE)
-"""States after which an arm settles before anything that is desired is taken: whatever moved it has been ended."""
+_LOSS = {_E.FEEDBACK_LOST: _S.LOST}
+SETTLING_STATES = (_S.SETTLING, _S.IGNORED, _S.LOST, _S.DISCONNECTED)
+"""States after which an arm has to settle before anything that is desired is taken: what moved it has been ended."""
 
 
 def _without(events: Mapping[LimiterEvent, LimiterState], *left_out: LimiterEvent) -> dict[LimiterEvent, LimiterState]:
@@ -130,21 +131,29 @@ TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
     _S.NO_SESSION: {
         _E.SESSION_ELSEWHERE: _S.NO_SESSION,
         _E.SESSION_NEW: _S.BEGINNING,
-        _E.SILENCE: _S.NO_SESSION,
-        _E.LONG_SILENCE: _S.NO_SESSION,
+        _E.INTERRUPTION: _S.NO_SESSION,
+        _E.CONNECTION_LOST: _S.NO_SESSION,
     },
-    _S.ENTERING: {**_SESSIONS, **_SILENCES},
-    _S.BEGINNING: {**_SESSIONS, _E.FIRST_SENT: _S.HOLDING, **_SILENCES},
+    _S.ENTERING: {**_SESSIONS, **_INTERRUPTIONS},
+    _S.BEGINNING: {
+        **_SESSIONS,
+        _E.FIRST_SENT: _S.HOLDING,
+        # Whatever comes before the first command, that is where the robot is measured.
+        _E.FEEDBACK_LOST: _S.BEGINNING,
+        _E.FEEDBACK_DOUBTED: _S.BEGINNING,
+        _E.INTERRUPTION: _S.BEGINNING,
+        _E.CONNECTION_LOST: _S.BEGINNING,
+    },
     _S.STANDBY: _ARM,
     _S.FOLLOWING: _ARM,
-    _S.SETTLING: _SETTLING,
+    _S.SETTLING: {**_SETTLING, _E.BACK: _S.HOLDING},
     _S.HOLDING: _ARM,
     _S.WAITING: _ARM,
     _S.IGNORED: _without(_SETTLING, _E.REPEATING),
-    _S.COASTING: {**_ARM, **_LONG_DOUBT},
-    _S.LOST: {**_without(_SETTLING, _E.IMPLAUSIBLE), **_LONG_DOUBT},
-    _S.SILENT: {**_ARM, **_LONG_DOUBT},
-    _S.GONE: {**_SETTLING, **_LONG_DOUBT},
+    _S.DOUBTED: {**_ARM, **_LOSS},
+    _S.LOST: {**_without(_SETTLING, _E.FEEDBACK_DOUBTED), **_LOSS},
+    _S.INTERRUPTED: {**_ARM, **_LOSS},
+    _S.DISCONNECTED: {**_SETTLING, **_LOSS},
 }
 """What follows in each state on each event; an event that a state does not have is forbidden in that state."""
 

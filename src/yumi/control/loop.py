@@ -258,7 +258,7 @@ class ArmLoop:
             # Without feedback nothing is calculated and nothing sent: controllers go on when it comes back in time.
             self._is_interrupted = True
             self._interruptions += 1
-            self._limiter.note_silence()
+            self._limiter.note_interruption()
             self.publish(now)
 
     def _end_if_lost(self, now: float) -> bool:
@@ -270,7 +270,7 @@ class ArmLoop:
         unwatched = now - looked
         is_ours = unwatched > STOOD_STILL and silence - unwatched < self._interruption  # until then the robot was heard
         self._last = None
-        self._limiter.note_silence(is_long=True)
+        self._limiter.note_connection_lost()
         deactivated = self.manager.deactivate_commanding()
         self._events.append(SessionLost(self._side, silence, deactivated, unwatched if is_ours else 0.0))
         self.publish(now)

@@ -8,15 +8,16 @@ from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import (
     MEANINGS,
     SEEN,
+    SETTLING_STATES,
     TRANSITIONS,
     ForbiddenTransition,
     LimiterEvent,
     LimiterState,
     next_state,
 )
-from yumi.robot.joints import YUMI_LIMITS
+from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, joints
 
-SESSIONS = [event for event in LimiterEvent if event.name.startswith("SESSION")]
+SESSIONS = {event for event in LimiterEvent if event.name.startswith("SESSION")}
 
 
 def test_every_state_and_event_has_a_meaning_and_a_place() -> None:
@@ -32,11 +33,18 @@ def test_every_state_and_event_has_a_meaning_and_a_place() -> None:
 
 
 @pytest.mark.parametrize("state", LimiterState, ids=lambda state: state.name)
-def test_silence_and_a_new_session_may_come_at_any_time(state: LimiterState) -> None:
+def test_interruption_and_a_new_session_may_come_at_any_time(state: LimiterState) -> None:
     possible = set(TRANSITIONS[state])
-    assert possible >= {LimiterEvent.SILENCE, LimiterEvent.LONG_SILENCE}
+    assert possible >= {LimiterEvent.INTERRUPTION, LimiterEvent.CONNECTION_LOST}
     if state is not LimiterState.NO_SESSION:
-        assert possible >= set(SESSIONS)
+        assert possible >= SESSIONS
+
+
+def test_session_that_begins_is_left_by_its_first_command_or_by_another_session_only() -> None:
+    left = {
+        event for event, state in TRANSITIONS[LimiterState.BEGINNING].items() if state is not LimiterState.BEGINNING
+    }
+    assert left == {LimiterEvent.FIRST_SENT} | (SESSIONS - {LimiterEvent.SESSION_NEW})
 
 
 @pytest.mark.parametrize("state", [LimiterState.NO_SESSION, LimiterState.ENTERING, LimiterState.BEGINNING])
@@ -44,17 +52,53 @@ def test_nothing_desired_is_followed_before_a_session_has_begun(state: LimiterSt
     assert LimiterState.FOLLOWING not in TRANSITIONS[state].values()
 
 
-def test_arm_that_settles_follows_only_after_its_command_is_back() -> None:
-    assert LimiterState.FOLLOWING not in TRANSITIONS[LimiterState.SETTLING].values()
+@pytest.mark.parametrize("state", SETTLING_STATES, ids=lambda state: state.name)
+def test_arm_follows_again_only_after_it_has_settled(state: LimiterState) -> None:
+    assert LimiterState.FOLLOWING not in TRANSITIONS[state].values()
+    assert next_state(state, LimiterEvent.UNDESIRED) is LimiterState.SETTLING
     assert next_state(LimiterState.SETTLING, LimiterEvent.BACK) is LimiterState.HOLDING
     assert next_state(LimiterState.HOLDING, LimiterEvent.DESIRED) is LimiterState.FOLLOWING
 
 
-def test_what_the_table_forbids_raises_here_and_has_a_robots_arm_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_table_forbids_raises_and_changes_nothing() -> None:
     limiter = Limiter(YUMI_LIMITS)
     with pytest.raises(ForbiddenTransition, match="DESIRED in the state NO_SESSION"):
         limiter._go(LimiterEvent.DESIRED)
-    monkeypatch.setattr(Limiter, "is_strict", False)
-    limiter._go(LimiterEvent.DESIRED)
-    assert limiter.state is LimiterState.HOLDING
-    assert limiter.counters.forbidden == 1
+    assert limiter.state is LimiterState.NO_SESSION
+
+
+@pytest.mark.parametrize("is_running", [True, False], ids=["follows", "does not follow"])
+def test_first_command_is_where_the_robot_is_whatever_comes_before(is_running: bool) -> None:
+    """A first datagram of a robot that does not follow gets no reply; then the connection was lost for a while."""
+    limiter = Limiter(YUMI_LIMITS)
+    position = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4])
+    first = ArmState(session=1, time=10.0, dt=0.0, position=position, velocity=ZERO, planned=position, is_running=False)
+    assert limiter.check(first) is None
+    limiter.note_interruption()
+    limiter.note_connection_lost()
+    again = first._replace(time=10.2, is_running=is_running)
+    commands = []
+    for cycle in range(3):
+        state = again._replace(time=again.time + cycle * CYCLE, dt=cycle * CYCLE)
+        checked = limiter.check(state)
+        if checked is not None:
+            commands.append(limiter.limit(checked, ArmCommand(position)).position)
+            limiter.observe(checked)
+    assert commands
+    assert all(command == pytest.approx(position, abs=1e-9) for command in commands)
+
+
+@pytest.mark.parametrize(
+    "event", [LimiterEvent.NOT_FOLLOWING, LimiterEvent.INTERRUPTION, LimiterEvent.FEEDBACK_DOUBTED]
+)
+def test_arm_that_has_to_settle_still_has_to_after_something_else(event: LimiterEvent) -> None:
+    limiter = Limiter(YUMI_LIMITS)
+    for each in (
+        LimiterEvent.SESSION_NEW,
+        LimiterEvent.FIRST_SENT,
+        LimiterEvent.DESIRED,
+        LimiterEvent.UNDESIRED,
+        event,
+    ):
+        limiter._go(each)
+    assert limiter._motion.must_settle

@@ -743,12 +743,12 @@ class JointTrajectoryController(Controller):
     def _end(self, outcome: Outcome, code: ResultCode, said: Message, *, is_replaced: bool = False) -> None:
         """The motion is over for what waits for it; ``is_replaced``: the arm goes on with a newer one.
 
-        The feedback says so before the report does: who hears that the motion is over asks for the next one at once.
+        Feedback with goal 0 is written before the report: a client may ask for its next motion at once.
         """
         goal, self._goal = self._goal, None
         if goal is not None:
             if self._state is not None and not is_replaced:
-                self._give_feedback(self._state)
+                self._feedback.write(self._feedback_of(self._state))
             self._reports.append(TrajectoryEnded(goal.number, outcome, code, said, self._skew))
 
     def _brake(self) -> None:
@@ -778,30 +778,31 @@ class JointTrajectoryController(Controller):
         self._times.clear()
 
     def _give_feedback(self, state: ArmState) -> None:
-        goal, source = self._goal, self._source
         if state.time - self._feedback_due > self._settings.feedback_period:
             self._feedback_due = state.time
         self._feedback_due += self._settings.feedback_period
+        self._feedback.write(self._feedback_of(state))
+
+    def _feedback_of(self, state: ArmState) -> TrajectoryFeedback:
+        goal, source = self._goal, self._source
         time = self._measured_time(state) if goal is not None else self._time
         desired, velocity = source.motion(time)
         if goal is not None and not goal.is_cancelled and self._pace != 1.0:
             velocity = _scaled(velocity, self._pace)
         number, skew = (goal.number, self._skew or Skew()) if goal is not None else (0, Skew())
-        self._feedback.write(
-            TrajectoryFeedback(
-                number,
-                state.time,
-                time,
-                self._pace,
-                *skew,
-                desired,
-                velocity,
-                state.position,
-                state.velocity,
-                self._position,
-                self._velocity,
-                self._settings.monitor_period,
-            )
+        return TrajectoryFeedback(
+            number,
+            state.time,
+            time,
+            self._pace,
+            *skew,
+            desired,
+            velocity,
+            state.position,
+            state.velocity,
+            self._position,
+            self._velocity,
+            self._settings.monitor_period,
         )
 
 
