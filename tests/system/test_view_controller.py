@@ -11,7 +11,7 @@ import pytest
 
 from browser import DRAWN_SELDOM, browser
 from system.test_doctor import served, world
-from yumi.catalogue import message
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.driver.settings import RobotSettings
 from yumi.errors import LoginRefused, NoConnection
 from yumi.process.supervision import Command
@@ -77,10 +77,8 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
     with browser() as chromium, Command("view", arguments, tmp_path / "view.log") as view:
         lines: list[str] = []
         url = view.wait_until_ready(60.0, on_line=lines.append)
-        assert (
-            "The robot is an IRB 120 (mechanical unit ROB_1), not a YuMi: no driver of this package runs for it."
-            in lines[1]
-        )
+        robot = "an IRB 120 (mechanical unit ROB_1), not a YuMi"
+        assert sentence(message("no_driver_for_robot", robot=robot), FrontEnd.SHELL) in lines[1]
         page = chromium.new_page(viewport={"width": 1000, "height": 700})
         page.add_init_script(DRAWN_SELDOM)
         page.set_default_timeout(SOON)

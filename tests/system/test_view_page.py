@@ -14,6 +14,7 @@ import pytest
 import yumi
 from browser import DRAWN_SELDOM, browser
 from flight import LOST, flown, write_flight_record
+from yumi.catalogue import FrontEnd, Message, clause, message
 from yumi.errors import StopNotConfirmed
 from yumi.process.supervision import Command
 from yumi.recording.mcap import recorded_event
@@ -77,6 +78,11 @@ def url(held: str) -> str:
     return held
 
 
+def words(said: Message) -> str:
+    """A pattern of what a message says happened, at the begin of a sentence or in it."""
+    return f"(?i:{re.escape(clause(said, FrontEnd.PAGE))})"
+
+
 class Page:
     """What a person does on the page, and reads there."""
 
@@ -107,7 +113,7 @@ class Page:
         for _ in range(SOON // 50):
             if condition():
                 return
-            if "press again" in self.text("#toast"):
+            if re.search(words(message("page_too_slow_to_jog")), self.text("#toast")):
                 end()
                 self.tab.evaluate("document.querySelector('#toast').textContent = ''")
                 begin()
@@ -169,21 +175,22 @@ def test_stop_is_explained_and_confirmed_on_the_page(chromium: Any, url: str) ->
     # Why does it not move? An emergency stop, which a person must confirm.
     page.press("#press-stop")
     page.wait("#verdict", "Stopped: .*Emergency stop")
-    page.wait("#remedy", "emergency stop is pressed")
-    assert "emergency stop is pressed" in str(page.tab.get_attribute("#recover:disabled", "title"))
+    pressed = words(message("emergency_stop_pressed"))
+    page.wait("#remedy", pressed)
+    assert re.search(pressed, str(page.tab.get_attribute("#recover:disabled", "title")))
     page.mend("Release the emergency stop")
-    page.wait("#remedy", "^A stop waits for a person's confirmation")
+    page.wait("#remedy", "^" + words(message("stop_open", stop="")))
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     inject_fault(str(page.tab.inner_text("#chips .chip:first-child b")).partition(",")[0], "emergency-stop", {})
-    page.wait("#confirm", r"Not yet: first end what stops the robot\s+The emergency stop is pressed")
+    page.wait("#confirm", rf"Not yet: first end what stops the robot\s+{pressed}")
     assert not page.tab.is_visible("#confirm-yes")
     page.press("#confirm-no")
     page.mend("Release the emergency stop")
     page.mend("Recover")
     assert "Is no person near it" in page.wait("#confirm", "Confirm the stop")
     page.press("#confirm-yes")
-    page.wait("#toast", "Recovered after 10013 Emergency stop: ")
+    page.wait("#toast", "10013 Emergency stop")
     page.wait("#verdict", "Ready")
     page.mend("Start EGM")
     page.wait("#verdict", "EGM holds both arms")
@@ -252,23 +259,24 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
     page.press("#inject")
     page.wait("#verdict", "EGM holds the left arm")
     page.wait("#remedy", "The right arm follows no commands. Press “Start EGM”")
-    page.wait("#events", "joint_position_controller deactivated")
+    ended = message("robot_stopped_following_in_motion", arm="right", controllers=("joint_position_controller",))
+    page.wait("#events", words(ended))
     page.mend("Start EGM")
     page.wait("#toast", "EGM runs on both arms")  # a stop before would be one of its start
     page.wait("#verdict", "EGM holds both arms")
 
     page.tab.select_option("#fault", "program-stop")
     page.press("#inject")
-    page.wait("#verdict", "Stopped: .*program")
-    page.wait("#remedy", "The RAPID program is stopped; press “Recover…”")
+    page.wait("#verdict", "Stopped: ")
+    assert "press “Recover…”" in page.wait("#remedy", words(message("program_stopped")))
     page.wait("#remedy-button", "Recover")
 
     # A field without a number sends nothing, and what the page says covers no button.
     page.tab.fill("#part-width", "")
     page.press("#put-part")
     page.wait("#toast", "Nothing was sent: the width must be a number from 1 to 50 mm")
-    message, panels = (page.tab.locator(each).bounding_box() for each in ("#toast", ".panels"))
-    assert message["x"] + message["width"] < panels["x"]  # it covers no button
+    toast, panels = (page.tab.locator(each).bounding_box() for each in ("#toast", ".panels"))
+    assert toast["x"] + toast["width"] < panels["x"]  # it covers no button
     assert page.errors == []
 
 
@@ -368,7 +376,7 @@ def test_arm_stops_when_its_page_is_closed_and_when_another_one_takes_control(ch
         second.wait("#take", "Give control back")
         watch.wait_for_rest()
     assert watch.travel() < JOGGED_ON
-    first.wait("#toast", "Another page has taken control")
+    first.wait("#toast", words(message("control_taken_by_other")))
 
 
 class Watch:
@@ -475,10 +483,10 @@ def test_recording_is_opened_and_scrubbed_to_its_event(
         start = page.angle(1)
         page.press("#events button")
         assert float(page.text("#clock").split()[0]) > 0.0
-        assert "feedback lost" in page.wait("#events li.current", "silent for 52 ms")
+        page.wait("#events li.current", words(LOST.said))
         assert page.angle(1) != start
         page.wait("#kind", "^Recording stopped.mcap at ")
-        page.wait("#verdict", "Stopped: .*feedback lost.*joint_position_controller deactivated")
+        page.wait("#verdict", "Stopped: .*" + words(LOST.said))
         page.tab.focus("#time")
         page.tab.keyboard.press("Home")
         page.wait("#clock", "^0.00 s")
