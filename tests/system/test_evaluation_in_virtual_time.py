@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from yumi.catalogue import FrontEnd, Message, message, sentence
 from yumi.cli.main import main
 from yumi.robot.joints import CYCLE
 from yumi.virtual.mechanics.motion import ArmModel
@@ -237,16 +238,17 @@ def test_command_reports_what_was_done_when_it_is_interrupted(monkeypatch: pytes
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"),
+    ("arguments", "said"),
     [
-        (("evaluate", "--virtual-time", "--robot", "1.2.3.4"), "A real robot has no virtual time"),
-        (("tune", "--from", "2", "--to", "1"), "--from must be below --to"),
+        (("evaluate", "--virtual-time", "--robot", "1.2.3.4"), message("real_robot_in_virtual_time")),
+        (("tune", "--from", "2", "--to", "1"), message("gains_not_in_order", lowest=2.0, highest=1.0)),
     ],
+    ids=lambda value: value.code if isinstance(value, Message) else value[0],
 )
-def test_command_refuses_what_makes_no_sense(arguments: tuple[str, ...], sentence: str) -> None:
+def test_command_refuses_what_makes_no_sense(arguments: tuple[str, ...], said: Message) -> None:
     result = CliRunner().invoke(main, arguments)
     assert result.exit_code == 1
-    assert sentence in result.output
+    assert sentence(said, FrontEnd.SHELL) in result.output
 
 
 def test_tune_recommends_a_gain_with_a_picture(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ import pytest
 from egm_robots import ObedientRobot, VirtualArmRig, Wired
 
 from yumi import EgmServer
+from yumi.catalogue import FrontEnd, message, sentence
 from yumi.egm.udp import free_port
 from yumi.virtual.mechanics.motion import EgmRun
 
@@ -101,7 +102,7 @@ def test_example_whose_port_is_taken_says_so_in_a_sentence(server: EgmServer) ->
     command = [sys.executable, str(EXAMPLES / "egm_joint.py"), str(server.port)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert re.fullmatch(r"Error: .*port.* is taken.*\n", done.stderr)
+    assert done.stderr == f"Error: {sentence(message('udp_port_taken', port=server.port), FrontEnd.SCRIPT)}\n"
 
 
 def test_velocity_example_tells_the_robot_to_stand_when_it_is_stopped(server: EgmServer) -> None:
