@@ -9,8 +9,8 @@ from __future__ import annotations
 import random
 from string import Formatter, ascii_lowercase
 
+from yumi.catalogue import texts
 from yumi.catalogue.text import Text
-from yumi.catalogue.texts import TEXTS
 
 
 def _random_words(template: str, chance: random.Random) -> str:
@@ -26,10 +26,12 @@ def _random_words(template: str, chance: random.Random) -> str:
 
 
 def _replace_all() -> None:
-    for code, text in TEXTS.items():
+    for code, text in texts.TEXTS.items():
         if code != "text":
             chance = random.Random(code)
-            TEXTS[code] = Text(*(_random_words(part, chance) for part in text))
+            texts.TEXTS[code] = Text(*(_random_words(part, chance) for part in text))
 
 
-_replace_all()
+if not hasattr(texts, "are_random"):  # a process of pytest-xdist has loaded this already when it is configured
+    _replace_all()
+    vars(texts)["are_random"] = True
