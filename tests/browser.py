@@ -15,15 +15,6 @@ ARGUMENTS = (
     "--disable-sync",
 )
 
-DRAWN_SELDOM = """
-const frame = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (draw) => setTimeout(() => frame(draw), 1000);
-"""
-"""A script for a page whose picture is drawn once a second: in software it takes a third of a second of a processor.
-
-Drawn as often as it changes, it leaves no time for what a test asks of the page, nor for the robot.
-"""
-
 
 @contextmanager
 def browser() -> Iterator[Any]:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from browser import DRAWN_SELDOM, browser
+from browser import browser
 from system.test_doctor import served, world
 from yumi.catalogue import FrontEnd, message, sentence
 from yumi.driver.settings import RobotSettings
@@ -80,7 +80,6 @@ def test_page_of_six_axes_shows_the_moving_arm_with_the_arrow_at_the_line(addres
         robot = "an IRB 120 (mechanical unit ROB_1), not a YuMi"
         assert sentence(message("no_driver_for_robot", robot=robot), FrontEnd.SHELL) in lines[1]
         page = chromium.new_page(viewport={"width": 1000, "height": 700})
-        page.add_init_script(DRAWN_SELDOM)
         page.set_default_timeout(SOON)
         page.on("pageerror", lambda error: errors.append(str(error)))
         page.on("console", lambda line: errors.append(line.text) if line.type == "error" else None)

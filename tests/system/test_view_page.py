@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import yumi
-from browser import DRAWN_SELDOM, browser
+from browser import browser
 from flight import LOST, flown, write_flight_record
 from yumi.catalogue import FrontEnd, Message, clause, message
 from yumi.errors import StopNotConfirmed
@@ -86,11 +86,9 @@ def words(said: Message) -> str:
 class Page:
     """What a person does on the page, and reads there."""
 
-    def __init__(self, chromium: Any, url: str, *, is_drawn_seldom: bool = True) -> None:
+    def __init__(self, chromium: Any, url: str) -> None:
         self.errors: list[str] = []
         self.tab = chromium.new_page(viewport={"width": 1280, "height": 900})
-        if is_drawn_seldom:
-            self.tab.add_init_script(DRAWN_SELDOM)
         self.tab.on("pageerror", lambda error: self.errors.append(str(error)))
         self.tab.on("console", lambda line: self.errors.append(line.text) if line.type == "error" else None)
         self.tab.goto(url)
@@ -281,7 +279,7 @@ def test_cause_and_remedy_of_a_fault_are_read_on_the_page(chromium: Any, url: st
 
 
 def test_arm_is_pushed_aside_and_follows_the_handle(chromium: Any, held: str) -> None:
-    page = Page(chromium, held, is_drawn_seldom=False)  # the handle is taken where it was drawn last
+    page = Page(chromium, held)
     page.wait("#verdict", "EGM holds both arms")
     page.take_control()
 

@@ -139,6 +139,7 @@ export class Scene {
   private ghost!: Robot;
   private isDue = false;
   private slow = 0;
+  private pause = 0; // [ms] after a slow picture, as long as that took: the page is read and operated meanwhile
 
   /** @param canvas where it is drawn. @param model of the robot, as /model.json has it. */
   constructor(private readonly canvas: HTMLCanvasElement, private readonly model: Model) {
@@ -350,7 +351,10 @@ export class Scene {
 
   /** Where the handle is on the canvas [pixels]; null while there is none. */
   handlePlace(): [number, number] | null {
-    return this.gizmo.enabled ? this.onCanvas(this.handle.position) : null;
+    if (!this.gizmo.enabled) return null;
+    this.handle.updateMatrixWorld();
+    this.gizmo.getHelper().updateMatrixWorld(); // what a pointer takes there is right before the next picture, too
+    return this.onCanvas(this.handle.position);
   }
 
   get isDragged(): boolean {
@@ -476,17 +480,21 @@ export class Scene {
   draw(): void {
     if (this.isDue) return;
     this.isDue = true;
-    requestAnimationFrame(() => {
+    const due = () => requestAnimationFrame(() => {
       this.isDue = false;
       const begun = performance.now();
       this.renderer.render(this.scene, this.camera);
       this.gl.finish();
-      this.slow = performance.now() - begun > SLOW ? this.slow + 1 : 0;
+      const took = performance.now() - begun;
+      this.pause = took > SLOW ? took : 0;
+      this.slow = took > SLOW ? this.slow + 1 : 0;
       if (this.slow >= 3 && this.renderer.getPixelRatio() > 0.5) {
         this.slow = 0;
         this.renderer.setPixelRatio(Math.max(0.5, this.renderer.getPixelRatio() * 0.7));
         this.resize();
       }
     });
+    if (this.pause) setTimeout(due, this.pause);
+    else due();
   }
 }
