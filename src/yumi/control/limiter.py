@@ -250,6 +250,8 @@ class Limiter:
             # After a silence, of a robot that does not follow: were it to begin by now, it would take the lead at once.
             self._rest()
             checked = None
+        if self.state is LimiterState.BEGINNING and self._feedback.in_a_row:
+            checked = None  # what is expected in place of a false position is of the session before
         is_followed = state.is_running and not self._feedback.in_a_row  # else the plan may be the expected one
         self._references.compare(checked if is_followed else None)
         self._checked = checked

@@ -55,7 +55,8 @@ MEANINGS: Mapping[LimiterState, str] = {
     _S.NO_SESSION: "The robot was not heard yet, or only where no arm can be. Nothing is sent.",
     _S.ENTERING: "A session has begun, but the last command may still move the robot, or the arm is where that cannot "
     "have led it. Nothing is sent: a robot without a reply keeps its last reference. Each datagram is judged anew.",
-    _S.BEGINNING: "A session has begun. The next command is where the robot is measured, so that it finds no step.",
+    _S.BEGINNING: "A session has begun. The next command is where the robot is measured, so that it finds no step. "
+    "Nothing is sent while that position cannot be believed.",
     _S.STANDBY: "The robot does not follow. The command goes to where the arm is, within the limits.",
     _S.FOLLOWING: "What is desired is sent, as far as the limits and the other arm allow.",
     _S.SETTLING: "The arm comes to rest within the limits, and its command goes back to where the arm is. What is "
@@ -121,11 +122,9 @@ SETTLING_STATES = (_S.SETTLING, _S.IGNORED, _S.LOST, _S.DISCONNECTED)
 """States after which an arm has to settle before anything that is desired is taken: what moved it has been ended."""
 
 
-def _without(events: Mapping[LimiterEvent, LimiterState], *left_out: LimiterEvent) -> dict[LimiterEvent, LimiterState]:
-    return {event: state for event, state in events.items() if event not in left_out}
-
-
-_SETTLING = _without(_ARM, _E.DESIRED, _E.UNUSABLE)
+_SETTLING: Mapping[LimiterEvent, LimiterState] = {
+    event: state for event, state in _ARM.items() if event not in (_E.DESIRED, _E.UNUSABLE)
+}
 
 TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
     _S.NO_SESSION: {
@@ -149,9 +148,9 @@ TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {
     _S.SETTLING: {**_SETTLING, _E.BACK: _S.HOLDING},
     _S.HOLDING: _ARM,
     _S.WAITING: _ARM,
-    _S.IGNORED: _without(_SETTLING, _E.REPEATING),
+    _S.IGNORED: _SETTLING,
     _S.DOUBTED: {**_ARM, **_LOSS},
-    _S.LOST: {**_without(_SETTLING, _E.FEEDBACK_DOUBTED), **_LOSS},
+    _S.LOST: {**_SETTLING, **_LOSS},
     _S.INTERRUPTED: {**_ARM, **_LOSS},
     _S.DISCONNECTED: {**_SETTLING, **_LOSS},
 }

@@ -88,6 +88,22 @@ def test_first_command_is_where_the_robot_is_whatever_comes_before(is_running: b
     assert all(command == pytest.approx(position, abs=1e-9) for command in commands)
 
 
+def test_session_does_not_begin_where_the_arm_was_in_the_session_before() -> None:
+    """Its first datagram gets no reply, and the position of the next one is false."""
+    limiter = Limiter(YUMI_LIMITS)
+    there, here = joints([0.3, -1.0, 0.5, 0.2, 0.1, -0.3, 0.4]), joints([0.1, -1.2, 0.3, 0.0, -0.1, -0.1, 0.2])
+    old = ArmState(session=1, time=10.0, dt=0.0, position=there, velocity=ZERO, planned=there, is_running=True)
+    limiter.limit(old, None)
+    limiter.observe(old)
+    first = ArmState(session=2, time=20.0, dt=0.0, position=here, velocity=ZERO, planned=here, is_running=False)
+    assert limiter.check(first) is None
+    false = joints([each + 3.0 for each in here])
+    assert limiter.check(first._replace(time=20.0 + CYCLE, dt=CYCLE, position=false, planned=false)) is None
+    state = limiter.check(first._replace(time=20.0 + 2.0 * CYCLE, dt=CYCLE))
+    assert state is not None
+    assert limiter.limit(state, ArmCommand(there)).position == here
+
+
 @pytest.mark.parametrize(
     "event", [LimiterEvent.NOT_FOLLOWING, LimiterEvent.INTERRUPTION, LimiterEvent.FEEDBACK_DOUBTED]
 )
