@@ -1,5 +1,4 @@
-"""What the limiter costs in a cycle of both arms, in processor time, motion by motion: all of it, and what keeps the
-arms apart, which is all but one calculation of a command within the joints' limits for each arm.
+"""What the limiter costs in a cycle of both arms, in processor time, motion by motion.
 
 The motions are those of the tests, in virtual time, so each run has the same cycles. Each cycle counts with the
 quickest of some runs: what other processes take from it is left out as far as that is possible.
@@ -13,8 +12,6 @@ import gc
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from time import process_time
-from typing import Any
 
 import numpy as np
 
@@ -24,8 +21,6 @@ sys.path[:0] = [str(_TESTS), str(_TESTS / "unit" / "control")]
 from test_control_collisions import BEFORE_MEETING, FORWARD, MEETING  # noqa: E402
 
 from apart_arms import ApartArms, Drive, at_speed, renew_drive, to  # noqa: E402
-from yumi.control.collisions import ArmCollisionLimiter  # noqa: E402
-from yumi.control.limiter import Limiter, SentMotion  # noqa: E402
 from yumi.robot.joints import Side, home, named_pose  # noqa: E402
 
 HOME = {side: home(side) for side in Side}
@@ -88,50 +83,13 @@ MOTIONS: dict[str, tuple[Callable[[], list[float]], slice]] = {
 """What moves, and the cycles of it that count."""
 
 
-class JointLimits:
-    """How long the first command of each cycle and arm took within the joints' limits, in the run so far [s]."""
-
-    def __init__(self) -> None:
-        self.costs: list[float] = []
-        self._is_first = False
-        begin_cycle, calculate = ArmCollisionLimiter.begin_cycle, Limiter._step
-
-        def begin(arm: ArmCollisionLimiter, *arguments: Any) -> bool:
-            self._is_first = True
-            self.costs.append(0.0)
-            return begin_cycle(arm, *arguments)
-
-        def timed(limiter: Limiter, *arguments: Any) -> SentMotion:
-            begun = process_time()
-            motion = calculate(limiter, *arguments)
-            if self._is_first:
-                self.costs[-1] = process_time() - begun
-            self._is_first = False
-            return motion
-
-        setattr(ArmCollisionLimiter, "begin_cycle", begin)  # noqa: B010
-        setattr(Limiter, "_step", timed)  # noqa: B010
-
-
 def main(runs: int) -> None:
     """Print the median, one cycle of a hundred and the most of each motion."""
     gc.disable()  # as in the control process
-    joint_limits = JointLimits()
     for name, (motion, counted) in MOTIONS.items():
-        all_of_it, apart = [], []
-        for _ in range(runs):
-            joint_limits.costs.clear()
-            costs = np.array(motion())
-            both_arms = np.array(joint_limits.costs).reshape(-1, 2).sum(1)
-            all_of_it.append(costs[counted])
-            apart.append((costs - both_arms)[counted])
-        figures = [
-            "median {:6.3f} ms, one of a hundred {:6.3f} ms, most {:5.2f} ms".format(
-                *np.percentile(each, (50.0, 99.0)), each.max()
-            )
-            for each in (np.min(rows, axis=0) * 1e3 for rows in (all_of_it, apart))
-        ]
-        print(f"{name:20s} {figures[0]}; to keep apart {figures[1]}")
+        costs = 1e3 * np.min([np.array(motion())[counted] for _ in range(runs)], axis=0)
+        median, rare = np.percentile(costs, (50.0, 99.0))
+        print(f"{name:20s} median {median:6.3f} ms, one of a hundred {rare:6.3f} ms, most {costs.max():5.2f} ms")
 
 
 if __name__ == "__main__":

@@ -97,17 +97,21 @@ def install(root: str, machine: Machine, parts: Sequence[str] = ()) -> None:
             raise InstallationFailed(f"there is no part '{part}'; there are: {', '.join(sorted(known))}")
     clone.logs.mkdir(parents=True, exist_ok=True)
     started = time.monotonic()
-    with _alone(clone), _library(clone):
+    with _alone(clone):
         had = set(_recorded(clone).get("parts", "").split()) & known  # the environment may be made anew
         wanted = sorted({*ALWAYS, *([] if machine.sourced else WITHOUT_ROS), *had, *parts})
-        done = [
-            _step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
-            _step(clone, "packages", _packages_fingerprint(clone, wanted), lambda: _install(clone, machine, wanted)),
-            _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
-        ]
-        _record(clone, "parts", " ".join(wanted))
-        if not machine.sourced:
-            _build_interfaces(clone)
+        with _compiling(clone, Path(sys.executable), "collision"):  # .venv is being made meanwhile
+            done = [
+                _step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
+                _step(
+                    clone, "packages", _packages_fingerprint(clone, wanted), lambda: _install(clone, machine, wanted)
+                ),
+                _step(clone, "activation", _activation_fingerprint(machine), lambda: _extend_activation(clone)),
+            ]
+            _record(clone, "parts", " ".join(wanted))
+        with _compiling(clone, clone.python):
+            if not machine.sourced:
+                _build_interfaces(clone)
     if any(done):
         say(f"done in {time.monotonic() - started:.0f} s")
 
@@ -210,19 +214,24 @@ def parts_of(file: Path, table: str) -> list[str]:
 
 
 @contextlib.contextmanager
-def _library(clone: Clone) -> Iterator[None]:
-    """Compile the collision library while the rest goes on, where there is none of this edition of its source."""
-    log = clone.logs / "library.log"
-    # The Python of the machine: the module needs no package, and .venv is being made meanwhile.
-    command = [sys.executable, "-m", "yumi.robot.collision_library"]
+def _compiling(clone: Clone, python: Path, *units: str) -> Iterator[None]:
+    """Compile the core, or some of its units alone, while the rest goes on, where this edition was not compiled before.
+
+    Args:
+        clone: whose core.
+        python: with Ruckig where the whole core is compiled; what needs no package any Python compiles.
+        units: names of ``yumi.core.library``.
+    """
+    log = clone.logs / "core.log"
+    command = [str(python), "-m", "yumi.core.library", *units]
     process = start(command, log, {"PYTHONPATH": str(clone.root / "src")})
     try:
         yield
         try:
             process.wait(1.0)
         except subprocess.TimeoutExpired:
-            say("compiling the collision library")
-        finish(process, log, "the collision library could not be compiled")
+            say("compiling the core")
+        finish(process, log, "the core could not be compiled")
     finally:
         process.kill()
 

@@ -1,8 +1,8 @@
 """Puts what is compiled or built into a wheel, so that installing it needs neither a compiler nor Node.js.
 
-A build hook of Hatch. Every wheel contains the page of `yumi view` and the library that keeps the arms apart, and is
-for the platform it was made on. Where YUMI_WHEEL_INTERFACES is set, as `make wheels` does, it also contains the message
-packages that `make setup` has built, and is for the Python of these, too.
+A build hook of Hatch. Every wheel contains the page of `yumi view` and the compiled core, and is for the platform that
+it was made on. Where YUMI_WHEEL_INTERFACES is set, as `make wheels` does, it also contains the message packages that
+`make setup` has built, and is for the Python of these, too.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ RECORD = Path(sys.prefix) / "share" / "yumi_message_packages"
 
 
 class CompiledHook(BuildHookInterface[BuilderConfig]):
-    """Adds page and library, and the message packages of the environment whose Python builds the wheel."""
+    """Adds page and core, and the message packages of the environment whose Python builds the wheel."""
 
     PLUGIN_NAME = "custom"
 
@@ -34,12 +34,12 @@ class CompiledHook(BuildHookInterface[BuilderConfig]):
         if version != "standard":
             return
         sys.path.insert(0, str(Path(self.root) / "src"))
-        from yumi.robot import collision_library  # noqa: PLC0415 - those of the sources the wheel is made of
+        from yumi.core import library as core  # noqa: PLC0415 - those of the sources the wheel is made of
         from yumi.web import page_build  # noqa: PLC0415
 
-        packaged = collision_library.PACKAGED.relative_to(Path(self.root) / "src")
-        library = Path(self.root) / "build" / "collision" / "wheel.so"
-        collision_library.compile_to(library, *collision_library.PORTABLE)
+        packaged = core.PACKAGED.relative_to(Path(self.root) / "src")
+        library = Path(self.root) / "build" / "core" / "wheel.so"
+        core.compile_to(library, *core.PORTABLE)
         build_data["force_include"][str(library)] = packaged.as_posix()
         page = page_build.PACKAGED.relative_to(Path(self.root) / "src")
         build_data["force_include"][str(page_build.built(self.app.display_info))] = page.as_posix()

@@ -25,19 +25,19 @@ from soak import RECEIVE_EXAMPLES
 from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer, State, write_speeds
 from yumi.control.controllers.joint_position import JointVelocityController
-from yumi.control.limiter import FOLLOWING, Limiter
+from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN
 from yumi.control.shared_state import ImplausibleFeedback, Problem, ProblemOver, ReferencesIgnored, SessionResumed
 from yumi.driver.settings import EgmSettings
 from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage, SensorCodec
 from yumi.egm.session import SILENCE
 from yumi.errors import CommandRefused
-from yumi.robot.joints import YUMI_LIMITS, ZERO, Joints, Side, joints
+from yumi.robot.joints import YUMI_LIMITS, ZERO, ArmState, Joints, Side, joints
 from yumi.virtual.mechanics.motion import ArmModel
 
 VELOCITY_CONTROLLER = "joint_velocity_controller"
 OTHER_ARM: Joints = (1.2, -2.2, -1.2, 0.4, 0.3, 0.7, -0.4)
-RECENT = FOLLOWING / 5.0
+RECENT = 1.0  # [s] for so long a robot may follow the last command
 
 
 class Led(NamedTuple):
@@ -76,7 +76,11 @@ class Attacked(EgmLoop):
     """
 
     def __init__(self, *, feeds_speed: bool = False, knows_other_arm: bool = True, silence: float = SILENCE) -> None:
-        self.limiter = Limiter(YUMI_LIMITS, other_arm=lambda: OTHER_ARM if knows_other_arm else None)
+        self.limiter = Limiter(YUMI_LIMITS)
+        if knows_other_arm:
+            other = Limiter(YUMI_LIMITS)
+            other.observe(ArmState(0.0, CYCLE, 1, OTHER_ARM, ZERO, OTHER_ARM, is_running=True))
+            self.limiter.pair(other)
         super().__init__(limiter=self.limiter, model=ArmModel(supervises_load=False), silence=silence)
         self._speeds = MemoryBuffer() if feeds_speed else None
         if self._speeds is not None:

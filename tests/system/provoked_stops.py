@@ -103,10 +103,10 @@ class Driver(System):
                 TRAJECTORY_CONTROLLER: JointTrajectoryController(side, MemoryBuffer()),
                 CARTESIAN_CONTROLLER: CartesianController(side, tool_goals[side], MemoryBuffer()),
             }
-            arm.line._limiter._feedback._other_arm = lambda other=side.other: self.arms[other].snapshot.position
             for name, controller in controllers.items():
                 arm.line.manager.load(name, controller)
                 arm.line.manager.configure(name)
+        self.arms[Side.RIGHT].line._limiter.pair(self.arms[Side.LEFT].line._limiter)
         goals = {side: arm.goals for side, arm in self.arms.items()}
         self.mover = MotionExecutor(
             self.control, goals, self.motions, tuple(Side), YUMI_LIMITS, self, speeds=speeds, tool_goals=tool_goals

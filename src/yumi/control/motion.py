@@ -7,7 +7,7 @@
 - :class:`StandstillDetector`: how a controller takes over an arm that moves.
 - :class:`TargetPredictor` and :class:`TrackingFilter`: how joints follow a stream of goals almost without lag.
 
-Steps and motions are planned by Ruckig; the closed forms are for what is asked in every cycle.
+Whole motions are planned by Ruckig; steps, which the limiter takes in every cycle, by the core.
 
 The predictor estimates position, velocity and acceleration of each joint's goal from the goals and their times, by a
 filter with fading memory for motions of constant acceleration (Morrison, *Introduction to Sequential Smoothing and
@@ -23,13 +23,18 @@ too much of is brought there as fast as its limits allow, by :func:`step_towards
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from ctypes import c_double
 from dataclasses import replace
+from functools import lru_cache
+from itertools import chain
 from math import copysign, exp, inf, isnan, sqrt
+from struct import Struct
 from typing import Any, NamedTuple, cast
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
 from yumi.catalogue import message
+from yumi.core.library import load
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 
@@ -91,6 +96,9 @@ class Setpoint(NamedTuple):
         return Setpoint(self.position, fixed([each / factor for each in self.velocity]))
 
 
+_SETPOINT, _LIMITS = Struct("21d"), Struct("35d")
+
+
 def fixed(values: Sequence[float]) -> Joints:
     """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
     return cast("Joints", tuple(values))
@@ -126,9 +134,7 @@ def step_towards(
 ) -> Setpoint | None:
     """Where the ``enabled`` joints are after ``dt`` [s] on their quickest ways to their goals; None if none was found.
 
-    Each joint moves for itself. Ruckig plans to a goal at rest; so the way is planned as seen from an observer that
-    moves with the goal, at constant acceleration, and the joint's limits are shifted by the goal's motion. A goal that
-    moves is thereby caught up with and followed without lag, which a goal at rest in every cycle would not give.
+    Each joint moves for itself. A goal that moves is caught up with and followed without lag: ``core/motion.hpp``.
 
     Args:
         now: where the joints are.
@@ -137,40 +143,25 @@ def step_towards(
         dt: how long the step is [s].
         enabled: which joints move; the others' values in the result mean nothing.
     """
-    plan = InputParameter(JOINT_COUNT)
-    plan.synchronization = Synchronization.No
-    plan.enabled = list(enabled)
-    rows = list(zip(*now, *goal, limits.velocity, limits.acceleration, strict=True))
-    plan.current_position = [p - (gp - dt * (gv - 0.5 * dt * ga)) for p, _, _, gp, gv, ga, _, _ in rows]
-    plan.current_velocity = [v - (gv - dt * ga) for _, v, _, _, gv, ga, _, _ in rows]
-    plan.current_acceleration = [a - ga for _, _, a, _, _, ga, _, _ in rows]
-    plan.target_position = [0.0] * JOINT_COUNT
-    plan.max_velocity = [top - gv for _, _, _, _, gv, _, top, _ in rows]
-    plan.min_velocity = [-top - gv for _, _, _, _, gv, _, top, _ in rows]
-    plan.max_acceleration = [top - ga for _, _, _, _, _, ga, _, top in rows]
-    plan.min_acceleration = [-top - ga for _, _, _, _, _, ga, _, top in rows]
-    plan.max_jerk = limits.jerk
-    trajectory = _calculate(plan)
-    if not isinstance(trajectory, Trajectory):
-        return None
-    return Setpoint(
-        *(fixed([a + b for a, b in zip(*pair, strict=True)]) for pair in zip(goal, trajectory.at_time(dt), strict=True))
-    )
+    reached = (c_double * 21)()
+    arguments = _packed_limits(limits), _SETPOINT.pack(*chain(*now)), _SETPOINT.pack(*chain(*goal)), dt, bytes(enabled)
+    return _setpoint(list(reached)) if load().motion_step_towards(*arguments, reached) else None
 
 
 def step_to_rest(now: Setpoint, limits: JointLimits, dt: float, enabled: Sequence[bool]) -> Setpoint:
     """Where the ``enabled`` joints are after ``dt`` [s] of braking as hard as they may."""
-    plan = _plan_of_stop(now, limits)
-    plan.enabled = list(enabled)
-    trajectory = _calculate(plan)
-    if isinstance(trajectory, Trajectory):
-        return Setpoint(*map(fixed, trajectory.at_time(dt)))
-    # Without a generator: at the highest acceleration, whatever the jerk.
-    velocity = [
-        copysign(max(0.0, abs(v) - top * dt), v) for v, top in zip(now.velocity, limits.acceleration, strict=True)
-    ]
-    rows = zip(now.position, now.velocity, velocity, strict=True)
-    return Setpoint(fixed([p + 0.5 * (old + new) * dt for p, old, new in rows]), fixed(velocity))
+    after = (c_double * 21)()
+    load().motion_step_to_rest(_packed_limits(limits), _SETPOINT.pack(*chain(*now)), dt, bytes(enabled), after)
+    return _setpoint(list(after))
+
+
+@lru_cache(64)
+def _packed_limits(limits: JointLimits) -> bytes:
+    return _LIMITS.pack(*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
+
+
+def _setpoint(values: Sequence[float]) -> Setpoint:
+    return Setpoint(fixed(values[:7]), fixed(values[7:14]), fixed(values[14:]))
 
 
 def _calculate(plan: InputParameter) -> Trajectory | Result | Exception:
@@ -221,26 +212,11 @@ def speed_to_come(acceleration: float, jerk: float) -> float:
 def braking_path(velocity: float, acceleration: float, top: float, jerk: float) -> BrakingPath:
     """The quickest way to standstill from ``velocity`` [rad/s] and ``acceleration`` [rad/s²], at most ``top``.
 
-    Ruckig calculates the same; this is for the check of every joint in every cycle. ``top`` and ``jerk`` are > 0.
+    ``top`` and ``jerk`` are > 0.
     """
-    change = speed_to_come(acceleration, jerk)
-    if velocity + copysign(change, acceleration) < 0.0:  # its speed is backwards once the acceleration is gone
-        lowest, highest, end = braking_path(-velocity, -acceleration, top, jerk)
-        return BrakingPath(-highest, -lowest, -end)
-    # A joint without acceleration at ``speed`` brakes for twice ``pause``, symmetrically in time, so it goes on by
-    # speed·pause. Ours has that speed after, or would have had it before, the ``time`` its acceleration takes.
-    speed, time = velocity + change, abs(acceleration) / jerk
-    pause = sqrt(speed / jerk) if jerk * speed <= top * top else 0.5 * (speed / top + top / jerk)
-    if acceleration >= 0.0:
-        end = speed * pause + time * (velocity + time * (acceleration / 2.0 - time * jerk / 6.0))
-    else:
-        end = speed * pause - time * (speed - time * time * jerk / 6.0)
-    turn = 0.0
-    if velocity < 0.0:  # it still goes backwards until its acceleration has turned it round
-        t = (acceleration - sqrt(max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0))) / jerk
-        turn = t * (velocity + t * (acceleration / 2.0 - t * jerk / 6.0))
-    # One that turns round may rest behind the place it started from: its way forwards is 0 then, not negative.
-    return BrakingPath(min(0.0, turn, end), max(0.0, end), end)
+    path = (c_double * 3)()
+    load().motion_braking_path(velocity, acceleration, top, jerk, path)
+    return BrakingPath(*path)
 
 
 def speed_to_stop(room: float, acceleration: float, jerk: float) -> float:

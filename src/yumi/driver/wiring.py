@@ -24,6 +24,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from ipaddress import ip_address
+from itertools import pairwise
 from math import radians
 from typing import NamedTuple
 
@@ -68,7 +69,6 @@ from yumi.robot.joints import (
     CYCLE,
     YUMI_LIMITS,
     JointLimits,
-    Joints,
     Side,
     joint_names,
     set_prefix,
@@ -259,14 +259,12 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     set_prefix(plan.prefix)
     halves: Halves = {}
     arms: dict[Side, ConnectedArm] = {}
+    limiters: list[Limiter] = []
     collisions = None
     if plan.collision.enabled:
         collisions = CollisionLimiter(
             plan.collision.model(plan.grippers), plan.limits, plan.position_gain, plan.collision.margin
         )
-
-    def position(side: Side) -> Joints | None:
-        return arms[side].loop.position if side in arms else None
 
     for side, own in buffers.items():
         socket = UdpServer(plan.listen, plan.ports[side], remote=plan.remote)
@@ -275,8 +273,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         start_controllers(manager, plan.controllers[side])
         arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
-        elsewhere = partial(position, side.other)
-        limiter = Limiter(plan.limits, plan.period, plan.position_gain, elsewhere, apart, plan.bandwidth)
+        limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
         recorder = FlightRecorder(own.flight)
         loop = ArmLoop(
             side,
@@ -292,6 +289,9 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             own.read_joints,
         )
         arms[side] = ConnectedArm(loop, socket)
+        limiters.append(limiter)
+    for limiter, other in pairwise(limiters):
+        limiter.pair(other)
     return arms
 
 

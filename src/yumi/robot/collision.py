@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from yumi.catalogue import message
+from yumi.core.library import load
 from yumi.errors import CommandRefused
-from yumi.robot.collision_library import load
 from yumi.robot.description import (
     BODY_SHAPES,
     FINGER_ORIGINS,

@@ -7,7 +7,7 @@ from refusals import assert_says
 from yumi.catalogue import message
 from yumi.control.controller import Controller, MemoryBuffer
 from yumi.control.controller_manager import ControllerManager
-from yumi.control.counters import WireCounters
+from yumi.control.counters import LimiterCounters, WireCounters
 from yumi.control.limiter import Limiter
 from yumi.control.loop import ArmLoop, Commands
 from yumi.control.shared_state import (
@@ -255,24 +255,24 @@ def test_loop_is_not_still_while_a_command_leads_the_robot() -> None:
     assert loop.line.is_still
 
 
-def keep_apart_once(loop: ArmLoop) -> None:
-    limiter = loop._limiter
-    counters = limiter.counters._replace(kept_apart=limiter.counters.kept_apart + 1)
-    limiter._motion = limiter._motion._replace(counters=counters)
-
-
 def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     loop: ArmLoop, arm: ScriptedArm, snapshots: MemoryBuffer, middle: Joints, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pair = Limited("left gripper", "post", 0.011)
     monkeypatch.setattr(Limiter, "limited", pair)
+    monkeypatch.setattr(Limiter, "counters", LimiterCounters())
+
+    def keep_apart_once() -> None:
+        counters = loop._limiter.counters
+        monkeypatch.setattr(Limiter, "counters", counters._replace(kept_apart=counters.kept_apart + 1))
+
     feed(loop, arm, middle, now=20.0)
     assert read_snapshot(snapshots).limited_part == ""  # nothing was limited: the pair is an old one
-    keep_apart_once(loop)
+    keep_apart_once()
     feed(loop, arm, middle, now=20.001)
     assert read_snapshot(snapshots).limited_part == ""  # it stands where it is to be
     loop.manager.switch(["pusher"], [], loop.state)
-    keep_apart_once(loop)
+    keep_apart_once()
     feed(loop, arm, middle, now=20.004)
     shown = read_snapshot(snapshots)
     assert shown.limited == pair
@@ -280,7 +280,7 @@ def test_loop_shows_what_an_arm_is_kept_apart_from_while_it_is(
     assert read_snapshot(snapshots).limited_part == "left gripper"
     feed(loop, arm, middle, now=20.3)
     assert read_snapshot(snapshots).limited_part == ""
-    keep_apart_once(loop)
+    keep_apart_once()
     feed(loop, arm, middle, now=20.304)
     arm.lost = 0.1
     loop.watch_silence(20.4)

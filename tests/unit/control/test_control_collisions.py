@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable
+from ctypes import create_string_buffer
+from itertools import chain
 from math import dist, inf, radians
+from struct import pack
 
 import numpy as np
 import pytest
@@ -14,14 +17,13 @@ from apart_arms import NEAR, TABLE, UPRIGHT, ApartArms, Drive, at_nearest, at_sp
 from contract.trajectory_arms import NAME, TrajectoryArm
 from trajectories import planned
 from yumi.catalogue import message
-from yumi.control.collisions import BODY_MARGIN, MARGIN, ArmCollisionLimiter, ArmMotion, CollisionLimiter
+from yumi.control.collisions import BODY_MARGIN, DISTANCES, MARGIN, CollisionLimiter
 from yumi.control.controller import MemoryBuffer, write_goal
 from yumi.control.controllers.joint_position import JointPositionController
 from yumi.control.controllers.joint_trajectory import JointTrajectoryController, Outcome, Tolerances
 from yumi.control.limiter import Limiter
 from yumi.control.motion import EGM_GAIN, SERVO_CYCLES, Setpoint, plan_gain, slower, stop, travel
-from yumi.control.progress_check import ProgressCheck, Surroundings
-from yumi.control.shared_state import KeptApart, Limited
+from yumi.control.shared_state import KeptApart
 from yumi.control.trajectory import TrajectoryPoint
 from yumi.robot.collision import PADDING, Array, CollisionModel, Distance, Obstacle
 from yumi.robot.description import SERVO_GRIPPERS
@@ -241,20 +243,18 @@ def test_arm_that_stands_at_a_boundary_may_go_on_when_the_parts_may_touch() -> N
     assert both.arm(Side.RIGHT).steered(ArmCommand(goal)) == ArmCommand(goal)
 
 
-def test_arm_that_stands_is_not_compared_again_until_something_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    both, compared = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN), []
+def test_arm_that_stands_is_not_compared_again_until_something_changes() -> None:
+    both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
     before, stands, goal, left = at_boundary(both.model)
     for side, position in ((Side.LEFT, left), (Side.RIGHT, before)):
         both.arm(side).sent(position, Setpoint(position), None)
     assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
-    is_clear = ArmCollisionLimiter._is_clear
-    monkeypatch.setattr(ArmCollisionLimiter, "_is_clear", lambda *its: compared.append(its) or is_clear(*its))
 
     def stands_on() -> int:
-        compared.clear()
+        before = both.arm(Side.RIGHT).decisions
         both.arm(Side.RIGHT).begin_cycle(None, ZERO, 0.0)
         assert both.arm(Side.RIGHT).accepts(stands, Setpoint(stands), None)
-        return len(compared)
+        return both.arm(Side.RIGHT).decisions - before
 
     assert stands_on() == 0
     both.permit(("right gripper", "body"))
@@ -271,6 +271,12 @@ SEGMENTED = CollisionLimiter(SHAPES, YUMI_LIMITS, EGM_GAIN)
 """Divides paths; its own arms are sent nothing."""
 
 
+def packed(planned: Joints, sent: Setpoint, robot: Setpoint | None = None) -> bytes:
+    """The motion of an arm as the core reads it."""
+    p, v, a = robot or Setpoint(ZERO)
+    return pack("58d", *planned, *chain(*sent), robot is not None, *p, *v, *a, 0.0, *ZERO)
+
+
 class Segments:
     """Those of where an arm may come until it rests, as they are compared; with ``coasts``, without its link.
 
@@ -281,10 +287,10 @@ class Segments:
         middle, half: of the whole path [rad], (7,).
     """
 
-    def __init__(self, motion: ArmMotion, level: int = 6, *, coasts: bool = False) -> None:
+    def __init__(self, motion: bytes, level: int = 6, *, coasts: bool = False) -> None:
         lines, whole = np.empty((3 * 64, 3, 7)), np.empty((2, 7))
-        arguments = motion.packed, coasts, level, lines.ctypes.data, whole.ctypes.data
-        self.tree = lines[: SEGMENTED.library.limiter_segments(SEGMENTED.handle, *arguments)]
+        arguments = motion, coasts, level, lines.ctypes.data, whole.ctypes.data
+        self.tree = lines[: SEGMENTED.library.collisions_segments(SEGMENTED.handle, *arguments)]
         self.lines = self.tree[self.tree[:, 2, 0] >= 0.0]
         self.middle, self.half = whole
 
@@ -320,7 +326,7 @@ def test_joint_that_turns_round_stays_in_its_braking_path() -> None:
     """It goes 7.4 mrad forward, then rests 0.2 mrad behind where it began."""
     start = READY[Side.RIGHT]
     sent = Setpoint(start, joints([0.5, *[0.0] * 6]), joints([-20.0, *[0.0] * 6]))
-    path = Segments(ArmMotion(start, sent, None))
+    path = Segments(packed(start, sent))
     assert path.off(braking_postures(sent)) < 1e-4
     assert path.covers(braking_postures(sent))
 
@@ -337,7 +343,7 @@ def test_braking_path_is_in_its_segments(seed: int) -> None:
         turning = acceleration * np.abs(acceleration) / (2.0 * jerk)
         velocity = -turning * generator.uniform(0.0, 1.5, 7) * generator.choice([1.0, 4.0])
         sent = Setpoint(READY[Side.RIGHT], joints(list(velocity)), joints(list(acceleration)))
-        motion, postures = ArmMotion(READY[Side.RIGHT], sent, None), braking_postures(sent)
+        motion, postures = packed(READY[Side.RIGHT], sent), braking_postures(sent)
         for level in range(7):
             path = Segments(motion, level)
             assert path.off(postures) < 1e-4
@@ -348,7 +354,7 @@ def test_robot_that_follows_late_is_compared_where_it_goes_itself() -> None:
     """Its command has gone round by joint 1; the robot would go straight there with joint 4."""
     start = FORWARD[Side.RIGHT]
     before, half_way, after = (joints([*start[:3], start[3] + angle, *start[4:]]) for angle in (-1.1, -0.6, -0.1))
-    path = Segments(ArmMotion(before, Setpoint(after), None))
+    path = Segments(packed(before, Setpoint(after)))
     assert path.off(np.array([half_way])) < 1e-6
     assert path.covers(np.array([before, half_way, after]))
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS, obstacles=(post_at(half_way),)), YUMI_LIMITS, EGM_GAIN)
@@ -370,15 +376,12 @@ def post_at(position: Joints) -> Obstacle:
 @pytest.mark.parametrize(
     "drive", [to, lambda goal: at_speed(scaled_by(0.4, YUMI_LIMITS.velocity))], ids=["late", "fed forward"]
 )
-def test_robot_goes_where_it_was_compared_when_its_command_brakes(
-    drive: Callable[[Joints], Drive], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_robot_goes_where_it_was_compared_when_its_command_brakes(drive: Callable[[Joints], Drive]) -> None:
     arms = ApartArms(READY, obstacles=())
     for _ in range(40):
         arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
     motion = arms.both.arm(Side.RIGHT).motion
-    assert motion is not None
-    monkeypatch.setattr(arms.both.arm(Side.RIGHT), "begin_cycle", lambda *_: True)  # nothing is accepted
+    arms.both.library.arms_limit_distances(arms.both.arms_handle, 0)  # nothing is accepted
     postures = []
     for _ in range(150):
         arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
@@ -387,15 +390,14 @@ def test_robot_goes_where_it_was_compared_when_its_command_brakes(
     assert Segments(motion).off(np.array(postures)) < 5e-3
 
 
-def test_robot_whose_link_is_lost_goes_where_it_was_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robot_whose_link_is_lost_goes_where_it_was_compared() -> None:
     """Speeds are fed forward to it; its link is lost now, or while its command brakes."""
     arms = ApartArms(READY, obstacles=())
     for _ in range(40):
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.3, YUMI_LIMITS.velocity))})
     motion = arms.both.arm(Side.RIGHT).motion
-    assert motion is not None
     braking, coasting = Segments(motion), Segments(motion, coasts=True)
-    monkeypatch.setattr(arms.both.arm(Side.RIGHT), "begin_cycle", lambda *_: True)  # nothing is accepted
+    arms.both.library.arms_limit_distances(arms.both.arms_handle, 0)  # nothing is accepted
     postures = []
     for _ in range(30):
         postures += [each[Side.RIGHT].planned for each in arms.without_links()]
@@ -414,7 +416,7 @@ def test_halves_of_where_a_robot_may_coast_are_all_of_it(seed: int) -> None:
     for _ in range(5):
         sent, robot = moving(generator, Side.RIGHT), moving(generator, Side.RIGHT)
         robot = robot._replace(position=joints(list(sent.position + generator.normal(0.0, 0.1, 7))))
-        motion = ArmMotion(robot.position, sent, robot)
+        motion = packed(robot.position, sent, robot)
         paths = [Segments(motion, level, coasts=True) for level in range(7)]
         for share in np.linspace(0.0, 1.0, 11):
             posture = np.array(robot.position) + share / plan_gain(EGM_GAIN) * np.array(robot.velocity)
@@ -444,9 +446,9 @@ def test_what_is_clear_comes_no_nearer_than_its_margin_and_what_is_refused_comes
         right, left = (moving(generator, side) for side in Side)
         planned = joints((np.array(left.position) - 0.02 * np.array(left.velocity)).tolist())
         both.arm(Side.LEFT).sent(planned, left, None)
-        motions = [ArmMotion(each.position, each, None) for each in (right, left)]
-        both.arm(Side.RIGHT).begin_cycle(None, ZERO, CYCLE)
-        is_clear.append(both.arm(Side.RIGHT)._is_clear(motions[0], ArmMotion(ZERO, Setpoint(ZERO), None)))
+        motions = packed(right.position, right), packed(ZERO, Setpoint(ZERO)), packed(planned, left)
+        decision = create_string_buffer(512)
+        is_clear.append(both.library.collisions_is_clear(both.handle, 0, *motions, inf, DISTANCES, decision))
         mine, theirs = braking_postures(right, 24), braking_postures(left, 24)
         lines = np.linspace(planned, left.position, 5)
         beyond = np.inf
@@ -576,24 +578,19 @@ def test_noise_of_what_is_desired_does_not_move_arms_that_push_at_each_other(dri
     pushed(drive, noise=5e-5)
 
 
-def test_stream_along_a_boundary_is_not_held(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stream_along_a_boundary_is_not_held() -> None:
     arms = ApartArms({Side.RIGHT: FORWARD[Side.RIGHT], Side.LEFT: turned(Side.LEFT, radians(-80.0))}, obstacles=())
-    goal, holds, held = list(turned(Side.RIGHT, radians(70.0))), ArmCollisionLimiter.begin_cycle, []
-
-    def noted(*its: object) -> bool:
-        held.append(holds(*its))  # type: ignore[arg-type]
-        return held[-1]
-
-    monkeypatch.setattr(ArmCollisionLimiter, "begin_cycle", noted)
+    goal = list(turned(Side.RIGHT, radians(70.0)))
     for _ in range(400):
         goal[5] += 0.1 * CYCLE
         arms.cycle({Side.RIGHT: to(joints(goal))})
-    assert not any(held)
+        assert not arms.both.arm(Side.RIGHT).is_held
     assert arms.limiters[Side.RIGHT].counters.kept_apart > 100
 
 
 def test_arm_that_is_held_goes_on_as_soon_as_the_parts_may_touch() -> None:
     arms = pushed(to)
+    assert all(arms.both.arm(side).is_held for side in Side)
     arms.both.permit(("right arm", "left arm"))
     for _ in range(300):
         arms.cycle({side: to(goal) for side, goal in MEETING.items()})
@@ -619,10 +616,11 @@ def test_control_process_without_a_garbage_collector_keeps_nothing_of_past_cycle
     gc.collect()
     gc.disable()
     try:
-        for _ in range(100):
+        for cycle in range(200):
             arms.cycle({side: to(FORWARD[side]) for side in Side})
-        kept = [each for each in gc.get_objects() if isinstance(each, ArmMotion)]
-        assert len(kept) < 20
+            if cycle == 100:
+                before = len(gc.get_objects())
+        assert len(gc.get_objects()) - before < 20
     finally:
         gc.enable()
 
@@ -751,22 +749,6 @@ def test_loop_reports_which_parts_limit_an_arm() -> None:
     assert shapes.nearest(now)[0].distance > BODY_MARGIN - ROUNDING
 
 
-@pytest.mark.parametrize("is_limited", [False, True])
-def test_held_arm_tries_again_when_the_other_one_moves_and_less_often_when_that_one_is_pushed(is_limited: bool) -> None:
-    check, goal, limited = ProgressCheck(), ArmCommand((0.5,) * 7), Limited("right gripper", "left gripper", 0.01)
-    margins, tries = np.zeros(1), 0
-
-    def holds(other: float, seconds: float = CYCLE) -> bool:
-        surroundings = Surroundings((other,) * 7, (True, True, False), margins, is_limited)
-        return check.holds(goal, ZERO, ZERO, seconds, limited, lambda: surroundings)
-
-    for swing in range(20):
-        at = 0.1 * (swing % 2)
-        tries += not holds(at)
-        assert [holds(at, 0.1) for _ in range(3)][-1]
-    assert tries == (5 if is_limited else 20)
-
-
 def test_arm_is_not_limited_by_what_has_left() -> None:
     """Its goal is 4 mm too near to the other arm, which comes, wobbles and goes."""
     *_, goal, left = at_boundary(SHAPES)
@@ -830,11 +812,11 @@ def test_command_that_is_no_number_is_refused_beside_a_boundary_too() -> None:
 
 def test_arm_that_is_heard_again_coasts_no_further_though_it_is_sent_the_same() -> None:
     both = CollisionLimiter(CollisionModel(SERVO_GRIPPERS), YUMI_LIMITS, EGM_GAIN)
-    arm, stands = both.arm(Side.RIGHT), READY[Side.RIGHT]
+    arm, (stands, _, too_near, left) = both.arm(Side.RIGHT), at_boundary(both.model)
+    both.arm(Side.LEFT).sent(left, Setpoint(left), None)
     arm.sent(stands, Setpoint(stands), None)
     arm.connection_lost()
-    assert arm.motion is not None
-    assert arm.motion.coasts_to == stands
-    arm.is_heard = True  # as after a command that was refused
+    assert arm.coasts_to == stands
+    assert not arm.accepts(stands, Setpoint(too_near), None)
     arm.sent(stands, Setpoint(stands), None)
-    assert arm.motion.coasts_to is None
+    assert arm.coasts_to is None

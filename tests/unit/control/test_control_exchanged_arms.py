@@ -5,7 +5,7 @@ import pytest
 from yumi.catalogue import message
 from yumi.control.controller import MemoryBuffer
 from yumi.control.counters import LimiterCounters, WireCounters
-from yumi.control.feedback import FeedbackCheck
+from yumi.control.limiter import Limiter
 from yumi.control.shared_state import ImplausibleFeedback, Problem, Snapshot, read_snapshot
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmState, Joints, Side
 
@@ -14,10 +14,13 @@ LEFT: Joints = (0.5, -1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
 
 @pytest.mark.parametrize(("position", "is_other_arm"), [(LEFT, True), ((-1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), False)])
 def test_doubted_position_that_is_the_other_arms_is_known_as_such(position: Joints, is_other_arm: bool) -> None:
-    check = FeedbackCheck(YUMI_LIMITS, lambda: LEFT)
-    check.accept(ArmState(0.0, CYCLE, 1, ZERO, ZERO, ZERO, is_running=True))
-    check.reject(ArmState(CYCLE, CYCLE, 1, position, ZERO, position, is_running=True))
-    assert check.is_other_arm is is_other_arm
+    limiter, other = Limiter(YUMI_LIMITS), Limiter(YUMI_LIMITS)
+    other.observe(ArmState(0.0, CYCLE, 1, LEFT, ZERO, LEFT, is_running=True))
+    limiter.pair(other)
+    limiter.limit(ArmState(0.0, CYCLE, 1, ZERO, ZERO, ZERO, is_running=True), None)
+    limiter.check(ArmState(CYCLE, CYCLE, 1, position, ZERO, position, is_running=True))
+    assert limiter.implausible_position == position
+    assert limiter.is_other_arm is is_other_arm
 
 
 @pytest.mark.parametrize("is_other_arm", [True, False])

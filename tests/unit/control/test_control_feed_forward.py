@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from yumi.control.controller import Controller
-from yumi.control.feed_forward_limiter import FedForward, FeedForwardLimiter
 from yumi.control.limiter import Limiter
 from yumi.driver.state_machine import EgmMotionSettings
 from yumi.robot.joints import (
@@ -34,7 +33,6 @@ FAST = EgmMotionSettings(max_speed_deviation=400.0, ramp_in_time=0.0)
 """Nothing on the robot's side slows the arm down."""
 
 MOVING = (0, 6)
-AT_ZERO = ArmState(0.0, CYCLE, 1, ZERO, ZERO, ZERO, is_running=True)
 
 
 class Dictated(Controller):
@@ -140,32 +138,6 @@ def test_arm_that_is_told_to_hold_stops_on_its_way_and_does_not_turn_back(gain: 
     assert abs(speeds[-1][6]) < 1e-4
     assert arm.robot.arm.planned[6] - before < speed * 0.012 + speed * (speed / 40.0 + 40.0 / 600.0)
     assert arm.cycles[-1].sent == ArmCommand(arm.cycles[-100].sent.position)
-
-
-def test_nothing_is_fed_forward_where_nothing_is_wanted() -> None:
-    fed = FedForward()
-    assert FeedForwardLimiter(YUMI_LIMITS).step(fed, AT_ZERO, ZERO, ZERO, CYCLE) is fed
-
-
-def test_speed_fades_when_it_is_not_wanted_any_more() -> None:
-    limiter, fed, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), FedForward(), added(ZERO, 0.5)
-    for _ in range(100):
-        fed = limiter.step(fed, AT_ZERO, ZERO, wanted, CYCLE)
-    assert fed.velocity == pytest.approx(wanted, abs=1e-6)
-    fed = limiter.step(fed, AT_ZERO, ZERO, ZERO, CYCLE)
-    assert 0.4 < fed.velocity[6] < 0.5
-    for _ in range(100):
-        fed = limiter.step(fed, AT_ZERO, ZERO, ZERO, CYCLE)
-    assert fed.velocity is ZERO
-
-
-def test_step_of_speeds_leaves_the_motion_before_as_it_was_and_is_the_same_again() -> None:
-    limiter, wanted = FeedForwardLimiter(YUMI_LIMITS, 0.0), added(ZERO, 0.5)
-    before = limiter.step(FedForward(), AT_ZERO, ZERO, wanted, CYCLE)
-    kept = before._replace()
-    after = limiter.step(before, AT_ZERO, ZERO, wanted, CYCLE)
-    assert before == kept != after
-    assert limiter.step(before, AT_ZERO, ZERO, wanted, CYCLE) == after
 
 
 def test_guard_refuses_a_speed_that_is_no_number() -> None:

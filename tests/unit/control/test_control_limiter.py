@@ -8,10 +8,8 @@ from random import Random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ruckig import RuckigError
 
 from soak import long, short
-from yumi.control import motion
 from yumi.control.limiter import Limiter
 from yumi.control.limiter_state import LimiterState
 from yumi.control.motion import EGM_GAIN
@@ -217,26 +215,6 @@ def test_slow_limiter_keeps_its_speed_and_never_fails(seed: int, speed_deg: floa
         (now,) = follow(limiter, [wanted], place, dt=dt)
         assert all(abs(new - old) <= 1.03 * top * dt for old, new, top in zip(place, now, limits.velocity, strict=True))
         place = now
-
-
-def test_limiter_brakes_when_no_way_is_found(limiter: Limiter, middle: Joints, monkeypatch: pytest.MonkeyPatch) -> None:
-    limiter.limit(state(middle), None)
-    path = follow(limiter, [moved(middle, 0, 1.0)] * 20, middle)
-    monkeypatch.setattr(motion, "Ruckig", Helpless)
-    path += follow(limiter, [moved(middle, 0, 1.0)] * 80, path[-1])
-    speeds = [each[0] for each in rates(path, DT)]
-    assert speeds[-1] == 0.0
-    assert all(0.0 <= old - new <= YUMI_LIMITS.acceleration[0] * DT * 1.001 for old, new in pairwise(speeds[20:]))
-
-
-class Helpless:
-    """A trajectory generator that finds no way."""
-
-    def __init__(self, joint_count: int) -> None:
-        """It needs nothing."""
-
-    def calculate(self, plan: object, trajectory: object) -> None:
-        raise RuckigError("no way")
 
 
 @pytest.mark.parametrize("noise", [1e-6, 1e-5, 3e-5])

@@ -117,4 +117,4 @@ def test_arm_that_has_to_settle_still_has_to_after_something_else(event: Limiter
         event,
     ):
         limiter._go(each)
-    assert limiter._motion.must_settle
+    assert limiter.must_settle

@@ -135,14 +135,14 @@ def test_parts_stay_where_the_environment_is_made_anew(clone: Path, machine: Mac
     assert steps == ["venv", "build interfaces planning record ros", "activation"]
 
 
-def test_library_and_message_packages_are_asked_for_each_time(
+def test_core_and_message_packages_are_asked_for_each_time(
     clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
     monkeypatch.setattr(installation, "start", lambda command, *_: asked.append(command[-1]) or Ended())
     monkeypatch.setattr(installation, "_build_interfaces", lambda *_: asked.append("interfaces"))
     installation.install(str(clone), machine)
-    assert asked == ["yumi.robot.collision_library", "interfaces"]
+    assert asked == ["collision", "yumi.core.library", "interfaces"]
 
 
 def test_part_that_does_not_exist_is_refused_before_anything_is_done(
@@ -165,17 +165,17 @@ def test_sourced_ros_needs_none_from_the_index(clone: Path, machine: Machine, st
     assert steps == ["venv", "build record", "activation"]
 
 
-def test_library_that_cannot_be_compiled_ends_set_up(
+def test_core_that_cannot_be_compiled_ends_set_up(
     clone: Path, machine: Machine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = clone / "src" / "yumi"
-    shutil.copytree(ROOT / "src" / "yumi" / "robot", source / "robot", ignore=shutil.ignore_patterns("lib*", "*.dae"))
+    shutil.copytree(ROOT / "src" / "yumi" / "core", source / "core", ignore=shutil.ignore_patterns("libcore.so"))
     for name in ("__init__.py", "errors.py"):
         shutil.copy(ROOT / "src" / "yumi" / name, source / name)
     monkeypatch.setattr(installation, "start", commands.start)
     monkeypatch.setenv("CXX", "no-such-compiler")
     for _ in range(2):
-        with pytest.raises(commands.InstallationFailed, match="the collision library could not be compiled"):
+        with pytest.raises(commands.InstallationFailed, match="the core could not be compiled"):
             installation.install(str(clone), machine)
 
 

@@ -19,7 +19,7 @@ from packaging.utils import canonicalize_name
 from wheel_hook import RECORD
 
 import yumi
-from yumi.robot import collision_library
+from yumi.core import library
 
 ROOT = Path(__file__).resolve().parents[3]
 NAME = f"yumi_ros2-{yumi.__version__}"
@@ -52,11 +52,9 @@ def test_wheel_for_every_python_brings_the_compiled_library(wheel: Path, tmp_pat
     with ZipFile(wheel) as archive:
         archive.extractall(tmp_path)
     # Neither a compiler nor a folder to write to.
-    code = (
-        f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from yumi.robot import collision_library as it; it.load()"
-    )
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); from yumi.core import library as it; it.load()"
     loaded = run([sys.executable, "-c", f"{code}; print(it.PACKAGED)"], tmp_path, PATH="", XDG_CACHE_HOME="/proc")
-    assert loaded.strip() == str(tmp_path / "yumi" / "robot" / "libcollision.so")
+    assert loaded.strip() == str(tmp_path / "yumi" / "core" / "libcore.so")
 
 
 def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
@@ -64,9 +62,8 @@ def test_sources_contain_what_is_compiled(source: Path, tmp_path: Path) -> None:
     (archive,) = tmp_path.glob("*.tar.gz")
     with tarfile.open(archive) as files:
         names = files.getnames()
-        assert f"{NAME}/src/yumi/robot/collision.cpp" in names
-        for header in collision_library.HEADERS:
-            assert f"{NAME}/src/yumi/robot/{header.name}" in names
+        for file in library.FOLDER.glob("*.[ch]pp"):
+            assert f"{NAME}/src/yumi/core/{file.name}" in names
 
 
 @pytest.fixture(params=["wheel", "colcon"], scope="module")

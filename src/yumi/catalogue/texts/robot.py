@@ -42,21 +42,24 @@ ROBOT: Mapping[str, Text] = {
     **{
         f"box_{fault}": Text(f"box {{name:quoted}} refused: {what}", remedy) for fault, (what, remedy) in _NAMES.items()
     },
-    "collision_library_not_loaded": Text(
-        "the collision library, which keeps the arms apart, cannot be loaded: {error}",
+    "core_not_loaded": Text(
+        "the core, which limits what the arms are sent, cannot be loaded: {error}",
         "if it is damaged or of another machine, remove {path}: it is compiled anew then",
     ),
     "compiler_missing": Text(
-        "the collision library, which keeps the arms apart, must be compiled, and no C++ compiler was found",
+        "the core, which limits what the arms are sent, must be compiled, and no C++ compiler was found",
         "install one (Debian, Ubuntu: apt install g++), name one in CXX, or install yumi-ros2 from a wheel, which "
         "contains it compiled",
     ),
-    "collision_library_not_compiled": Text(
-        "the collision library, which keeps the arms apart, could not be compiled: {command}\n{output}"
+    "ruckig_without_library": Text(
+        "the core, which limits what the arms are sent, must be compiled with Ruckig, and the ruckig that is installed "
+        "is not PyPI's wheel, which contains its C++ library",
+        "pip install --force-reinstall ruckig",
     ),
-    "collision_library_not_written": Text(
-        "the collision library, which keeps the arms apart, could not be compiled: {error}"
+    "core_not_compiled": Text(
+        "the core, which limits what the arms are sent, could not be compiled: {command}\n{output}"
     ),
+    "core_not_written": Text("the core, which limits what the arms are sent, could not be compiled: {error}"),
     # ---- tools and loads
     "load_not_finite": Text("the {part} has a value that is not finite: {values}", "give finite numbers"),
     "load_out_of_range": Text(

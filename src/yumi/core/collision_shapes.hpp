@@ -12,7 +12,7 @@
 #include <utility>
 #include <vector>
 
-namespace {
+namespace collision {
 
 constexpr int JOINTS = 7;
 constexpr int FRAMES = JOINTS + 1;  // those of the links, and that of tool0
@@ -322,4 +322,4 @@ struct Model {
     }
 };
 
-}  // namespace
+}  // namespace collision

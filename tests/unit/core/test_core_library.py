@@ -1,4 +1,4 @@
-"""What keeps the arms apart is compiled once, by whichever process comes first, or it is said why it cannot be."""
+"""The core is compiled once, by whichever process comes first, or it is said why it cannot be."""
 
 from __future__ import annotations
 
@@ -10,26 +10,25 @@ from shutil import copy, copytree, ignore_patterns
 
 import pytest
 
-ROBOT = Path(__file__).resolve().parents[3] / "src" / "yumi" / "robot"
+CORE = Path(__file__).resolve().parents[3] / "src" / "yumi" / "core"
 
 
 @pytest.fixture
 def installed(tmp_path: Path) -> Path:
     """The package as it is installed without the library, as far as it is compiled."""
     folder = tmp_path / "site-packages" / "yumi"
-    (folder / "robot").mkdir(parents=True)
-    for file in (ROBOT.parent / "__init__.py", ROBOT.parent / "errors.py"):
+    folder.mkdir(parents=True)
+    for file in (CORE.parent / "__init__.py", CORE.parent / "errors.py"):
         copy(file, folder)
-    copytree(ROBOT.parent / "catalogue", folder / "catalogue", ignore=ignore_patterns("__pycache__"))
-    for file in ROBOT.glob("collision*"):
-        copy(file, folder / "robot")
+    for name in ("catalogue", "core"):
+        copytree(CORE.parent / name, folder / name, ignore=ignore_patterns("__pycache__"))
     return folder.parent
 
 
 def start(installed: Path, cache: Path, code: str, **variables: str) -> subprocess.Popen[str]:
     """Another process that loads the library."""
     environment = {**os.environ, "PYTHONPATH": str(installed), "XDG_CACHE_HOME": str(cache), **variables}
-    command = [sys.executable, "-c", f"from yumi.robot.collision_library import *; {code}"]
+    command = [sys.executable, "-c", f"from yumi.core.library import *; {code}"]
     return subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 
@@ -38,7 +37,7 @@ def test_processes_that_compile_at_once_load_the_same_library(installed: Path, t
     running = [start(installed, cache, "print(load()._name)") for _ in range(2)]
     printed = [process.communicate(timeout=60.0) for process in running]
     assert [error for _, error in printed] == ["", ""]
-    (library,) = (cache / "yumi-ros2").iterdir()
+    (library,) = (cache / "yumi-ros2").glob("*.so")
     assert [name.strip() for name, _ in printed] == [str(library), str(library)]
     # Neither of them compiles it again.
     compiled_at = library.stat().st_mtime_ns
@@ -58,7 +57,7 @@ def test_library_that_cannot_be_compiled_says_why(
     installed: Path, tmp_path: Path, variables: dict[str, str], sentence: str
 ) -> None:
     _, error = start(installed, tmp_path / "cache", "load()", **variables).communicate(timeout=60.0)
-    assert "MissingPrerequisite: The collision library, which keeps the arms apart," in error
+    assert "MissingPrerequisite: The core, which limits what the arms are sent," in error
     assert sentence in error
     assert not list(tmp_path.glob("cache/yumi-ros2/*"))
 
@@ -66,7 +65,7 @@ def test_library_that_cannot_be_compiled_says_why(
 def test_damaged_library_says_what_to_do(installed: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache"
     assert start(installed, cache, "load()").communicate(timeout=60.0) == ("", "")
-    (library,) = (cache / "yumi-ros2").iterdir()
+    (library,) = (cache / "yumi-ros2").glob("*.so")
     library.write_bytes(b"")
     _, error = start(installed, cache, "load()").communicate(timeout=60.0)
     assert f"remove {library}: it is compiled anew then." in error

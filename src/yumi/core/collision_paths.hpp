@@ -5,22 +5,15 @@
 
 #pragma once
 
+#include "collision.hpp"
 #include "collision_shapes.hpp"
 
-namespace {
+namespace collision {
 
 constexpr int LEVELS = 6, SAMPLES = 1 << LEVELS;
 constexpr int STRIP_LEVELS = 4, STRIPS = 1 << STRIP_LEVELS;  // of a sheet
 constexpr double SLOW = 0.06;  // [rad] an arm that comes to rest within this is led along a boundary
 constexpr double WIDE = 1.0;   // of a sheet: what is off its line by this share of its length is cut in time
-
-// How a command moves an arm, as ArmMotion in control/collisions.py packs it.
-struct Motion {
-    double planned[JOINTS];
-    double sent[3][JOINTS];  // position, velocity, acceleration
-    double has_robot, robot[3][JOINTS];
-    double coasts, coasts_to[JOINTS];
-};
 
 struct Limits {
     double acceleration[JOINTS], jerk[JOINTS];
@@ -387,4 +380,4 @@ struct Path {
     }
 };
 
-}  // namespace
+}  // namespace collision

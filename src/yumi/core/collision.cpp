@@ -1,5 +1,5 @@
-// Distances of the shapes of both arms, and whether a command keeps them apart: what collision.py and
-// control/collisions.py ask in every cycle, through ctypes. Why so: docs/explanation/decisions/0032-arms-keep-apart.md.
+// Distances of the shapes of both arms, and whether a command keeps them apart. Why so:
+// docs/explanation/decisions/0032-arms-keep-apart.md.
 //
 // Arms are 0, right, and 1, left. Parts are numbered as in CollisionModel.names: the capsules of the right arm, those of
 // the left one, then the boxes that stand still. Positions are in the body frame [m], joints in chain order [rad].
@@ -7,11 +7,13 @@
 
 #include "collision_limiter.hpp"
 
+using namespace collision;
+
 constexpr int MOTION_SIZE = sizeof(Motion) / sizeof(double);
 static_assert(MOTION_SIZE == 58 && sizeof(Capsule) == 15 * sizeof(double) && sizeof(Box) == 16 * sizeof(double),
-              "as collision_library.py and collision.py pack them");
+              "as robot/collision.py and tests pack them");
 
-// What collision_library.py declares.
+// What library.py declares, and what collision.hpp does.
 extern "C" {
 
 // A model of arms with these frames (2, 8, 12), so many capsules (2), these capsules (n, 15) and boxes (n, 16), each the
@@ -82,7 +84,7 @@ std::int64_t model_contacts(const Model* model, const double* postures, double w
 
 // For arms whose joints brake with these accelerations and jerks, of robots of this gain (15); parts of the same name
 // have the same number.
-Limiter* limiter_new(const Model* model, const double* limits, const std::int64_t* names) {
+Limiter* collisions_new(const Model* model, const double* limits, const std::int64_t* names) {
     try {
         Limits joints;
         std::memcpy(&joints, limits, sizeof joints);
@@ -94,29 +96,24 @@ Limiter* limiter_new(const Model* model, const double* limits, const std::int64_
     }
 }
 
-void limiter_delete(Limiter* limiter) { delete limiter; }
+void collisions_delete(Limiter* limiter) { delete limiter; }
 
 // Keep these margins from now on (parts, parts) [m]; -inf between those that may touch.
-void limiter_permit(Limiter* limiter, const double* margins) { limiter->permit(margins); }
+void collisions_permit(Limiter* limiter, const double* margins) { limiter->permit(margins); }
 
-// Whether an arm that moves like this comes to rest so soon that it is led along boundaries.
-bool limiter_is_slow(const Limiter* limiter, const char* packed) {
-    Motion motion;
-    std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
+bool collisions_is_slow(const Limiter* limiter, const Motion* motion) {
     Braking braking[JOINTS];
-    for (int j = 0; j < JOINTS; ++j) braking[j] = Braking(motion.sent, j, limiter->limits);
+    for (int j = 0; j < JOINTS; ++j) braking[j] = Braking(motion->sent, j, limiter->limits);
     return is_slow(braking);
 }
 
 // The segments of a path that was cut so often, at most 6 times: middles, lines from there to their ends, and how far
 // the path may be off them, (n, 3, 7), at most 3 * 64; and the whole path's middle and half, (2, 7). Returns n. Those 2 i
 // and 2 i + 1 are cut from i of one cut less; what has nothing of the path is off it by -inf. For tests.
-std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts, std::int64_t level, double* segments,
-                              double* whole) {
-    Motion motion;
-    std::memcpy(static_cast<void*>(&motion), packed, sizeof motion);
+std::int64_t collisions_segments(Limiter* limiter, const Motion* motion, bool coasts, std::int64_t level,
+                                 double* segments, double* whole) {
     Path& path = limiter->paths[0];
-    path.begin(motion, limiter->limits, coasts);
+    path.begin(*motion, limiter->limits, coasts);
     std::memcpy(whole, path.whole().middle, sizeof path.whole().middle);
     std::memcpy(whole + JOINTS, path.whole().half, sizeof path.whole().half);
     Segment parts[CURVES];
@@ -138,24 +135,14 @@ std::int64_t limiter_segments(Limiter* limiter, const char* packed, bool coasts,
     return count;
 }
 
-// Whether an arm keeps apart from all else on all of its braking path, should it move as `motion` says, after `last`,
-// whichever arm is quicker; `its` is the other arm's motion, null where that is unknown. Motions are packed. With
-// `apart` below infinity, whether they stay that far apart [m] wherever both arms would go without their links.
-bool limiter_is_clear(Limiter* limiter, std::int64_t arm, const char* motion, const char* last, const char* its,
-                      double apart, std::int64_t budget, Decision* decision) {
-    Motion motions[3] = {};
-    const char* packed[3] = {motion, last, its};
+bool collisions_is_clear(Limiter* limiter, std::int64_t arm, const Motion* motion, const Motion* last, const Motion* its,
+                         double apart, std::int64_t budget, Decision* decision) {
     *decision = {};
     decision->part = decision->other = -1;
-    for (int i = 0; i < 3; ++i) {
-        if (!packed[i]) continue;
-        double values[MOTION_SIZE];
-        std::memcpy(values, packed[i], sizeof values);
-        if (!are_finite(values, MOTION_SIZE)) return false;
-        std::memcpy(static_cast<void*>(&motions[i]), values, sizeof values);
-    }
+    for (const Motion* each : {motion, last, its})
+        if (each && !are_finite(each->planned, MOTION_SIZE)) return false;
     try {
-        return limiter->decide(int(arm), motions[0], motions[1], its ? &motions[2] : nullptr, apart, budget, *decision);
+        return limiter->decide(int(arm), *motion, *last, its, apart, budget, *decision);
     } catch (...) {  // no memory
         return false;
     }

@@ -6,9 +6,8 @@
 
 #include "collision_paths.hpp"
 
-namespace {
+namespace collision {
 
-constexpr int MOST_BOUNDARIES = 3;            // that count at once
 constexpr double TOLERANCE = 5e-4;            // [m] a path that is off a posture by less counts as being there
 constexpr double SHORT = 5e-3;                // [m] segments in which parts move less are taken for straight
 constexpr double BOUNDARY_WITHIN = 0.002;     // [m] a boundary so near is led along
@@ -18,21 +17,6 @@ constexpr double UNPLANNED_APPROACH = 3e-4;   // [m] one that came nearer by mor
 constexpr double COARSE = 0.12;               // [m] where parts move further, segments are cut without looking closer
 constexpr double SIMILAR = 0.5;               // of two segments, that in which parts move by this share of it is cut, too
 constexpr int PLACING = 20, LOOKS = 8;        // so many distances take as long as placing the arms; as one, so many looks
-
-// What an arm must not cross: normal · position >= least, near where it was calculated.
-struct Boundary {
-    double beyond, distance, least, normal[JOINTS];
-    std::int64_t part, other;
-};
-
-// As Decision in collision_library.py.
-struct Decision {
-    std::int64_t distances;    // calculated
-    std::int64_t part, other;  // of the pair that may be too near; -1 for none
-    double distance;           // of these in the middle of their segments
-    std::int64_t boundary_count;
-    Boundary boundaries[MOST_BOUNDARIES];
-};
 
 // Of parts within their margins: how near they may be, and how near in this cycle. Positions sent and robots have their
 // own: a position sent is led no nearer because its robot is.
@@ -417,4 +401,4 @@ struct Limiter {
     }
 };
 
-}  // namespace
+}  // namespace collision

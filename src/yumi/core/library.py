@@ -1,0 +1,244 @@
+"""Loads the compiled core, and compiles the core where that was not done before.
+
+A wheel contains the library. From a clone or with colcon the library is made from the sources of this folder by the
+machine's compiler, once for each edition of them: in the clone's ``build`` folder, or else in the user's cache.
+``python -m yumi.core.library collision`` compiles ahead what needs no package.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import sysconfig
+from collections.abc import Sequence
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from yumi.catalogue import message, said_by
+from yumi.errors import MissingPrerequisite
+
+FOLDER = Path(__file__).parent
+UNITS = ("collision", "limiter")
+"""The sources that are compiled each for itself, with all headers of this folder; the second includes Ruckig's."""
+
+PACKAGED = FOLDER / "libcore.so"
+"""Where a wheel has the library."""
+
+COMPILERS = ("c++", "g++", "clang++")
+FLAGS = ("-std=c++17", "-O3", "-fPIC", "-ffp-contract=off")  # for any processor of its kind, and the same on each
+PORTABLE = ("-static-libstdc++", "-static-libgcc")
+"""For a library that is copied to machines with another C++ library, as in a wheel."""
+
+
+class ArmExchange(ctypes.Structure):
+    """What crosses between the limiter of an arm and Python; as ``Exchange`` in ``limiter.cpp``.
+
+    Attributes:
+        state: as the robot reports it, then as it was checked: time, dt, session, 21 values, whether it follows.
+        command: desired, then sent: 14 values, and whether a speed is fed forward.
+        limiter_state: what is done with the arm.
+        forbidden: the event that the table forbids in that state.
+        is_implausible: whether the arm holds since no position can be believed.
+        are_references_ignored: whether it holds since the robot does not follow.
+        is_at_rest: whether the command stands, and does not lead the robot any more.
+        must_settle: whether the arm is held until its command is back where the arm is.
+        is_other_arm: whether ``implausible_position`` is where the other arm is.
+        implausible_position: that came last [rad].
+        counters: as :class:`yumi.control.counters.LimiterCounters`.
+    """
+
+    _fields_ = (
+        ("state", ctypes.c_char * 200),
+        ("command", ctypes.c_char * 120),
+        ("limiter_state", ctypes.c_int64),
+        ("forbidden", ctypes.c_int64),
+        ("is_implausible", ctypes.c_int64),
+        ("are_references_ignored", ctypes.c_int64),
+        ("is_at_rest", ctypes.c_int64),
+        ("must_settle", ctypes.c_int64),
+        ("is_other_arm", ctypes.c_int64),
+        ("implausible_position", ctypes.c_double * 7),
+        ("counters", ctypes.c_char * 48),
+    )
+
+
+class LimitedParts(ctypes.Structure):
+    """The parts that must not come nearer to each other; as ``Limited`` in ``progress_check.hpp``.
+
+    Attributes:
+        part: number of the arm's part.
+        other: and of the other one.
+        is_stale: whether the other arm is neither heard nor was read since.
+        distance: of the parts [m].
+    """
+
+    _fields_ = (
+        ("part", ctypes.c_int64),
+        ("other", ctypes.c_int64),
+        ("is_stale", ctypes.c_int64),
+        ("distance", ctypes.c_double),
+    )
+
+
+@cache
+def load() -> ctypes.PyDLL:
+    """The library, with the types of its functions.
+
+    Raises:
+        MissingPrerequisite: it has to be compiled, and cannot be.
+    """
+    path = PACKAGED if PACKAGED.exists() else compiled()
+    try:
+        # Calls take microseconds: giving up the interpreter for them would let other threads in between.
+        library = ctypes.PyDLL(str(path))
+    except OSError as error:
+        raise MissingPrerequisite(message("core_not_loaded", error=said_by(error), path=str(path))) from error
+    address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
+    packed = ctypes.c_char_p
+    for name, result, *arguments in (
+        ("model_new", address, address, address, address, address, integer),
+        ("model_delete", None, address),
+        ("model_contacts", integer, address, address, double, integer, boolean, address),
+        ("collisions_new", address, address, address, address),
+        ("collisions_delete", None, address),
+        ("collisions_permit", None, address, address),
+        ("collisions_segments", integer, address, packed, boolean, integer, address, address),
+        ("collisions_is_clear", boolean, address, integer, packed, packed, packed, double, integer, address),
+        ("arms_new", address, address, integer, double),
+        ("arms_delete", None, address),
+        ("arms_note_permission", None, address),
+        ("arms_begin_cycle", boolean, address, integer, packed, packed, double),
+        ("arms_accepts", boolean, address, integer, packed, packed, packed, boolean),
+        ("arms_note_sent", None, address, integer, packed, packed, packed),
+        ("arms_steer", boolean, address, integer, address),
+        ("arms_lose_connection", None, address, integer),
+        ("arms_note_measured", None, address, integer, packed),
+        ("arms_limited", boolean, address, integer, address),
+        ("arms_decisions", integer, address, integer),
+        ("arms_motion", address, address, integer),
+        ("arms_is_held", boolean, address, integer),
+        ("arms_limit_distances", None, address, integer),
+        ("limiter_new", address, packed, packed, address, integer),
+        ("limiter_delete", None, address),
+        ("limiter_exchange", address, address),
+        ("limiter_pair", None, address, address),
+        ("limiter_check", integer, address),
+        ("limiter_limit", integer, address, boolean),
+        ("limiter_repeat", integer, address),
+        ("limiter_observe", integer, address),
+        ("limiter_lose", integer, address, integer),
+        ("limiter_go", integer, address, integer),
+        ("limiter_scale_speed", None, address, double),
+        ("motion_step_towards", boolean, packed, packed, packed, double, packed, address),
+        ("motion_step_to_rest", None, packed, packed, double, packed, address),
+        ("motion_braking_path", None, double, double, double, double, address),
+    ):
+        function = getattr(library, name)
+        function.restype, function.argtypes = result, arguments
+    return library
+
+
+def compiled() -> Path:
+    """The library compiled for this machine, from this edition of the sources; compiles it where there is none."""
+    folder = _folder()
+    library = folder / f"core-{_edition()}.so"
+    if not library.exists():
+        compile_to(library)
+    return library
+
+
+def compile_to(library: Path, *flags: str) -> None:
+    """Compile and link the sources. Several processes may do so at once: each replaces a file by the same one, at once.
+
+    Args:
+        library: where the library goes.
+        flags: to link with.
+    """
+    objects = compile_units(UNITS)
+    _, archive = _ruckig()
+    _run([[*_compiler(), "-shared", *flags, *map(str, objects), str(archive)]], [library])
+
+
+def compile_units(names: Sequence[str]) -> list[Path]:
+    """The objects of some sources, those that are missing compiled at the same time."""
+    folder, edition = _folder(), _edition()
+    objects = [folder / f"{name}-{edition}.o" for name in names]
+    missing = [(name, file) for name, file in zip(names, objects, strict=True) if not file.exists()]
+    commands = []
+    for name, _ in missing:
+        include = [] if name == UNITS[0] else ["-isystem", str(_ruckig()[0])]
+        commands.append([*_compiler(), *FLAGS, *include, "-c", str(FOLDER / f"{name}.cpp")])
+    _run(commands, [file for _, file in missing])
+    return objects
+
+
+def _folder() -> Path:
+    root = FOLDER.parents[2]
+    if (root / "pyproject.toml").exists() and os.access(root, os.W_OK):
+        return root / "build" / "core"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
+
+
+def _edition() -> str:
+    """Of the sources and of what they are compiled with."""
+    made_of = [file.read_bytes() for file in sorted(FOLDER.glob("*.[ch]pp"))]
+    made_of.append(" ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
+    return hashlib.sha256(b"".join(made_of)).hexdigest()[:16]
+
+
+def _compiler() -> list[str]:
+    named = shlex.split(os.environ.get("CXX", ""))
+    compiler = named or [found for name in COMPILERS if (found := shutil.which(name))][:1]
+    if not compiler:
+        raise MissingPrerequisite(message("compiler_missing"))
+    return compiler
+
+
+def _ruckig() -> tuple[Path, Path]:
+    """Ruckig's headers and its library, which its wheel contains."""
+    try:
+        files = metadata.files("ruckig") or []
+    except metadata.PackageNotFoundError:
+        files = []
+    found = {Path(str(file)).name: Path(str(file.locate())) for file in files}
+    header, archive = found.get("ruckig.hpp"), found.get("libruckig.a")
+    if header is None or archive is None:
+        raise MissingPrerequisite(message("ruckig_without_library"))
+    return header.parents[1], archive
+
+
+def _run(commands: Sequence[Sequence[str]], outputs: Sequence[Path]) -> None:
+    """Run commands at the same time, each of which makes a file; each file appears when it is complete."""
+    if not commands:
+        return
+    try:
+        outputs[0].parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=outputs[0].parent) as folder:
+            own = [Path(folder) / output.name for output in outputs]
+            full = [[*command, "-o", str(file)] for command, file in zip(commands, own, strict=True)]
+            running = [
+                subprocess.Popen(each, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                for each in full
+            ]
+            printed = [process.communicate()[0].decode(errors="replace") for process in running]
+            for command, process, said in zip(full, running, printed, strict=True):
+                if process.returncode != 0:
+                    raise MissingPrerequisite(message("core_not_compiled", command=shlex.join(command), output=said))
+            for file, output in zip(own, outputs, strict=True):
+                file.replace(output)
+    except OSError as error:
+        raise MissingPrerequisite(message("core_not_written", error=said_by(error))) from error
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        compile_units(sys.argv[1:])
+    else:
+        sys.stdout.write(f"{compiled()}\n")

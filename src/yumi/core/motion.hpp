@@ -1,0 +1,150 @@
+// Jerk-limited motion of joints, one step at a time; whole motions of a joint that brakes in closed form.
+//
+// Steps are planned by Ruckig, whose headers and library come with its wheel.
+
+#pragma once
+
+#include <ruckig/ruckig.hpp>
+
+#include "joints.hpp"
+
+namespace core {
+
+using Flags = std::array<bool, JOINTS>;
+
+inline bool has_any(const Flags& flags) {
+    return std::any_of(flags.begin(), flags.end(), [](bool flag) { return flag; });
+}
+
+// The way of a joint that brakes, seen from where it is: how far it gets backwards, forwards, and where it rests.
+struct BrakingPath {
+    double lowest, highest, end;
+};
+
+// By how much a joint's speed still changes while its acceleration is taken back to zero, at least 0.
+inline double speed_to_come(double acceleration, double jerk) { return acceleration * acceleration / (2.0 * jerk); }
+
+// The quickest way to standstill, at most `top` strong. `top` and `jerk` are above 0.
+inline BrakingPath braking_path(double velocity, double acceleration, double top, double jerk) {
+    const double change = speed_to_come(acceleration, jerk);
+    if (velocity + std::copysign(change, acceleration) < 0.0) {  // its speed is backwards once the acceleration is gone
+        const BrakingPath mirrored = braking_path(-velocity, -acceleration, top, jerk);
+        return {-mirrored.highest, -mirrored.lowest, -mirrored.end};
+    }
+    // A joint without acceleration at `speed` brakes for twice `pause`, symmetrically in time, so it goes on by
+    // speed * pause. Ours has that speed after, or would have had it before, the `time` its acceleration takes.
+    const double speed = velocity + change, time = std::abs(acceleration) / jerk;
+    const double pause = jerk * speed <= top * top ? std::sqrt(speed / jerk) : 0.5 * (speed / top + top / jerk);
+    const double end = acceleration >= 0.0
+                           ? speed * pause + time * (velocity + time * (acceleration / 2.0 - time * jerk / 6.0))
+                           : speed * pause - time * (speed - time * time * jerk / 6.0);
+    double turn = 0.0;
+    if (velocity < 0.0) {  // it still goes backwards until its acceleration has turned it round
+        const double left = std::max(acceleration * acceleration + 2.0 * jerk * velocity, 0.0);
+        const double t = (acceleration - std::sqrt(left)) / jerk;
+        turn = t * (velocity + t * (acceleration / 2.0 - t * jerk / 6.0));
+    }
+    // One that turns round may rest behind the place it started from: its way forwards is 0 then, not negative.
+    return {std::min({0.0, turn, end}), std::max(0.0, end), end};
+}
+
+// How fast a joint may be that has `room` to stop in: the inverse of the way it needs at most, v/2 * (v/a + 3a/j), since
+// its acceleration may have to be turned round first.
+inline double speed_to_stop(double room, double acceleration, double jerk) {
+    if (room <= 0.0) return 0.0;
+    const double slow = 3.0 * acceleration / jerk;
+    return 0.5 * acceleration * (std::sqrt(slow * slow + 8.0 * room / acceleration) - slow);
+}
+
+// A speed, and its rate of change.
+struct Ramp {
+    double speed, rate;
+};
+
+// The next speed after `dt` on the way from `last` to `goal`: as ramp_speed in control/motion.py, for one joint.
+inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceleration, double jerk, double dt) {
+    constexpr double ROUNDING = 1.0 + 1e-3;  // a speed at a limit is not refused for the last digits of the planned position
+    double change = (goal - last.speed) / dt;
+    const double rises = goal * change > 0.0 ? speed_to_come(change, jerk) : 0.0;
+    if (std::abs(goal) + rises <= top * ROUNDING && std::abs(change) <= acceleration * ROUNDING &&
+        std::abs(change - last.rate) <= jerk * dt * ROUNDING &&
+        (goal != 0.0 || std::abs(change) <= jerk * dt))  // at rest the change of speed has to end, too
+        return {goal, change};
+    if (std::isnan(goal)) goal = 0.0;
+    const double missing = std::max(-top, std::min(top, goal)) - last.speed, half = 0.5 * jerk * dt;
+    // As hard as it can still be taken back, at the jerk, when the speed is reached.
+    const double ease = std::sqrt(2.0 * jerk * std::abs(missing) + half * half) - half;
+    const double aim = std::copysign(std::min({acceleration, ease, std::abs(missing) / dt}), missing);
+    change = std::max(last.rate - jerk * dt, std::min(last.rate + jerk * dt, aim));
+    return {last.speed + change * dt, change};
+}
+
+inline bool is_planned(ruckig::Result result) {
+    return result == ruckig::Result::Working || result == ruckig::Result::Finished;
+}
+
+// Where the `enabled` joints are after `dt` on their quickest ways to their goals; false if none was found.
+//
+// Each joint moves for itself. Ruckig plans to a goal at rest; so the way is planned as seen from an observer that moves
+// with the goal, at constant acceleration, and the joint's limits are shifted by the goal's motion. A goal that moves is
+// thereby caught up with and followed without lag, which a goal at rest in every cycle would not give.
+// The goals are those at the end of the step, slower and weaker than the limits.
+inline bool step_towards(const Setpoint& now, const Setpoint& goal, const JointLimits& limits, double dt,
+                         const Flags& enabled, Setpoint& reached) {
+    ruckig::InputParameter<JOINTS> plan;
+    plan.synchronization = ruckig::Synchronization::None;
+    plan.enabled = enabled;
+    plan.target_position = Values{};
+    plan.min_velocity = Values{};
+    plan.min_acceleration = Values{};
+    for (int i = 0; i < JOINTS; ++i) {
+        const double speed = goal.velocity[i], rate = goal.acceleration[i];
+        plan.current_position[i] = now.position[i] - (goal.position[i] - dt * (speed - 0.5 * dt * rate));
+        plan.current_velocity[i] = now.velocity[i] - (speed - dt * rate);
+        plan.current_acceleration[i] = now.acceleration[i] - rate;
+        plan.max_velocity[i] = limits.velocity[i] - speed;
+        (*plan.min_velocity)[i] = -limits.velocity[i] - speed;
+        plan.max_acceleration[i] = limits.acceleration[i] - rate;
+        (*plan.min_acceleration)[i] = -limits.acceleration[i] - rate;
+    }
+    plan.max_jerk = limits.jerk;
+    ruckig::Ruckig<JOINTS> generator;  // a new one for each plan keeps no state between plans
+    ruckig::Trajectory<JOINTS> way;
+    if (!is_planned(generator.calculate(plan, way))) return false;
+    Setpoint ahead;
+    way.at_time(dt, ahead.position, ahead.velocity, ahead.acceleration);
+    reached = {added(goal.position, 1.0, ahead.position), added(goal.velocity, 1.0, ahead.velocity),
+               added(goal.acceleration, 1.0, ahead.acceleration)};
+    return true;
+}
+
+// Where the `enabled` joints are after `dt` of braking as hard as they may.
+inline Setpoint step_to_rest(const Setpoint& now, const JointLimits& limits, double dt, const Flags& enabled) {
+    ruckig::InputParameter<JOINTS> plan;
+    plan.control_interface = ruckig::ControlInterface::Velocity;
+    plan.synchronization = ruckig::Synchronization::None;  // a joint that needs longer does not make others wait
+    plan.enabled = enabled;
+    plan.current_position = now.position;
+    plan.current_velocity = now.velocity;
+    plan.current_acceleration = now.acceleration;
+    plan.target_position = Values{};
+    plan.max_velocity = limits.velocity;
+    plan.max_acceleration = limits.acceleration;
+    plan.max_jerk = limits.jerk;
+    ruckig::Ruckig<JOINTS> generator;
+    ruckig::Trajectory<JOINTS> way;
+    Setpoint after;
+    if (is_planned(generator.calculate(plan, way))) {
+        way.at_time(dt, after.position, after.velocity, after.acceleration);
+        return after;
+    }
+    // Without a plan: at the highest acceleration, whatever the jerk.
+    for (int i = 0; i < JOINTS; ++i) {
+        const double speed = std::max(0.0, std::abs(now.velocity[i]) - limits.acceleration[i] * dt);
+        after.velocity[i] = std::copysign(speed, now.velocity[i]);
+        after.position[i] = now.position[i] + 0.5 * (now.velocity[i] + after.velocity[i]) * dt;
+    }
+    return after;
+}
+
+}  // namespace core
