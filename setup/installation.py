@@ -100,7 +100,7 @@ def install(root: str, machine: Machine, parts: Sequence[str] = ()) -> None:
     with _alone(clone):
         had = set(_recorded(clone).get("parts", "").split()) & known  # the environment may be made anew
         wanted = sorted({*ALWAYS, *([] if machine.sourced else WITHOUT_ROS), *had, *parts})
-        with _compiling(clone, Path(sys.executable), "collision"):  # .venv is being made meanwhile
+        with _compiling(clone, Path(sys.executable), "collision", "egm"):  # .venv is being made meanwhile
             done = [
                 _step(clone, "environment", _venv_fingerprint(machine), lambda: _make_venv(clone, machine)),
                 _step(

@@ -27,8 +27,7 @@ from yumi.control.speed_scale import SpeedScale
 from yumi.control.trajectory import JointTrajectory, TrajectoryPoint, plan_trajectory
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.state_machine import EgmMotionSettings
-from yumi.egm.codec import JointCodec
-from yumi.egm.session import SILENCE, SensorSession
+from yumi.egm.session import SILENCE, ArmSession
 from yumi.egm.udp import memory_links
 from yumi.robot.joints import CYCLE, JOINT_COUNT, YUMI_LIMITS, JointLimits, Joints, Side, joint_names, joints
 from yumi.settings import Parameter, Values
@@ -127,7 +126,7 @@ class VirtualArmRig:
             self.manager.load(name, controller)
             self.manager.configure(name)
         self._near, self._far = memory_links()
-        arm = EgmArm(self._near, SensorSession(JointCodec(), silence=silence))
+        arm = EgmArm(self._near, ArmSession(silence=silence))
         self.line = ArmLoop(side, arm, self.manager, limiter or Limiter(YUMI_LIMITS), self._snapshots, speed=speed)
 
     @property

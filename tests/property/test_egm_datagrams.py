@@ -28,10 +28,11 @@ from yumi.egm.codec import (
     RobotMessage,
     SensorCodec,
 )
-from yumi.egm.session import LONG_SILENCE, SensorSession
+from yumi.egm.session import SensorSession
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 
+LONG_SILENCE = 1.0  # [s] after which a datagram begins a session whatever the clock of its robot is
 COUNT = int(os.environ.get("YUMI_EGM_DATAGRAMS", "20000"))
 CYCLE = 0.004
 HOME: Joints = (0.0, -2.0, 1.0, 0.5, 0.0, 0.7, 0.0)

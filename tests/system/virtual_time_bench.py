@@ -20,8 +20,7 @@ from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.state_machine import EgmMotionSettings, SpeedSetting
-from yumi.egm.codec import JointCodec
-from yumi.egm.session import SensorSession
+from yumi.egm.session import ArmSession
 from yumi.egm.udp import MemoryLink, memory_links
 from yumi.robot.gripper import GripperModules
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, Joints, Side, joint_names
@@ -49,7 +48,7 @@ class DriverArm:
         speed = SpeedScale(self.speed_scale)
         manager.load(CONTROLLER, JointPositionController(self.goals, speed=speed))
         manager.configure(CONTROLLER)
-        session = SensorSession(JointCodec())
+        session = ArmSession()
         self.recorder = FlightRecorder(flight_memory())
         stages = StageClock()
         self.line = ArmLoop(

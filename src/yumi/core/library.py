@@ -2,7 +2,7 @@
 
 A wheel contains the library. From a clone or with colcon the library is made from the sources of this folder by the
 machine's compiler, once for each edition of them: in the clone's ``build`` folder, or else in the user's cache.
-``python -m yumi.core.library collision`` compiles ahead what needs no package.
+``python -m yumi.core.library collision egm`` compiles ahead what needs no package.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from yumi.catalogue import message, said_by
 from yumi.errors import MissingPrerequisite
 
 FOLDER = Path(__file__).parent
-UNITS = ("collision", "limiter")
-"""The sources that are compiled each for itself, with all headers of this folder; the second includes Ruckig's."""
+UNITS = ("collision", "egm", "limiter")
+"""The sources that are compiled each for itself, with all headers of this folder; the last one includes Ruckig's."""
 
 PACKAGED = FOLDER / "libcore.so"
 """Where a wheel has the library."""
@@ -87,6 +87,26 @@ class LimitedParts(ctypes.Structure):
     )
 
 
+class SessionValues(ctypes.Structure):
+    """What others read of an EGM conversation; as ``SessionHandle`` in ``egm.cpp``.
+
+    Attributes:
+        state: of the conversation: none, begun, resumed, open, silent.
+        number: of the session.
+        counters: as :class:`yumi.egm.session.SessionCounters`.
+        arrivals: as :class:`yumi.egm.session.Arrivals`.
+        arm: the arm as it was reported last, as ``ArmExchange.state``.
+    """
+
+    _fields_ = (
+        ("state", ctypes.c_int64),
+        ("number", ctypes.c_int64),
+        ("counters", ctypes.c_int64 * 6),
+        ("arrivals", ctypes.c_double * 4),
+        ("arm", ctypes.c_char * 200),
+    )
+
+
 @cache
 def load() -> ctypes.PyDLL:
     """The library, with the types of its functions.
@@ -136,6 +156,19 @@ def load() -> ctypes.PyDLL:
         ("limiter_lose", integer, address, integer),
         ("limiter_go", integer, address, integer),
         ("limiter_scale_speed", None, address, double),
+        ("codec_decode", boolean, packed, integer, address, address),
+        ("codec_encode", integer, ctypes.c_uint32, packed, address),
+        ("session_new", address, double),
+        ("session_delete", None, address),
+        ("session_begin_batch", None, address),
+        ("session_takes", boolean, address, ctypes.c_uint32, double, double),
+        ("session_note_malformed", None, address),
+        ("session_next_seqno", ctypes.c_uint32, address),
+        ("session_settle", None, address),
+        ("session_silence", double, address, double),
+        ("session_close_if_silent", boolean, address, double),
+        ("egm_arm_accept", boolean, address, packed, integer, double, boolean, boolean),
+        ("egm_arm_reply", integer, address, packed, address),
         ("motion_step_towards", boolean, packed, packed, packed, double, packed, address),
         ("motion_step_to_rest", None, packed, packed, double, packed, address),
         ("motion_braking_path", None, double, double, double, double, address),
@@ -173,7 +206,7 @@ def compile_units(names: Sequence[str]) -> list[Path]:
     missing = [(name, file) for name, file in zip(names, objects, strict=True) if not file.exists()]
     commands = []
     for name, _ in missing:
-        include = [] if name == UNITS[0] else ["-isystem", str(_ruckig()[0])]
+        include = [] if name != UNITS[-1] else ["-isystem", str(_ruckig()[0])]
         commands.append([*_compiler(), *FLAGS, *include, "-c", str(FOLDER / f"{name}.cpp")])
     _run(commands, [file for _, file in missing])
     return objects

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import hypot, isfinite
 from types import TracebackType
-from typing import Protocol, cast
+from typing import Protocol, TypeVar, cast
 
 from yumi.catalogue import message
 from yumi.clock import Clock, SystemClock
@@ -18,7 +18,6 @@ from yumi.control.controller import ENCODE, RECEIVE, SEND, StageClock
 from yumi.control.counters import WireCounters
 from yumi.egm.codec import (
     MOST_NUMBERS,
-    JointReport,
     MciState,
     MotorState,
     PathCorrection,
@@ -29,10 +28,10 @@ from yumi.egm.codec import (
     SensorMessage,
     Twist,
 )
-from yumi.egm.session import SILENCE, Counted, Message, SensorSession
+from yumi.egm.session import SILENCE, ArmSession, Counted, Message, SensorSession
 from yumi.egm.udp import Poller, UdpServer, address_towards
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
-from yumi.robot.joints import CYCLE, ZERO, ArmCommand, ArmState, Pose, Quaternion, Vector, change_rate
+from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Pose, Quaternion, Vector
 
 POLL_PERIOD = 0.050
 """How often a wait checks whether it is to end [s]."""
@@ -283,7 +282,7 @@ class EgmServer:
         now, session = self._clock.now(), self._session
         if session.silence(now) > self._silence:
             self._link.release()  # the robot may come back from another port
-        received = accept_from(self._link, session, self._link.receive(), now)
+        received = accept_from(self._link, session.accept, self._link.receive(), now)
         if received is not None:
             is_fresh = session.is_first or session.is_resumed
             before = self._state.message if self._state and not is_fresh else None
@@ -403,7 +402,7 @@ class EgmArm:
     def __init__(
         self,
         link: DatagramLink,
-        session: SensorSession[JointReport],
+        session: ArmSession,
         stages: StageClock | None = None,
         keep: Callable[[bytes], None] = lambda datagram: None,
     ) -> None:
@@ -412,29 +411,15 @@ class EgmArm:
         self._link = link
         self._session = session
         self._stages = stages or StageClock()
-        self._before: JointReport | None = None
 
     def read(self, now: float) -> ArmState | None:
         datagrams = self._stages.timed(RECEIVE, self._datagrams(now))
         if not datagrams:
             return None
-        session = self._session
-        message = accept_from(self._link, session, datagrams, now)
-        if message is None:
-            return None
-        self._datagram = datagrams[-1]
-        before = None if session.is_first or session.is_resumed else self._before
-        self._before = message
-        dt = period(before, message)
-        return ArmState(
-            now,
-            dt,
-            session.number,
-            message.measured,
-            ZERO if before is None or dt <= 0.0 else change_rate(message.measured, before.measured, dt),
-            message.planned,
-            is_running(message),
-        )
+        state = accept_from(self._link, self._session.accept_state, datagrams, now)
+        if state is not None:
+            self._datagram = datagrams[-1]
+        return state
 
     def _datagrams(self, now: float) -> Sequence[bytes]:
         """Everything that waits; of a robot that is on time only one can, and another look would cost time."""
@@ -445,8 +430,7 @@ class EgmArm:
         return () if datagram is None else (datagram,)
 
     def write(self, command: ArmCommand) -> None:
-        velocity = None if command.velocity is ZERO else command.velocity
-        self._link.send(self._stages.timed(ENCODE, self._session.reply(command.position, velocity)))
+        self._link.send(self._stages.timed(ENCODE, self._session.answer(command)))
         self._stages.note(SEND)
         self._session.settle()
         self._keep(self._datagram)
@@ -491,22 +475,28 @@ class DatagramLink(Protocol):
         """Answer the sender of what was handed out last."""
 
 
+_Accepted = TypeVar("_Accepted")
+
+
 def accept_from(
-    link: DatagramLink, session: SensorSession[Message], datagrams: Sequence[bytes], now: float
-) -> Message | None:
+    link: DatagramLink,
+    accept: Callable[[Sequence[bytes], float], _Accepted | None],
+    datagrams: Sequence[bytes],
+    now: float,
+) -> _Accepted | None:
     """Take what has arrived; the sender of what begins a session is the only one heard until the session ends."""
     while datagrams:
-        message = session.accept(datagrams, now)
+        accepted = accept(datagrams, now)
         if link.is_pinned:
-            return message
-        if message is not None:
+            return accepted
+        if accepted is not None:
             link.pin()
-            return message
+            return accepted
         datagrams = link.receive()
     return None
 
 
-def is_running(message: JointReport | RobotMessage) -> bool:
+def is_running(message: RobotMessage) -> bool:
     """Whether the robot follows; undefined counts: a restart of the controller leaves it so (reference/egm.md §3.3)."""
     return message.motors is _ON and message.mci is _RUNNING and message.rapid is not _STOPPED
 

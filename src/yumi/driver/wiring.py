@@ -58,8 +58,7 @@ from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
-from yumi.egm.codec import JointCodec
-from yumi.egm.session import SensorSession
+from yumi.egm.session import ArmSession
 from yumi.egm.udp import UdpServer, address_towards, resolve
 from yumi.errors import CommandRefused, SettingsError, SwitchFailed
 from yumi.process.supervision import SingleInstance
@@ -271,7 +270,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
-        arm = EgmArm(socket, SensorSession(JointCodec(), silence=plan.silence), stages, own.datagram.write)
+        arm = EgmArm(socket, ArmSession(silence=plan.silence), stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
         recorder = FlightRecorder(own.flight)

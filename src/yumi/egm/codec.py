@@ -7,12 +7,13 @@ order, those of another robot in ABB's, axes 1 to 6.
 
 :class:`SensorCodec` is our end, :class:`RobotCodec` the robot's. Each datagram gets a message of its own: one that is
 used again keeps the memory of all it ever held. The control loop has a leaner codec, :class:`JointCodec`: joints of a
-seven-axis arm in and out, in as few microseconds as Python allows.
+seven-axis arm in and out, by the core.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from ctypes import create_string_buffer
 from dataclasses import dataclass
 from enum import IntEnum
 from math import hypot, isfinite, pi
@@ -22,9 +23,10 @@ from typing import NamedTuple, TypeVar, cast
 from google.protobuf.message import DecodeError
 
 from yumi.catalogue import Message, message, said_by
+from yumi.core.library import load
 from yumi.egm import egm_pb2 as pb
 from yumi.errors import ProtocolError
-from yumi.robot.joints import Joints, Pose, Quaternion, Vector
+from yumi.robot.joints import ZERO, Joints, Pose, Quaternion, Vector
 from yumi.robot.kinematics import euler_zyx, quaternion_from_euler_zyx
 
 Twist = tuple[float, float, float, float, float, float]
@@ -245,7 +247,6 @@ _Parsed = TypeVar(
     pb.EgmMeasuredForce6,
     pb.EgmMeasuredForce7,
     pb.EgmJoints,
-    pb.JointRobot,
 )
 
 
@@ -445,27 +446,20 @@ class RobotCodec:
 
 # ---- the control loop's codec
 
-_TAG = b"\x09"  # field 1, a double
-_SIX_TAGS = _TAG * 6
-_unpack_six, _unpack_one = Struct("<xdxdxdxdxdxd").unpack, Struct("<xd").unpack
-_pack_reference = Struct("<2B 2B BdBdBdBdBdBd 2B Bd").pack
-_PLANNED, _SPEED_REF = 0x12, 0x1A  # tags of EgmSensor's fields 2 and 3
-_HEADER, _JOINTS, _EXTERNAL = 0x0A, 0x0A, 0x1A  # and of fields 1, 1 and 3 of what holds them
+LARGEST_REFERENCE = 160
+"""Our own datagrams are shorter [bytes]."""
 
-_IMPLAUSIBLE = 7 * 400.0**2
-"""Sum of squares no arm reaches whose joints turn by less than 400 degrees; not a number fails every comparison."""
+_REPORT, _UNREADABLE, _COMMAND = Struct("q15d3q"), Struct("4q7d"), Struct("14dq")
+_PARTS = {2: "feedBack", 3: "planned", 4: "motorState", 5: "mciState", 8: "rapidExecState"}
 
 
 class JointCodec:
-    """Our end of a seven-axis arm in joint mode. Not thread-safe.
-
-    It reads the schema's ``JointRobot``, a view of ABB's message in which six joints are one run of bytes: each double
-    behind its tag. A sender may also pack them, so other bytes go through protobuf. A reference of seven joints always
-    has the same length, so it is written as such a run, too.
-    """
+    """Our end of a seven-axis arm in joint mode: what the core does with each datagram of the control loop."""
 
     def __init__(self) -> None:
-        self._header = pb.EgmHeader(mtype=pb.EgmHeader.MSGTYPE_CORRECTION)
+        self._library = load()
+        self._report, self._unreadable = create_string_buffer(_REPORT.size), create_string_buffer(_UNREADABLE.size)
+        self._datagram = create_string_buffer(LARGEST_REFERENCE)
 
     def decode(self, datagram: bytes) -> JointReport:
         """The joints and the state in the robot's message.
@@ -473,27 +467,12 @@ class JointCodec:
         Raises:
             ProtocolError: the datagram is not a complete message of a seven-axis robot.
         """
-        robot = parse(pb.JointRobot, datagram)
-        header, feedback = robot.header, robot.feedBack
-        seqno = header.seqno
-        if header.mtype != _DATA or not (seqno or header.HasField("seqno")):
-            raise ProtocolError(message("datagram_of_wrong_type", type=int(header.mtype), expected=_DATA))
-        clock = feedback.time
-        sec, usec = clock.sec, clock.usec
-        if not sec and not feedback.HasField("time"):
-            raise ProtocolError(message("datagram_without_time"))
-        motors, mci, rapid = robot.motorState.state, robot.mciState.state, robot.rapidExecState.state
-        if not (motors and mci and rapid):  # undefined is a state, too, and a missing one looks the same
-            _check_states(robot)
-        return JointReport(
-            seqno,
-            _read_joints(feedback, "feedBack"),
-            _read_joints(robot.planned, "planned"),
-            sec + usec * 1e-6,
-            _MOTOR_STATES[motors],
-            _MCI_STATES[mci],
-            _RAPID_STATES[rapid],
-        )
+        if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
+            raise ProtocolError(_unreadable(len(datagram), *_UNREADABLE.unpack(self._unreadable.raw)))
+        seqno, *values, time, motors, mci, rapid = _REPORT.unpack(self._report.raw)
+        measured, planned = (cast("Joints", tuple(each)) for each in (values[:7], values[7:]))
+        states = _MOTOR_STATES[motors], _MCI_STATES[mci], _RAPID_STATES[rapid]
+        return JointReport(seqno, measured, planned, time, *states)
 
     def encode_joints(self, seqno: int, position: Joints, velocity: Joints | None) -> bytes:
         """The datagram that gives the arm its position [rad] and velocity [rad/s].
@@ -501,69 +480,35 @@ class JointCodec:
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
         """
-        self._header.seqno = seqno % _UINT32
-        header = self._header.SerializeToString()
-        start = b"%c%c%b%b" % (_HEADER, len(header), header, _reference_bytes(_PLANNED, position))
-        return start if velocity is None else start + _reference_bytes(_SPEED_REF, velocity)
+        command = _COMMAND.pack(*position, *(velocity or ZERO), velocity is not None)
+        size = self._library.codec_encode(seqno % _UINT32, command, self._datagram)
+        if not size:
+            raise not_finite(position, velocity or ZERO)
+        return self._datagram.raw[:size]
 
 
-def _read_joints(motion: pb.JointMotion, name: str) -> Joints:
-    robax, external = motion.joints, motion.externalJoints
-    if robax[::9] == _SIX_TAGS and external[::9] == _TAG and len(robax) == 54 and len(external) == 9:
-        a1, a2, a3, a4, a5, a6 = _unpack_six(robax)
-        (a7,) = _unpack_one(external)
-    else:
-        six, extra = parse(pb.EgmJoints, robax).joints, parse(pb.EgmJoints, external).joints
-        if len(six) != _ROBOT_AXES or not extra:
-            raise ProtocolError(_wrong_axes(name, len(six), len(extra), _SEVEN_AXES))
-        (a1, a2, a3, a4, a5, a6), a7 = six, extra[0]
-    if not a1 * a1 + a2 * a2 + a3 * a3 + a4 * a4 + a5 * a5 + a6 * a6 + a7 * a7 < _IMPLAUSIBLE:
-        raise ProtocolError(
-            message(
-                "datagram_joint_implausible",
-                part=name,
-                joints_deg=tuple(map(str, (a1, a2, a3, a4, a5, a6))),
-                external_deg=(str(a7),),
-            )
-        )
+def not_finite(position: Joints, velocity: Joints) -> ValueError:
+    """A reference that is not sent."""
+    return ValueError(f"a reference needs seven finite values, got {position} and {velocity}")
+
+
+def _unreadable(size: int, why: int, part: int, number: int, external: int, *degrees: float) -> Message:
+    """Why the core does not read a datagram; the reasons by number as ``Unreadable`` in ``core/egm_codec.hpp``."""
+    name = _PARTS.get(part, "")
     return (
-        a1 * _RAD_PER_DEG,
-        a2 * _RAD_PER_DEG,
-        a7 * _RAD_PER_DEG,
-        a3 * _RAD_PER_DEG,
-        a4 * _RAD_PER_DEG,
-        a5 * _RAD_PER_DEG,
-        a6 * _RAD_PER_DEG,
-    )
-
-
-def _reference_bytes(tag: int, chain: Joints) -> bytes:
-    """EgmPlanned or EgmSpeedRef with EgmJoints for axes 1 to 6 and for axis 7."""
-    a1, a2, a7, a3, a4, a5, a6 = chain
-    if not isfinite(a1 + a2 + a3 + a4 + a5 + a6 + a7):
-        raise ValueError(f"a reference needs seven finite values, got {chain}")
-    return _pack_reference(
-        tag,
-        67,
-        _JOINTS,
-        54,
-        9,
-        a1 * _DEG_PER_RAD,
-        9,
-        a2 * _DEG_PER_RAD,
-        9,
-        a3 * _DEG_PER_RAD,
-        9,
-        a4 * _DEG_PER_RAD,
-        9,
-        a5 * _DEG_PER_RAD,
-        9,
-        a6 * _DEG_PER_RAD,
-        _EXTERNAL,
-        9,
-        9,
-        a7 * _DEG_PER_RAD,
-    )
+        message("datagram_too_long", size=size, most=LARGEST_DATAGRAM),
+        message("datagram_not_decoded", size=size, error="truncated or not protobuf"),
+        message("datagram_of_wrong_type", type=number, expected=_DATA),
+        message("datagram_without_time"),
+        message("datagram_without_state", part=name),
+        _wrong_axes(name, number, external, _SEVEN_AXES),
+        message(
+            "datagram_joint_implausible",
+            part=name,
+            joints_deg=tuple(map(str, degrees[:6])),
+            external_deg=(str(degrees[6]),),
+        ),
+    )[why - 1]
 
 
 # ---- parts of datagrams
@@ -583,7 +528,7 @@ def parse(kind: type[_Parsed], datagram: bytes) -> _Parsed:
         raise ProtocolError(message("datagram_not_decoded", size=len(datagram), error=said_by(error))) from error
 
 
-def _check_states(robot: pb.EgmRobot | pb.JointRobot) -> None:
+def _check_states(robot: pb.EgmRobot) -> None:
     """See that the message was not cut off: every robot sends its three states, also undefined ones.
 
     Raises:

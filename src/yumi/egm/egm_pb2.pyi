@@ -276,29 +276,3 @@ class EgmSensorPathCorr(_message.Message):
     header: EgmHeader
     pathCorr: EgmPathCorr
     def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., pathCorr: _Optional[_Union[EgmPathCorr, _Mapping]] = ...) -> None: ...
-
-class JointMotion(_message.Message):
-    __slots__ = ("joints", "externalJoints", "time")
-    JOINTS_FIELD_NUMBER: _ClassVar[int]
-    EXTERNALJOINTS_FIELD_NUMBER: _ClassVar[int]
-    TIME_FIELD_NUMBER: _ClassVar[int]
-    joints: bytes
-    externalJoints: bytes
-    time: EgmClock
-    def __init__(self, joints: _Optional[bytes] = ..., externalJoints: _Optional[bytes] = ..., time: _Optional[_Union[EgmClock, _Mapping]] = ...) -> None: ...
-
-class JointRobot(_message.Message):
-    __slots__ = ("header", "feedBack", "planned", "motorState", "mciState", "rapidExecState")
-    HEADER_FIELD_NUMBER: _ClassVar[int]
-    FEEDBACK_FIELD_NUMBER: _ClassVar[int]
-    PLANNED_FIELD_NUMBER: _ClassVar[int]
-    MOTORSTATE_FIELD_NUMBER: _ClassVar[int]
-    MCISTATE_FIELD_NUMBER: _ClassVar[int]
-    RAPIDEXECSTATE_FIELD_NUMBER: _ClassVar[int]
-    header: EgmHeader
-    feedBack: JointMotion
-    planned: JointMotion
-    motorState: EgmMotorState
-    mciState: EgmMCIState
-    rapidExecState: EgmRapidCtrlExecState
-    def __init__(self, header: _Optional[_Union[EgmHeader, _Mapping]] = ..., feedBack: _Optional[_Union[JointMotion, _Mapping]] = ..., planned: _Optional[_Union[JointMotion, _Mapping]] = ..., motorState: _Optional[_Union[EgmMotorState, _Mapping]] = ..., mciState: _Optional[_Union[EgmMCIState, _Mapping]] = ..., rapidExecState: _Optional[_Union[EgmRapidCtrlExecState, _Mapping]] = ...) -> None: ...

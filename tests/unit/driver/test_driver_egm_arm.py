@@ -10,8 +10,8 @@ from yumi.catalogue import clause, message
 from yumi.control.shared_state import Limited, Snapshot
 from yumi.driver.egm_server import EgmArm
 from yumi.driver.endpoint import arm_report
-from yumi.egm.codec import JointCodec, MciState, MotorState, RapidState, RobotCodec, RobotMessage
-from yumi.egm.session import SensorSession
+from yumi.egm.codec import MciState, MotorState, RapidState, RobotCodec, RobotMessage
+from yumi.egm.session import ArmSession
 from yumi.egm.udp import MemoryLink, UdpClient, UdpServer, memory_links
 from yumi.robot.joints import CYCLE, ZERO, ArmCommand, Joints, Side
 
@@ -39,7 +39,7 @@ class Robot:
 @pytest.fixture
 def wire() -> tuple[EgmArm, Robot]:
     ours, theirs = memory_links()
-    return EgmArm(ours, SensorSession(JointCodec())), Robot(theirs)
+    return EgmArm(ours, ArmSession()), Robot(theirs)
 
 
 def test_arm_has_no_state_before_the_robot_speaks(wire: tuple[EgmArm, Robot]) -> None:
@@ -131,7 +131,7 @@ def test_arm_is_lost_once_when_the_robot_is_silent(wire: tuple[EgmArm, Robot]) -
 @pytest.mark.parametrize(("pause", "left"), [(CYCLE, 1), (0.1 * CYCLE, 0), (2.0 * CYCLE, 0)])
 def test_arm_looks_for_a_newer_datagram_unless_the_robot_is_on_time(pause: float, left: int) -> None:
     ours, theirs = memory_links()
-    arm, robot = EgmArm(ours, SensorSession(JointCodec())), Robot(theirs)
+    arm, robot = EgmArm(ours, ArmSession()), Robot(theirs)
     robot.say(MESSAGE)
     arm.read(0.0)
     for seqno in (1, 2):
@@ -165,7 +165,7 @@ def test_arm_answers_the_robot_and_never_another_port_of_its_address() -> None:
     """Loopback delivers before ``send`` returns, so nothing has to be waited for."""
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, forger = Sender(server), Sender(server)
-        arm = EgmArm(server, SensorSession(JointCodec()))
+        arm = EgmArm(server, ArmSession())
         answered = 0
         for seqno in range(50):
             now = seqno * CYCLE
@@ -196,7 +196,7 @@ for count in range(10**9):
 
 def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_address() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
-        robot, arm = Sender(server), EgmArm(server, SensorSession(JointCodec()))
+        robot, arm = Sender(server), EgmArm(server, ArmSession())
         robot.send(0)
         assert arm.read(0.0) is not None
         command = (sys.executable, "-c", FLOOD, str(server.port))
@@ -219,7 +219,7 @@ def test_arm_answers_each_datagram_of_the_robot_beside_a_flood_from_another_addr
 def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, again = Sender(server), Sender(server)
-        arm = EgmArm(server, SensorSession(JointCodec()))
+        arm = EgmArm(server, ArmSession())
         robot.send(0)
         assert arm.read(0.0) is not None
         again.send(500)
@@ -236,7 +236,7 @@ def test_arm_hears_another_port_when_the_robot_has_fallen_silent() -> None:
 def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it() -> None:
     with UdpServer("127.0.0.1", 0, remote="127.0.0.1") as server:
         robot, other = Sender(server), Sender(server)
-        arm = EgmArm(server, SensorSession(JointCodec()))
+        arm = EgmArm(server, ArmSession())
         other.send_junk()
         robot.send(0)
         other.send_junk()
@@ -250,7 +250,7 @@ def test_arm_begins_with_the_robot_when_junk_of_another_sender_waits_before_it()
 def test_arm_keeps_the_datagram_that_it_has_answered(wire: tuple[EgmArm, Robot]) -> None:
     kept: list[bytes] = []
     ours, theirs = memory_links()
-    arm, robot = EgmArm(ours, SensorSession(JointCodec()), keep=kept.append), Robot(theirs)
+    arm, robot = EgmArm(ours, ArmSession(), keep=kept.append), Robot(theirs)
     message = replace(MESSAGE, utilization=0.5, torque=(1.0,) * 7)
     robot.say(message)
     arm.read(0.0)

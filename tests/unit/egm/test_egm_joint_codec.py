@@ -75,10 +75,14 @@ def test_joint_codec_never_writes_what_is_not_finite(value: float, index: int) -
 
 
 def test_joint_codec_reads_packed_joints() -> None:
-    view = pb.JointRobot.FromString(RobotCodec().encode(MESSAGE))
-    view.feedBack.joints = packed([10.0, 20.0, 30.0, 40.0, 50.0, 60.0])
-    view.feedBack.externalJoints = packed([70.0])
-    report = JointCodec().decode(view.SerializeToString())
+    robot = robot_datagram()
+    robot.feedBack.ClearField("joints")
+    robot.feedBack.ClearField("externalJoints")
+    axes, axis = packed([10.0, 20.0, 30.0, 40.0, 50.0, 60.0]), packed([70.0])
+    feedback = b"\x0a%c%b\x1a%c%b" % (len(axes), axes, len(axis), axis) + robot.feedBack.SerializeToString()
+    robot.ClearField("feedBack")
+    datagram = robot.SerializeToString() + b"\x12%c%b" % (len(feedback), feedback)
+    report = JointCodec().decode(datagram)
     assert report.measured == pytest.approx([value * 0.017453292519943295 for value in (10, 20, 70, 30, 40, 50, 60)])
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from refusals import refused
 from yumi.egm.codec import JointCodec, JointReport, MciState, MotorState, RapidState, RobotCodec, RobotMessage
-from yumi.egm.session import LARGEST_GAP, LONG_SILENCE, REORDERED, SILENCE, SensorSession, SessionCounters
+from yumi.egm.session import SILENCE, SensorSession, SessionCounters
 from yumi.errors import ProtocolError
 from yumi.robot.joints import Joints
 
@@ -15,6 +15,9 @@ MESSAGE = RobotMessage(
     0, 0, HOME, HOME, None, None, 1.0, 1.0, MotorState.ON, MciState.RUNNING, RapidState.RUNNING, False
 )
 CYCLE = 0.004
+REORDERED = 16  # of the newest numbers are remembered
+LARGEST_GAP = 64  # a number higher by more is of another session
+LONG_SILENCE = 1.0  # [s] after which the robot's clock is not asked
 
 
 def datagram(seqno: int, time: float | None = None) -> bytes:

@@ -142,7 +142,7 @@ def test_core_and_message_packages_are_asked_for_each_time(
     monkeypatch.setattr(installation, "start", lambda command, *_: asked.append(command[-1]) or Ended())
     monkeypatch.setattr(installation, "_build_interfaces", lambda *_: asked.append("interfaces"))
     installation.install(str(clone), machine)
-    assert asked == ["collision", "yumi.core.library", "interfaces"]
+    assert asked == ["egm", "yumi.core.library", "interfaces"]
 
 
 def test_part_that_does_not_exist_is_refused_before_anything_is_done(

@@ -1,0 +1,238 @@
+// One robot's EGM conversation as we see it: which datagrams count, when a session begins, when the robot is silent.
+//
+// The robot speaks first and counts its datagrams from 0 in each session; nothing in the protocol announces an end
+// (reference/egm.md §2.1, §4). A robot that comes back after a silence either has counted on all the while, then the session
+// goes on and so does the last reference, or it has begun anew, then everything begins at where it stands.
+//
+// UDP may deliver a datagram late, twice or after a newer one. The robot's number and its clock tell these from the next
+// datagram of the session and from the first of another: accidents are meant, not a sender that forges both
+// (docs/explanation/decisions/0055-threat-model.md).
+
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+
+namespace core {
+
+// How regularly the datagrams of one session arrive, by our clock and the robot's: running estimates, a few additions for
+// each datagram and no memory of them.
+class Arrivals {
+public:
+    double jitter = 0.0;        // mean difference of two datagrams' delays, as RFC 3550 smooths it [s]
+    double worst_jitter = 0.0;  // the largest such difference [s]
+    double drift_ppm = 0.0;     // by how much the robot's clock is faster than ours, from the fastest datagrams of its first
+                                // and its last full second; 0 before the second of them
+
+    // Mean time between two datagrams that the robot sent, by our clock; 0 before the second.
+    double cycle_time() const { return count_ ? (last_arrival_ - first_arrival_) / double(count_) : 0.0; }
+
+    // The first datagram of a session arrived, with a robot's time.
+    void begin(double now, double robot_time) {
+        *this = Arrivals{};
+        first_arrival_ = last_arrival_ = now;
+        set_clock(now, now - robot_time);
+    }
+
+    // Another arrived, after `sent` that the robot sent since the one before, itself included.
+    void note(double now, double robot_time, std::int64_t sent) {
+        const double offset = now - robot_time, deviation = std::abs(offset - offset_);
+        count_ += sent;
+        last_arrival_ = now;
+        if (deviation > CLOCK_JUMP) return set_clock(now, offset);
+        offset_ = offset;
+        jitter += (deviation - jitter) / SMOOTHING;
+        worst_jitter = std::max(worst_jitter, deviation);
+        if (offset < lowest_) lowest_ = offset, lowest_at_ = now;
+        if (now < window_end_) return;
+        if (!before_)
+            before_ = Lowest{lowest_, lowest_at_};
+        else
+            drift_ppm = (before_->offset - lowest_) / (lowest_at_ - before_->at) * 1e6;
+        lowest_ = INFINITY, window_end_ = now + WINDOW;
+    }
+
+private:
+    static constexpr double SMOOTHING = 16.0;  // of the jitter, as in RFC 3550
+    static constexpr double WINDOW = 1.0;      // [s] in which the fastest datagram is taken as undelayed
+    static constexpr double CLOCK_JUMP = 1.0;  // [s] by which a clock was set, not a datagram delayed
+
+    struct Lowest {
+        double offset, at;
+    };
+
+    void set_clock(double now, double offset) {
+        offset_ = lowest_ = offset;
+        lowest_at_ = now;
+        before_.reset();
+        window_end_ = now + WINDOW;
+    }
+
+    std::int64_t count_ = 0;
+    double first_arrival_ = 0.0, last_arrival_ = 0.0;
+    double offset_ = 0.0, lowest_ = 0.0, lowest_at_ = 0.0, window_end_ = 0.0;
+    std::optional<Lowest> before_;
+};
+
+// What happened on the wire since the start, in datagrams; as SessionCounters in egm/session.py.
+struct SessionCounters {
+    std::int64_t received = 0;   // that count
+    std::int64_t lost = 0;       // that the robot sent in a session and that never arrived
+    std::int64_t late = 0;       // that waited together with a newer one, which was answered instead
+    std::int64_t stale = 0;      // that arrived after a newer one was answered
+    std::int64_t repeated = 0;   // that arrived before
+    std::int64_t malformed = 0;  // that are no EGM of such a robot
+};
+
+class Session {
+public:
+    // A robot that says nothing for longer than `silence` is lost.
+    explicit Session(double silence) : silence_(silence) {}
+
+    enum State : std::int64_t {
+        NONE,     // no robot has been heard
+        BEGUN,    // open, and the message accepted last is of a session that began with it, or with one just before it
+        RESUMED,  // the same of a session that has outlived a silence
+        OPEN,
+        SILENT,
+    };
+
+    SessionCounters counters;
+    Arrivals arrivals;
+    std::int64_t number = 0;  // of the session, 0 before the first
+    State state = NONE;
+
+    // What arrives from now on waits together.
+    void begin_batch() {
+        if (state == BEGUN || state == RESUMED) state = OPEN;
+        is_accepted_ = false;
+    }
+
+    // Whether a message of this number and the robot's time is newer than all before it: the session's next one, or the
+    // first of another.
+    bool takes(std::uint32_t seqno, double robot_time, double now) {
+        const bool is_taken = judge(seqno, robot_time, now);
+        if (is_taken && is_accepted_) ++counters.late;
+        is_accepted_ = is_accepted_ || is_taken;
+        return is_taken;
+    }
+    void note_malformed() { ++counters.malformed; }
+
+    // Whether anything that waited is to be answered.
+    bool is_accepted() const { return is_accepted_; }
+
+    // The number of our next datagram in this session.
+    std::uint32_t next_seqno() { return reply_seqno_++; }
+
+    // After the reply: take the message accepted last into the statistics.
+    void settle() {
+        if (sent_ && last_) arrivals.note(last_->arrival, last_->time, sent_);
+        sent_ = 0;
+    }
+
+    // Time since the last datagram that counted.
+    double silence(double now) const { return last_ ? now - last_->arrival : INFINITY; }
+
+    // Close the session when the robot has been silent for too long; whether it was closed now.
+    bool close_if_silent(double now) {
+        if (state == NONE || state == SILENT || silence(now) <= silence_) return false;
+        state = SILENT;
+        return true;
+    }
+
+private:
+    static constexpr int REORDERED = 16;  // of the newest numbers are remembered: what is counted as lost may still arrive
+    static constexpr std::int64_t LARGEST_GAP = 64;  // a number higher by more is none of the session: that is a silence
+    static constexpr double LONG_SILENCE = 1.0;  // [s] after which a datagram begins a session whatever the robot's clock
+                                                 // says: the controller was restarted
+    static constexpr double CLOCK_TOLERANCE = 0.05;  // by so much the time for datagrams may differ from their number
+    static constexpr double CYCLE = 0.004032;        // [s] of the robot's motion control
+    static constexpr std::uint32_t WINDOW = (2u << REORDERED) - 1;
+
+    struct Heard {
+        std::uint32_t seqno;
+        double time, arrival;
+    };
+
+    // How many datagrams a message was sent after another; the robot's count wraps.
+    static std::int64_t ahead_of(std::uint32_t before, std::uint32_t seqno) { return std::int32_t(seqno - before); }
+
+    bool judge(std::uint32_t seqno, double robot_time, double now) {
+        if (!last_) {
+            begin(seqno, robot_time, now);
+            return true;
+        }
+        const std::int64_t ahead = ahead_of(last_->seqno, seqno);
+        const double later = robot_time - last_->time, silence = now - last_->arrival;
+        bool goes_on, is_new;
+        if (state != SILENT && (silence <= silence_ || ahead == 1)) {
+            // The very next number counts whatever the robot's clock says, which may have been set.
+            goes_on = ahead == 1 || (later > 0.0 && 0 < ahead && ahead <= LARGEST_GAP);
+            is_new = later > 0.0;
+        } else {
+            const bool is_of_session = agree(ahead, later);
+            goes_on = is_of_session && ahead > 0;
+            is_new = !is_of_session && (later > 0.0 || silence > LONG_SILENCE);
+        }
+        if (goes_on)
+            go_on(seqno, robot_time, ahead, now);
+        else if (is_new)
+            begin(seqno, robot_time, now);
+        else
+            count_old(seqno, -ahead);
+        return goes_on || is_new;
+    }
+
+    // Whether the robot's clock has gone on by the time of so many datagrams, or back where these are negative. Our clock
+    // does not count: a virtual robot stands still with us on a machine that stalls.
+    bool agree(std::int64_t ahead, double later) const {
+        const double measured = arrivals.cycle_time(), cycle = measured != 0.0 ? measured : CYCLE;
+        return std::abs(later - double(ahead) * cycle) <= cycle + CLOCK_TOLERANCE * std::abs(later);
+    }
+
+    void go_on(std::uint32_t seqno, double robot_time, std::int64_t ahead, double now) {
+        if (state == SILENT) state = RESUMED;
+        ++counters.received;
+        counters.lost += ahead - 1;
+        seen_ = ahead > REORDERED ? 1 : (seen_ << ahead | 1) & WINDOW;
+        sent_ += ahead;
+        last_ = Heard{seqno, robot_time, now};
+    }
+
+    void begin(std::uint32_t seqno, double robot_time, double now) {
+        state = BEGUN;
+        ++number;
+        ++counters.received;
+        reply_seqno_ = 0, sent_ = 0;
+        seen_ = 1;
+        first_seqno_ = seqno;
+        last_ = Heard{seqno, robot_time, now};
+        arrivals.begin(now, robot_time);
+    }
+
+    // Count a datagram that is left aside; what belongs to another session is stale, too.
+    void count_old(std::uint32_t seqno, std::int64_t behind) {
+        const bool is_remembered = 0 <= behind && behind <= REORDERED;
+        if (is_remembered && (seen_ >> behind & 1)) {
+            ++counters.repeated;
+            return;
+        }
+        ++counters.stale;
+        if (is_remembered && behind > 0 && ahead_of(first_seqno_, seqno) >= 0) {
+            --counters.lost;  // it was counted as such when a newer one came
+            seen_ |= 1u << behind;
+        }
+    }
+
+    double silence_;
+    bool is_accepted_ = false;   // of what waited together
+    std::optional<Heard> last_;  // accepted last
+    std::uint32_t first_seqno_ = 0;
+    std::uint32_t seen_ = 0;     // a bit for each of the newest numbers, bit 0 for the last
+    std::int64_t sent_ = 0;      // datagrams that the robot sent since the one settled last
+    std::uint32_t reply_seqno_ = 0;
+};
+
+}  // namespace core
