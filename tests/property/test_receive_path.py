@@ -391,6 +391,9 @@ def scripts(*actions: st.SearchStrategy[Action]) -> st.SearchStrategy[Script]:
 @example(  # a late datagram with the number that was due next made the plan of a new session look as if it moved
     script=[(1, restart), (0, old(61, 1))], feeds_speed=False
 )
+@example(  # a command that waited when positions could not be believed waited on when they could
+    script=[(0, deaf(43)), (14, for_a_while("is_swapped", 34)), (19, for_a_while("is_swapped", 34))], feeds_speed=True
+)
 @example(  # a late datagram of the session before, alone, was answered with its last command in the next session
     script=[(0, restart), (0, old(52, 50))], feeds_speed=False
 )

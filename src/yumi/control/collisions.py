@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from yumi.control.motion import Setpoint, fixed, plan_gain
 from yumi.control.shared_state import Limited
-from yumi.core.library import LimitedParts, load
+from yumi.core.library import COMMAND, MOTION, SETPOINT, LimitedParts, load
 from yumi.robot.collision import TOOL_FRAME, CollisionModel
 from yumi.robot.joints import ZERO, ArmCommand, JointLimits, Joints, Side
 
@@ -38,7 +38,7 @@ BODY_MARGIN = -0.002
 DISTANCES = 20_000
 """Calculated for an arm in a cycle at most; what needs more is left to slower commands."""
 
-_COMMAND, _SEVEN, _SETPOINT, _MOTION = Struct("14dq"), Struct("7d"), Struct("21d"), Struct("58d")
+_SEVEN = Struct("7d")
 
 
 class CollisionLimiter:
@@ -55,7 +55,9 @@ class CollisionLimiter:
         model, limits, margin: as above.
         is_of: which parts are an arm's, (parts,).
         margins: between all pairs of parts [m], (parts, parts); another array when other pairs may touch.
-        library, handle, arms_handle: the core, and what it calls what compares both arms, and what it knows of them.
+        library: the core.
+        handle: what the core calls the comparison of both arms.
+        arm_collisions_handle: and what it knows of each of them.
     """
 
     def __init__(
@@ -87,10 +89,10 @@ class CollisionLimiter:
         if not self.handle:
             raise MemoryError("no memory to keep the arms apart")
         finalize(self, self.library.collisions_delete, self.handle).atexit = False  # threads may still use it
-        self.arms_handle: int = self.library.arms_new(self.handle, distances, plan_gain(gain))
-        if not self.arms_handle:
+        self.arm_collisions_handle: int = self.library.arm_collisions_new(self.handle, distances, plan_gain(gain))
+        if not self.arm_collisions_handle:
             raise MemoryError("no memory to keep the arms apart")
-        finalize(self, self.library.arms_delete, self.arms_handle).atexit = False
+        finalize(self, self.library.arm_collisions_delete, self.arm_collisions_handle).atexit = False
         self.permit()
 
     def arm(self, side: Side) -> ArmCollisionLimiter:
@@ -111,7 +113,7 @@ class CollisionLimiter:
             margins[self._found(*pair)] = -inf
         self.margins = margins
         self.library.collisions_permit(self.handle, margins.ctypes.data)
-        self.library.arms_note_permission(self.arms_handle)
+        self.library.arm_collisions_note_permission(self.arm_collisions_handle)
 
     def _found(self, name: str, other: str) -> NDArray[np.bool_]:
         """Which pairs of parts of an arm, and of the other one or what stands still, have these names.
@@ -152,13 +154,13 @@ class ArmCollisionLimiter:
     @property
     def handle(self) -> int:
         """What the core calls both arms."""
-        return self._both.arms_handle
+        return self._both.arm_collisions_handle
 
     @property
     def limited(self) -> Limited | None:
         """What limits the arm in this cycle."""
         both, found = self._both, LimitedParts()
-        if not both.library.arms_limited(self.handle, self.number, byref(found)):
+        if not both.library.arm_collisions_limited(self.handle, self.number, byref(found)):
             return None
         names, is_of_other = both.model.names, both.is_of[self.side.other][found.other]
         other = names[found.other] + (_LAST_HEARD if is_of_other and found.is_stale else "")
@@ -167,23 +169,23 @@ class ArmCollisionLimiter:
     @property
     def is_held(self) -> bool:
         """Whether the arm is held since it is limited and came no nearer to where it is commanded."""
-        return bool(self._both.library.arms_is_held(self.handle, self.number))
+        return bool(self._both.library.arm_collisions_is_held(self.handle, self.number))
 
     @property
     def motion(self) -> bytes:
         """How the command sent last moves the arm, and where it may go if it is not heard, as the core reads it."""
-        return string_at(self._both.library.arms_motion(self.handle, self.number), _MOTION.size)
+        return string_at(self._both.library.arm_collisions_motion(self.handle, self.number), MOTION.size)
 
     @property
     def coasts_to(self) -> Joints | None:
         """Where an arm that is not heard may go [rad], (7,); None of one that is heard, or was read since."""
-        *_, coasts, a, b, c, d, e, f, g = _MOTION.unpack(self.motion)
+        *_, coasts, a, b, c, d, e, f, g = MOTION.unpack(self.motion)
         return (a, b, c, d, e, f, g) if coasts else None
 
     @property
     def decisions(self) -> int:
         """How often paths of the arm were compared."""
-        return int(self._both.library.arms_decisions(self.handle, self.number))
+        return int(self._both.library.arm_collisions_decisions(self.handle, self.number))
 
     def begin_cycle(self, desired: ArmCommand | None, measured: Joints, dt: float) -> bool:
         """Whether the arm is to hold whatever is desired: it is limited, and comes no nearer to where it is commanded.
@@ -195,25 +197,25 @@ class ArmCollisionLimiter:
         """
         packed = None if desired is None else _packed(desired)
         measured_at = _SEVEN.pack(*measured)
-        return bool(self._both.library.arms_begin_cycle(self.handle, self.number, packed, measured_at, dt))
+        return bool(self._both.library.arm_collisions_begin_cycle(self.handle, self.number, packed, measured_at, dt))
 
     def connection_lost(self) -> None:
         """An arm's datagrams do not arrive any more: it goes on to where its last command leads it.
 
         The other arm keeps clear of that until they arrive again, or the arm's joints are read: :meth:`note_measured`.
         """
-        self._both.library.arms_lose_connection(self.handle, self.number)
+        self._both.library.arm_collisions_lose_connection(self.handle, self.number)
 
     def note_measured(self, position: Joints) -> None:
         """An arm that is not heard was read from the controller to be at ``position`` [rad], (7,).
 
         The other arm keeps clear of what lies between there and where it was read before.
         """
-        self._both.library.arms_note_measured(self.handle, self.number, _SEVEN.pack(*position))
+        self._both.library.arm_collisions_note_measured(self.handle, self.number, _SEVEN.pack(*position))
 
     def sent(self, planned: Joints, sent: Setpoint, robot: Setpoint | None) -> None:
         """An arm is sent a command that :meth:`accepts` has not accepted; arguments as there."""
-        self._both.library.arms_note_sent(self.handle, self.number, *_packed_motion(planned, sent, robot))
+        self._both.library.arm_collisions_note_sent(self.handle, self.number, *_packed_motion(planned, sent, robot))
 
     def accepts(self, planned: Joints, sent: Setpoint, robot: Setpoint | None, *, feeds_forward: bool = False) -> bool:
         """Whether an arm may be sent this command; if so, it is taken.
@@ -225,23 +227,23 @@ class ArmCollisionLimiter:
             feeds_forward: whether one is desired; else it is only taken back.
         """
         motion = _packed_motion(planned, sent, robot)
-        return bool(self._both.library.arms_accepts(self.handle, self.number, *motion, feeds_forward))
+        return bool(self._both.library.arm_collisions_accepts(self.handle, self.number, *motion, feeds_forward))
 
     def steered(self, desired: ArmCommand) -> ArmCommand:
         """The command next to ``desired`` that stays on this side of the boundaries near an arm."""
-        command = create_string_buffer(_packed(desired), _COMMAND.size)
-        if not self._both.library.arms_steer(self.handle, self.number, command):
+        command = create_string_buffer(_packed(desired), COMMAND.size)
+        if not self._both.library.arm_collisions_steer(self.handle, self.number, command):
             return desired
-        *values, has_velocity = _COMMAND.unpack(command.raw)
+        *values, has_velocity = COMMAND.unpack(command.raw)
         return ArmCommand(fixed(values[:7]), fixed(values[7:]) if has_velocity else ZERO)
 
 
 def _packed(command: ArmCommand) -> bytes:
-    return _COMMAND.pack(*command.position, *command.velocity, command.velocity is not ZERO)
+    return COMMAND.pack(*command.position, *command.velocity, command.velocity is not ZERO)
 
 
 def _packed_motion(planned: Joints, sent: Setpoint, robot: Setpoint | None) -> tuple[bytes, bytes, bytes | None]:
-    values = (_SETPOINT.pack(*chain(*each)) if each is not None else None for each in (sent, robot))
+    values = (SETPOINT.pack(*chain(*each)) if each is not None else None for each in (sent, robot))
     first, second = values
     assert first is not None
     return _SEVEN.pack(*planned), first, second

@@ -679,6 +679,11 @@ class ControllerManager:
         loaded = self._loaded.get(name)
         return loaded is not None and loaded.state is State.INACTIVE
 
+    @property
+    def commanding(self) -> tuple[str, ...]:
+        """Names of the controllers that command the arm."""
+        return tuple(loaded.name for loaded in self._commanding)
+
     def deactivate_commanding(self) -> tuple[str, ...]:
         """Deactivate whatever commands the arm, e.g. because the robot is lost; returns the names."""
         commanding = self._commanding

@@ -47,6 +47,7 @@ class LimiterCounters(NamedTuple):
         implausible: measured or planned positions that no arm can have reached.
         kept_apart: commands that would have led an arm too near to something.
         feedforward_withheld: speeds not fed forward, since the robot would have coasted too near to something.
+        unanswered: datagrams that the core answered, since no controller had in time; the arm braked.
     """
 
     refused: int = 0
@@ -55,3 +56,4 @@ class LimiterCounters(NamedTuple):
     implausible: int = 0
     kept_apart: int = 0
     feedforward_withheld: int = 0
+    unanswered: int = 0

@@ -67,5 +67,7 @@ def run_cycle(
         return None
     desired = timing.timed(UPDATE, manager.update(state))
     sent = timing.timed(LIMIT, limiter.limit(state, desired))
+    if limiter.was_late:  # the core has answered
+        return None
     arm.write(sent)
     return Cycle(state, desired, sent)

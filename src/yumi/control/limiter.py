@@ -20,14 +20,14 @@ from yumi.control.limiter_state import (
 )
 from yumi.control.motion import EGM_GAIN, fixed
 from yumi.control.shared_state import Limited, Problem
-from yumi.core.library import ArmExchange, load
+from yumi.core.library import COMMAND, SETTINGS, STATE, TABLE, LimiterExchange, load
 from yumi.robot.joints import CYCLE, YUMI_LIMITS, ZERO, ArmCommand, ArmState, JointLimits, Joints
 
-_STATE, _COMMAND, _COUNTERS = Struct("2dq21dq"), Struct("14dq"), Struct("6q")
-_put_state, _get_state = _STATE.pack_into, _STATE.unpack_from
-_put_command, _get_command = _COMMAND.pack_into, _COMMAND.unpack_from
-_COMMAND_AT, _COUNTERS_AT = ArmExchange.command.offset, ArmExchange.counters.offset
-_SETTINGS = Struct("45d")
+_COUNTERS = Struct("7q")
+_pack_state, _get_state = STATE.pack, STATE.unpack_from
+_pack_command, _get_command = COMMAND.pack, COMMAND.unpack_from
+_COMMAND_AT, _COUNTERS_AT = LimiterExchange.command.offset, LimiterExchange.counters.offset
+_UNANSWERED, _UNANSWERED_AT = Struct("q"), _COUNTERS_AT + 48  # the last of the counters, asked for in every cycle
 _TABLE = b"".join(
     [
         bytes([TRANSITIONS[state].get(event, 0xFF) for event in LimiterEvent])  # -1 for what is forbidden
@@ -36,13 +36,26 @@ _TABLE = b"".join(
     + [bytes([state in SETTLING_STATES for state in LimiterState])]
 )
 
-_AS_REPORTED, _REPLACED = 1, 2
+if len(_TABLE) != TABLE.size:
+    raise RuntimeError(f"the core's table has {TABLE.size} entries, and that of limiter_state.py {len(_TABLE)}")
+
+_AS_REPORTED, _REPLACED = 1, 2  # a state that was checked
+_AS_DESIRED, _LATE = 1, 2  # a command that was limited
+
+
+def _packed(state: ArmState) -> bytes:
+    time, dt, session, position, velocity, planned, is_running = state
+    return _pack_state(time, dt, session, *position, *velocity, *planned, is_running)
 
 
 class Limiter:
     """Limits the commands of one arm.
 
     In each cycle: :meth:`check` the state, :meth:`limit` the command, and :meth:`observe` after the reply.
+
+    Attributes:
+        handle: what the core calls it.
+        was_late: whether the core had replied when the newest command was to be limited.
 
     Args:
         limits: of the joints; speeds, accelerations and jerks bound how the position sent moves, and how the robot
@@ -65,22 +78,22 @@ class Limiter:
         self._library = load()
         self._collisions = collisions
         own = (*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
-        settings = _SETTINGS.pack(*own, *YUMI_LIMITS.velocity, period, gain, bandwidth)
+        settings = SETTINGS.pack(*own, *YUMI_LIMITS.velocity, period, gain, bandwidth)
         both, arm = (collisions.handle, collisions.number) if collisions is not None else (None, 0)
         handle: int = self._library.limiter_new(settings, _TABLE, both, arm)
         if not handle:
             raise MemoryError("no memory for the limiter of an arm")
-        self._handle = handle
+        self.handle = handle
+        self.was_late = False
         finalize(self, self._library.limiter_delete, handle).atexit = False  # threads may still use it
-        self._exchange = ArmExchange.from_address(self._library.limiter_exchange(handle))
+        self._exchange = LimiterExchange.from_address(self._library.limiter_exchange(handle))
         self._other: Limiter | None = None  # kept, since the core reads what it has measured
         self._checked: ArmState | None = None  # what was made of the newest state
-        self._sent = ArmCommand(ZERO)
 
     def pair(self, other: Limiter) -> None:
         """From now on each of both arms knows where the other was measured last: their datagrams may be exchanged."""
         self._other, other._other = other, self
-        self._library.limiter_pair(self._handle, other._handle)
+        self._library.limiter_pair(self.handle, other.handle)
 
     @property
     def state(self) -> LimiterState:
@@ -101,6 +114,11 @@ class Limiter:
     def is_at_rest(self) -> bool:
         """Whether the command stands, and does not lead the robot any more."""
         return bool(self._exchange.is_at_rest)
+
+    @property
+    def unanswered(self) -> int:
+        """Of the counters: what the core has answered in place of the controllers."""
+        return int(_UNANSWERED.unpack_from(self._exchange, _UNANSWERED_AT)[0])
 
     @property
     def must_settle(self) -> bool:
@@ -131,11 +149,11 @@ class Limiter:
 
     def note_interruption(self) -> None:
         """No datagram of the arm arrives: the other arm keeps clear of where this one may go."""
-        self._done(self._library.limiter_lose(self._handle, LimiterEvent.INTERRUPTION))
+        self._done(self._library.limiter_lose(self.handle, LimiterEvent.INTERRUPTION))
 
     def note_connection_lost(self) -> None:
         """No datagram has arrived for so long that the arm's controllers are deactivated; see above."""
-        self._done(self._library.limiter_lose(self._handle, LimiterEvent.CONNECTION_LOST))
+        self._done(self._library.limiter_lose(self.handle, LimiterEvent.CONNECTION_LOST))
 
     def note_position(self, position: Joints) -> None:
         """The arm, whose datagrams do not arrive, was read from the controller to be at ``position`` [rad], (7,)."""
@@ -144,7 +162,7 @@ class Limiter:
 
     def scale_speed(self, scale: float) -> None:
         """Move no joint faster than ``scale`` times its limit: speeds from the next command on, positions later."""
-        self._library.limiter_scale_speed(self._handle, scale)
+        self._library.limiter_scale_speed(self.handle, scale)
 
     def check(self, state: ArmState) -> ArmState | None:
         """What of ``state`` is plausible; to be called before :meth:`limit`, which takes what this returns.
@@ -158,8 +176,7 @@ class Limiter:
         Raises:
             ForbiddenTransition: the program is wrong. The cycle gets no reply, so that the robot keeps its reference.
         """
-        self._put(state)
-        verdict = self._done(self._library.limiter_check(self._handle))
+        verdict = self._done(self._library.limiter_check(self.handle, _packed(state)))
         self._checked = state if verdict == _AS_REPORTED else self._get() if verdict == _REPLACED else None
         return self._checked
 
@@ -172,32 +189,25 @@ class Limiter:
         Raises:
             ForbiddenTransition: as of :meth:`check`.
         """
-        exchange, is_desired = self._exchange, 0
+        verdict = 0
         if state is not self._checked and self.check(state) is None:
             # Repeat the last command; before the first one, where the robot is.
-            self._done(self._library.limiter_repeat(self._handle))
+            self._done(self._library.limiter_repeat(self.handle))
         elif desired is None:
-            self._done(self._library.limiter_limit(self._handle, False))
+            verdict = self._done(self._library.limiter_limit(self.handle, None))
         else:
             position, velocity = desired
-            _put_command(exchange, _COMMAND_AT, *position, *velocity, velocity is not ZERO)
-            is_desired = self._done(self._library.limiter_limit(self._handle, True))
-        *values, has_velocity = _get_command(exchange, _COMMAND_AT)
-        position = desired.position if is_desired and desired is not None else fixed(values[:7])
-        command = ArmCommand(position, fixed(values[7:]) if has_velocity else ZERO)
-        if command != self._sent:
-            self._sent = command
-        return self._sent
+            packed = _pack_command(*position, *velocity, velocity is not ZERO)
+            verdict = self._done(self._library.limiter_limit(self.handle, packed))
+        self.was_late = verdict == _LATE
+        *values, has_velocity = _get_command(self._exchange, _COMMAND_AT)
+        position = desired.position if verdict == _AS_DESIRED and desired is not None else fixed(values[:7])
+        return ArmCommand(position, fixed(values[7:]) if has_velocity else ZERO)
 
     def observe(self, state: ArmState) -> None:
         """After the reply to ``state``: what the next one depends on."""
-        if state is not self._checked:
-            self._put(state)
-        self._done(self._library.limiter_observe(self._handle))
-
-    def _put(self, state: ArmState) -> None:
-        time, dt, session, position, velocity, planned, is_running = state
-        _put_state(self._exchange, 0, time, dt, session, *position, *velocity, *planned, is_running)
+        packed = None if state is self._checked else _packed(state)
+        self._done(self._library.limiter_observe(self.handle, packed))
 
     def _get(self) -> ArmState:
         time, dt, session, *values, is_running = _get_state(self._exchange)
@@ -206,9 +216,11 @@ class Limiter:
 
     def _go(self, event: LimiterEvent) -> None:
         """To the state that follows on an event."""
-        self._done(self._library.limiter_go(self._handle, event))
+        self._done(self._library.limiter_go(self.handle, event))
 
     def _done(self, result: int) -> int:
+        if result < 0 and self._exchange.forbidden < 0:
+            raise RuntimeError("the core's limiter has failed")
         if result < 0:
             raise ForbiddenTransition(f"{LimiterEvent(self._exchange.forbidden).name} in the state {self.state.name}")
         return result

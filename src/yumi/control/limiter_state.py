@@ -47,6 +47,7 @@ class LimiterEvent(IntEnum):
     DESIRED = 13
     INTERRUPTION = 14
     CONNECTION_LOST = 15
+    UNANSWERED = 16
 
 
 _S, _E = LimiterState, LimiterEvent
@@ -96,6 +97,7 @@ SEEN: Mapping[LimiterEvent, str] = {
     _E.DESIRED: "a position is desired that can be taken",
     _E.INTERRUPTION: "no datagram for 20 ms, once",
     _E.CONNECTION_LOST: "no datagram for 80 ms, once",
+    _E.UNANSWERED: "no controller has answered for 2 ms, or one has failed: the core answers",
 }
 """What was seen at each event."""
 
@@ -115,6 +117,7 @@ _ARM = {
     _E.UNDESIRED: _S.SETTLING,
     _E.UNUSABLE: _S.HOLDING,
     _E.DESIRED: _S.FOLLOWING,
+    _E.UNANSWERED: _S.HOLDING,
     **_INTERRUPTIONS,
 }
 _LOSS = {_E.FEEDBACK_LOST: _S.LOST}
@@ -123,7 +126,7 @@ SETTLING_STATES = (_S.SETTLING, _S.IGNORED, _S.LOST, _S.DISCONNECTED)
 
 
 _SETTLING: Mapping[LimiterEvent, LimiterState] = {
-    event: state for event, state in _ARM.items() if event not in (_E.DESIRED, _E.UNUSABLE)
+    event: state for event, state in _ARM.items() if event not in (_E.DESIRED, _E.UNUSABLE, _E.UNANSWERED)
 }
 
 TRANSITIONS: Mapping[LimiterState, Mapping[LimiterEvent, LimiterState]] = {

@@ -26,6 +26,7 @@ from yumi.control.shared_state import (
     AllowedCollisionsChanged,
     ControllerFailed,
     ControllerReport,
+    ControllersLate,
     Event,
     ImplausibleFeedback,
     JointStates,
@@ -118,6 +119,7 @@ class ArmLoop:
         self._limited: Limited | None = None
         self._limited_at = self._limited_reported = -inf
         self._foreign = 0
+        self._unanswered, self._lateness_reported = 0, -inf
         self._cycles = 0
         self._interruptions = 0
         self._is_interrupted = False
@@ -245,6 +247,7 @@ class ArmLoop:
 
     def watch_silence(self, now: float) -> None:
         """Notice that the robot has stopped sending; to be called every few milliseconds."""
+        self._note_late(now)
         if self._end_if_lost(now):
             return
         if self._last is None:
@@ -260,6 +263,14 @@ class ArmLoop:
             self._interruptions += 1
             self._limiter.note_interruption()
             self.publish(now)
+
+    def _note_late(self, now: float) -> None:
+        """Report what the core has answered in place of the controllers."""
+        count = self._limiter.unanswered
+        if count == self._unanswered or now - self._lateness_reported < DOUBTS_REPORTED:
+            return
+        cycles, self._unanswered, self._lateness_reported = count - self._unanswered, count, now
+        self._events.append(ControllersLate(self._side, cycles, self.manager.commanding))
 
     def _end_if_lost(self, now: float) -> bool:
         """Whether the arm was not heard for too long, be it that the robot was silent or that we did not run."""

@@ -27,14 +27,13 @@ from ctypes import c_double
 from dataclasses import replace
 from functools import lru_cache
 from itertools import chain
-from math import copysign, exp, inf, isnan, sqrt
-from struct import Struct
+from math import exp, inf, isnan, sqrt
 from typing import Any, NamedTuple, cast
 
 from ruckig import ControlInterface, InputParameter, Result, Ruckig, RuckigError, Synchronization, Trajectory
 
 from yumi.catalogue import message
-from yumi.core.library import load
+from yumi.core.library import LIMITS, SETPOINT, load
 from yumi.errors import CommandRefused
 from yumi.robot.joints import CHAIN_AXES, CYCLE, JOINT_COUNT, ZERO, ArmCommand, ArmState, JointLimits, Joints, joints
 
@@ -96,9 +95,6 @@ class Setpoint(NamedTuple):
         return Setpoint(self.position, fixed([each / factor for each in self.velocity]))
 
 
-_SETPOINT, _LIMITS = Struct("21d"), Struct("35d")
-
-
 def fixed(values: Sequence[float]) -> Joints:
     """Seven values that were calculated, as a tuple; :func:`joints` checks what comes from elsewhere."""
     return cast("Joints", tuple(values))
@@ -144,20 +140,20 @@ def step_towards(
         enabled: which joints move; the others' values in the result mean nothing.
     """
     reached = (c_double * 21)()
-    arguments = _packed_limits(limits), _SETPOINT.pack(*chain(*now)), _SETPOINT.pack(*chain(*goal)), dt, bytes(enabled)
+    arguments = _packed_limits(limits), SETPOINT.pack(*chain(*now)), SETPOINT.pack(*chain(*goal)), dt, bytes(enabled)
     return _setpoint(list(reached)) if load().motion_step_towards(*arguments, reached) else None
 
 
 def step_to_rest(now: Setpoint, limits: JointLimits, dt: float, enabled: Sequence[bool]) -> Setpoint:
     """Where the ``enabled`` joints are after ``dt`` [s] of braking as hard as they may."""
     after = (c_double * 21)()
-    load().motion_step_to_rest(_packed_limits(limits), _SETPOINT.pack(*chain(*now)), dt, bytes(enabled), after)
+    load().motion_step_to_rest(_packed_limits(limits), SETPOINT.pack(*chain(*now)), dt, bytes(enabled), after)
     return _setpoint(list(after))
 
 
 @lru_cache(64)
 def _packed_limits(limits: JointLimits) -> bytes:
-    return _LIMITS.pack(*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
+    return LIMITS.pack(*limits.lower, *limits.upper, *limits.velocity, *limits.acceleration, *limits.jerk)
 
 
 def _setpoint(values: Sequence[float]) -> Setpoint:
@@ -224,15 +220,10 @@ def speed_to_stop(room: float, acceleration: float, jerk: float) -> float:
 
     The inverse of the way it needs at most, v/2 · (v/a + 3a/j): its acceleration may have to be turned round first.
     """
-    if room <= 0.0:
-        return 0.0
-    slow = 3.0 * acceleration / jerk
-    return 0.5 * acceleration * (sqrt(slow * slow + 8.0 * room / acceleration) - slow)
+    return float(load().motion_speed_to_stop(room, acceleration, jerk))
 
 
 # ---- speeds
-
-_ROUNDING = 1.0 + 1e-3  # a speed at a limit is not refused for the last digits of the planned position
 
 
 def ramp_speed(
@@ -251,24 +242,10 @@ def ramp_speed(
         jerk: highest change of that rate [rad/s³].
         dt: time that passes [s] > 0.
     """
-    change = (goal - last) / dt
-    rises = speed_to_come(change, jerk) if goal * change > 0.0 else 0.0
-    if (
-        abs(goal) + rises <= top * _ROUNDING
-        and abs(change) <= acceleration * _ROUNDING
-        and abs(change - rate) <= jerk * dt * _ROUNDING
-        and (goal != 0.0 or abs(change) <= jerk * dt)  # at rest the change of speed has to end, too
-    ):
-        return goal, change
-    if isnan(goal):
-        goal = 0.0
-    missing = max(-top, min(top, goal)) - last
-    half = 0.5 * jerk * dt
-    # As hard as it can still be taken back, at the jerk, when the speed is reached.
-    ease = sqrt(2.0 * jerk * abs(missing) + half * half) - half
-    aim = copysign(min(acceleration, ease, abs(missing) / dt), missing)
-    change = max(rate - jerk * dt, min(rate + jerk * dt, aim))
-    return last + change * dt, change
+    ramp = (c_double * 2)()
+    load().motion_ramp_speed(goal, last, rate, top, acceleration, jerk, dt, ramp)
+    speed, change = ramp
+    return speed, change
 
 
 _SHARE = 0.95  # of acceleration and jerk, since the limiter looks at differences from cycle to cycle

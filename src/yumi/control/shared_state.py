@@ -641,6 +641,26 @@ class ReferencesIgnored(Happened):
 
 
 @dataclass(frozen=True, slots=True)
+class ControllersLate(Happened):
+    """No controller answered in time, and the core braked the arm; reported about once a second while it lasts.
+
+    Attributes:
+        cycles: datagrams that the core answered since the last report.
+        controllers: that command the arm.
+    """
+
+    side: Side
+    cycles: int
+    controllers: tuple[str, ...]
+
+    @property
+    def said(self) -> Message:
+        if not self.controllers:
+            return message("loop_was_late", arm=self.side.word, cycles=self.cycles)
+        return message("controllers_were_late", arm=self.side.word, cycles=self.cycles, controllers=self.controllers)
+
+
+@dataclass(frozen=True, slots=True)
 class ProblemOver(Happened):
     """What made the arm hold is over; it goes on holding until it is commanded."""
 
@@ -770,6 +790,7 @@ Event = (
     | ImplausibleFeedback
     | ReferencesIgnored
     | ProblemOver
+    | ControllersLate
     | KeptApart
     | AllowedCollisionsChanged
     | ControllerFailed

@@ -21,7 +21,7 @@ inline collision::Motion arm_motion(const Values& planned, const Setpoint& sent,
 }
 
 // What is the same for both arms.
-struct ArmsApart {
+struct SharedByArms {
     collision::Limiter* limiter;
     std::int64_t distances;       // that may be calculated for an arm in a cycle
     double gain;                  // at which the robots' plans close their leads, see plan_gain in control/motion.py
@@ -31,7 +31,7 @@ struct ArmsApart {
 class ArmCollisionLimiter {
 public:
     // Of arm 0, the right one, or 1.
-    ArmCollisionLimiter(ArmsApart& both, int arm) : both_(both), arm_(arm), distances_left_(both.distances) {
+    ArmCollisionLimiter(SharedByArms& shared, int arm) : shared_(shared), arm_(arm), distances_left_(shared.distances) {
         boundaries_.reserve(collision::MOST_BOUNDARIES);
     }
 
@@ -46,7 +46,7 @@ public:
     // Whether the arm is to hold whatever is desired, see ProgressCheck.
     bool begin_cycle(const ArmCommand* desired, const Values& measured, double dt) {
         const std::optional<Limited> before = limited;
-        limited.reset(), distances_left_ = both_.distances;
+        limited.reset(), distances_left_ = shared_.distances;
         withheld_for_ = std::max(withheld_for_ - 1, 0);
         if (!withheld_for_) coasts_into_.reset();
         if (!has_motion) return false;
@@ -70,8 +70,8 @@ public:
         if (!is_heard || !has_motion) return;
         is_heard = is_read = false;
         Values coasts_to = position();
-        if (motion.has_robot && both_.gain > 0.0)
-            for (int i = 0; i < JOINTS; ++i) coasts_to[i] = motion.robot[0][i] + motion.robot[1][i] / both_.gain;
+        if (motion.has_robot && shared_.gain > 0.0)
+            for (int i = 0; i < JOINTS; ++i) coasts_to[i] = motion.robot[0][i] + motion.robot[1][i] / shared_.gain;
         collision::Motion coasting = motion;
         coasting.coasts = 1.0;
         std::copy(coasts_to.begin(), coasts_to.end(), coasting.coasts_to);
@@ -107,7 +107,7 @@ public:
     bool accepts(const Values& planned, const Setpoint& sent, const Setpoint* robot, bool feeds_forward) {
         const bool is_back = !is_heard;
         is_heard = true;
-        const collision::Motion last = motion, *its = other->has_motion ? &other->motion : nullptr;
+        const collision::Motion last = motion, *of_other = other->has_motion ? &other->motion : nullptr;
         collision::Motion next = arm_motion(planned, sent, robot);
         const bool is_same = has_motion && !is_back && stays(next);
         if (is_same) {
@@ -119,7 +119,7 @@ public:
             next = last;
         }
         // Its first command is where it stands.
-        if (has_motion && !(is_clear(next, last, its) && coasts_clear(next, last, its, feeds_forward))) return false;
+        if (has_motion && !(is_clear(next, last, of_other) && coasts_clear(next, last, of_other, feeds_forward))) return false;
         if (!is_same) set_motion(next);
         compared_ = comparison();
         if (!limited) limited = coasts_into_;
@@ -177,11 +177,11 @@ private:
     // Of which of the arms' motions and which margins something was found.
     struct Comparison {
         std::int64_t own = -1, other = -1, permission = -1;
-        bool operator==(const Comparison& its) const {
-            return own == its.own && other == its.other && permission == its.permission;
+        bool operator==(const Comparison& before) const {
+            return own == before.own && other == before.other && permission == before.permission;
         }
     };
-    Comparison comparison() const { return {number_, other->number_, both_.permission}; }
+    Comparison comparison() const { return {number_, other->number_, shared_.permission}; }
 
     static Values values_of(const double (&from)[JOINTS]) {
         Values values;
@@ -204,23 +204,23 @@ private:
     }
 
     // Whether the arm is led along boundaries; a faster one is slowed down first.
-    bool is_slow() const { return has_motion && collisions_is_slow(both_.limiter, &motion); }
+    bool is_slow() const { return has_motion && collisions_is_slow(shared_.limiter, &motion); }
 
     Surroundings surroundings() const {
         Surroundings now;
         if (other->has_motion) now.position = other->position();
         now.is_heard = other->is_heard, now.is_read = other->is_read;
         now.coasts = other->has_motion && other->motion.coasts;
-        now.permission = both_.permission;
+        now.permission = shared_.permission;
         now.is_limited = other->limited || other->progress_.is_limited();
         return now;
     }
 
     // Whether an arm keeps apart from everything on all of its braking path, whichever arm is quicker, should it move as
-    // `next` says, after `last`; `its` is the other arm's motion.
-    bool is_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* its) {
+    // `next` says, after `last`; `of_other` is the other arm's motion.
+    bool is_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other) {
         if (distances_left_ <= 0) return false;
-        const bool is_clear = decide(next, last, its, distances_left_, INF);
+        const bool is_clear = decide(next, last, of_other, distances_left_, INF);
         if (!is_clear && decision_.part >= 0) limited = limited_by(decision_.part, decision_.other, decision_.distance);
         boundaries_.clear();
         for (int i = 0; i < decision_.boundary_count; ++i) {
@@ -231,18 +231,18 @@ private:
     }
 
     // Whether nothing touches wherever both arms would coast without their links; arguments as above.
-    bool coasts_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* its, bool feeds_forward) {
-        if (!next.has_robot && !(its && its->has_robot)) return true;  // robots that are sent positions go nowhere else
-        const auto most = std::int64_t((feeds_forward ? SHARE_AHEAD : 1.0) * double(both_.distances));
+    bool coasts_clear(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other, bool feeds_forward) {
+        if (!next.has_robot && !(of_other && of_other->has_robot)) return true;  // robots that are sent positions go nowhere else
+        const auto most = std::int64_t((feeds_forward ? SHARE_AHEAD : 1.0) * double(shared_.distances));
         const double apart = feeds_forward ? COASTING_AHEAD : COASTING;
-        if (decide(next, last, its, std::min(distances_left_, most), apart)) return true;
+        if (decide(next, last, of_other, std::min(distances_left_, most), apart)) return true;
         if (decision_.part >= 0) coasts_into_ = limited_by(decision_.part, decision_.other, decision_.distance);
         if (feeds_forward) withheld_for_ = WITHHELD_FOR;
         return false;
     }
 
-    bool decide(const collision::Motion& next, const collision::Motion& last, const collision::Motion* its, std::int64_t most, double apart) {
-        const bool is_clear = collisions_is_clear(both_.limiter, arm_, &next, &last, its, apart, most, &decision_);
+    bool decide(const collision::Motion& next, const collision::Motion& last, const collision::Motion* of_other, std::int64_t most, double apart) {
+        const bool is_clear = collisions_is_clear(shared_.limiter, arm_, &next, &last, of_other, apart, most, &decision_);
         distances_left_ -= decision_.distances;
         ++decisions;
         return is_clear;
@@ -269,7 +269,7 @@ private:
         for (int i = 0; i < JOINTS; ++i) values[i] += near.boundary.normal[i] * change / near.square;
     }
 
-    ArmsApart& both_;
+    SharedByArms& shared_;
     int arm_;
     std::int64_t number_ = 0;  // of its motion
     std::vector<Near> boundaries_;  // near it

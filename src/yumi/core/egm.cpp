@@ -1,27 +1,9 @@
 // EGM as library.py declares it for egm/codec.py and egm/session.py: datagrams, conversations, and both together for the
 // control loop. No exception leaves, and nothing is allocated after the start.
 
-#include "egm_arm.hpp"
+#include "session_handle.hpp"
 
 using namespace core;
-
-// A conversation, and what others read of it; as SessionValues in library.py.
-struct SessionHandle {
-    std::int64_t state = Session::NONE, number = 0;
-    SessionCounters counters;
-    double jitter = 0.0, worst_jitter = 0.0, drift_ppm = 0.0, cycle_time = 0.0;
-    ArmState arm;  // of an arm, as it was reported last
-    EgmArm egm;
-
-    explicit SessionHandle(double silence) : egm(silence) {}
-
-    void show() {
-        const Session& session = egm.session;
-        state = session.state, number = session.number, counters = session.counters;
-        jitter = session.arrivals.jitter, worst_jitter = session.arrivals.worst_jitter;
-        drift_ppm = session.arrivals.drift_ppm, cycle_time = session.arrivals.cycle_time();
-    }
-};
 
 extern "C" {
 
@@ -49,31 +31,42 @@ SessionHandle* session_new(double silence) {
 void session_delete(SessionHandle* handle) { delete handle; }
 
 void session_begin_batch(SessionHandle* handle) {
+    const Guard guard(lock);
     handle->egm.session.begin_batch();
     handle->show();
 }
 
 bool session_takes(SessionHandle* handle, std::uint32_t seqno, double robot_time, double now) {
+    const Guard guard(lock);
     const bool is_taken = handle->egm.session.takes(seqno, robot_time, now);
     handle->show();
     return is_taken;
 }
 
 void session_note_malformed(SessionHandle* handle) {
+    const Guard guard(lock);
     handle->egm.session.note_malformed();
     handle->show();
 }
 
-std::uint32_t session_next_seqno(SessionHandle* handle) { return handle->egm.session.next_seqno(); }
+std::uint32_t session_next_seqno(SessionHandle* handle) {
+    const Guard guard(lock);
+    return handle->egm.session.next_seqno();
+}
 
 void session_settle(SessionHandle* handle) {
+    const Guard guard(lock);
     handle->egm.session.settle();
     handle->show();
 }
 
-double session_silence(const SessionHandle* handle, double now) { return handle->egm.session.silence(now); }
+double session_silence(const SessionHandle* handle, double now) {
+    const Guard guard(lock);
+    return handle->egm.session.silence(now);
+}
 
 bool session_close_if_silent(SessionHandle* handle, double now) {
+    const Guard guard(lock);
     const bool is_closed = handle->egm.session.close_if_silent(now);
     handle->show();
     return is_closed;
@@ -84,16 +77,19 @@ bool session_close_if_silent(SessionHandle* handle, double now) {
 // Take a datagram, the first and the last of those that wait together, or one between; whether any of them is to be
 // answered, which is in `arm` after the last.
 bool egm_arm_accept(SessionHandle* handle, const char* datagram, std::int64_t size, double now, bool is_first, bool is_last) {
+    const Guard guard(lock);
     if (is_first) handle->egm.session.begin_batch();
     handle->egm.accept(datagram, std::size_t(size), now);
-    const bool is_accepted = handle->egm.session.is_accepted();
-    if (is_last && is_accepted) handle->arm = handle->egm.state(now);
-    if (is_last) handle->show();
-    return is_accepted;
+    if (is_last) handle->end_batch(now, CycleOwner::PYTHON);
+    return handle->egm.session.is_accepted();
 }
 
-// The answer to what was accepted last; its size, 0 where a value is not finite.
+// Python's answer to what it accepted last; its size, 0 where a value is not finite, and -1 where the core has answered
+// something newer meanwhile.
 std::int64_t egm_arm_reply(SessionHandle* handle, const ArmCommand* command, unsigned char* datagram) {
+    const Guard guard(lock);
+    if (handle->cycle != handle->pythons) return -1;
+    handle->owner = CycleOwner::NOBODY;
     return std::int64_t(handle->egm.reply(*command, datagram));
 }
 

@@ -47,6 +47,7 @@ public:
     // only. An arm that does not, with its motors off, may have been moved by hand: then its time since the last plausible
     // state explains it.
     bool is_plausible(const ArmState& state, const Values& sent) const {
+        if (!last_) return false;  // a session begins with a plausible state
         if (!in_a_row) {  // nearly always all joints together have moved less than one may
             const double reach = slowest_ * state.dt + MARGIN;
             if (distance(state.position, last_->position) <= reach && distance(state.planned, last_->planned) <= reach)

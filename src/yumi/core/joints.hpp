@@ -59,7 +59,7 @@ struct JointLimits {
         return limits;
     }
     // Whether all joints are in range.
-    bool have(const Values& position) const {
+    bool contain(const Values& position) const {
         for (int i = 0; i < JOINTS; ++i)
             if (!(lower[i] <= position[i] && position[i] <= upper[i])) return false;
         return true;

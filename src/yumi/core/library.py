@@ -19,7 +19,9 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import metadata
 from pathlib import Path
+from struct import Struct
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 from yumi.catalogue import message, said_by
 from yumi.errors import MissingPrerequisite
@@ -32,17 +34,31 @@ PACKAGED = FOLDER / "libcore.so"
 """Where a wheel has the library."""
 
 COMPILERS = ("c++", "g++", "clang++")
-FLAGS = ("-std=c++17", "-O3", "-fPIC", "-ffp-contract=off")  # for any processor of its kind, and the same on each
+FLAGS = (
+    "-std=c++17",
+    "-O3",
+    "-fPIC",
+    "-pthread",
+    "-ffp-contract=off",
+)  # for any processor of its kind, and the same on each
 PORTABLE = ("-static-libstdc++", "-static-libgcc")
 """For a library that is copied to machines with another C++ library, as in a wheel."""
 
 
-class ArmExchange(ctypes.Structure):
-    """What crosses between the limiter of an arm and Python; as ``Exchange`` in ``limiter.cpp``.
+STATE, COMMAND = Struct("2dq21dq"), Struct("14dq")
+"""An arm's state: time, dt, session, 21 values, whether it follows; a command: 14 values, whether a speed is fed."""
+
+SETTINGS, TABLE, MOTION, SETPOINT = Struct("45d"), Struct("234s"), Struct("58d"), Struct("21d")
+LIMITS, REPORT, UNREADABLE = Struct("35d"), Struct("q15d3q"), Struct("4q7d")
+"""What else crosses, as the headers declare it."""
+
+
+class LimiterExchange(ctypes.Structure):
+    """What crosses between the limiter of an arm and Python; as ``LimiterExchange`` in ``limiter_handle.hpp``.
 
     Attributes:
-        state: as the robot reports it, then as it was checked: time, dt, session, 21 values, whether it follows.
-        command: desired, then sent: 14 values, and whether a speed is fed forward.
+        state: as it was checked, :data:`STATE`.
+        command: sent, :data:`COMMAND`.
         limiter_state: what is done with the arm.
         forbidden: the event that the table forbids in that state.
         is_implausible: whether the arm holds since no position can be believed.
@@ -55,8 +71,8 @@ class ArmExchange(ctypes.Structure):
     """
 
     _fields_ = (
-        ("state", ctypes.c_char * 200),
-        ("command", ctypes.c_char * 120),
+        ("state", ctypes.c_char * STATE.size),
+        ("command", ctypes.c_char * COMMAND.size),
         ("limiter_state", ctypes.c_int64),
         ("forbidden", ctypes.c_int64),
         ("is_implausible", ctypes.c_int64),
@@ -65,7 +81,7 @@ class ArmExchange(ctypes.Structure):
         ("must_settle", ctypes.c_int64),
         ("is_other_arm", ctypes.c_int64),
         ("implausible_position", ctypes.c_double * 7),
-        ("counters", ctypes.c_char * 48),
+        ("counters", ctypes.c_char * 56),
     )
 
 
@@ -88,14 +104,14 @@ class LimitedParts(ctypes.Structure):
 
 
 class SessionValues(ctypes.Structure):
-    """What others read of an EGM conversation; as ``SessionHandle`` in ``egm.cpp``.
+    """What others read of an EGM conversation; as ``SessionHandle`` in ``session_handle.hpp``.
 
     Attributes:
         state: of the conversation: none, begun, resumed, open, silent.
         number: of the session.
         counters: as :class:`yumi.egm.session.SessionCounters`.
         arrivals: as :class:`yumi.egm.session.Arrivals`.
-        arm: the arm as it was reported last, as ``ArmExchange.state``.
+        arm: the arm as it was reported last, as :data:`STATE`.
     """
 
     _fields_ = (
@@ -103,8 +119,25 @@ class SessionValues(ctypes.Structure):
         ("number", ctypes.c_int64),
         ("counters", ctypes.c_int64 * 6),
         ("arrivals", ctypes.c_double * 4),
-        ("arm", ctypes.c_char * 200),
+        ("arm", ctypes.c_char * STATE.size),
     )
+
+
+SIZES = (
+    STATE.size,
+    COMMAND.size,
+    SETTINGS.size,
+    TABLE.size,
+    ctypes.sizeof(LimiterExchange),
+    ctypes.sizeof(LimitedParts),
+    MOTION.size,
+    SETPOINT.size,
+    LIMITS.size,
+    REPORT.size,
+    UNREADABLE.size,
+    ctypes.sizeof(SessionValues),
+)
+"""Of what crosses, in the order of ``core_sizes`` in ``limiter.cpp``."""
 
 
 @cache
@@ -123,6 +156,7 @@ def load() -> ctypes.PyDLL:
     address, integer, double, boolean = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double, ctypes.c_bool
     packed = ctypes.c_char_p
     for name, result, *arguments in (
+        ("core_sizes", None, address),
         ("model_new", address, address, address, address, address, integer),
         ("model_delete", None, address),
         ("model_contacts", integer, address, address, double, integer, boolean, address),
@@ -131,28 +165,28 @@ def load() -> ctypes.PyDLL:
         ("collisions_permit", None, address, address),
         ("collisions_segments", integer, address, packed, boolean, integer, address, address),
         ("collisions_is_clear", boolean, address, integer, packed, packed, packed, double, integer, address),
-        ("arms_new", address, address, integer, double),
-        ("arms_delete", None, address),
-        ("arms_note_permission", None, address),
-        ("arms_begin_cycle", boolean, address, integer, packed, packed, double),
-        ("arms_accepts", boolean, address, integer, packed, packed, packed, boolean),
-        ("arms_note_sent", None, address, integer, packed, packed, packed),
-        ("arms_steer", boolean, address, integer, address),
-        ("arms_lose_connection", None, address, integer),
-        ("arms_note_measured", None, address, integer, packed),
-        ("arms_limited", boolean, address, integer, address),
-        ("arms_decisions", integer, address, integer),
-        ("arms_motion", address, address, integer),
-        ("arms_is_held", boolean, address, integer),
-        ("arms_limit_distances", None, address, integer),
+        ("arm_collisions_new", address, address, integer, double),
+        ("arm_collisions_delete", None, address),
+        ("arm_collisions_note_permission", None, address),
+        ("arm_collisions_begin_cycle", boolean, address, integer, packed, packed, double),
+        ("arm_collisions_accepts", boolean, address, integer, packed, packed, packed, boolean),
+        ("arm_collisions_note_sent", None, address, integer, packed, packed, packed),
+        ("arm_collisions_steer", boolean, address, integer, address),
+        ("arm_collisions_lose_connection", None, address, integer),
+        ("arm_collisions_note_measured", None, address, integer, packed),
+        ("arm_collisions_limited", boolean, address, integer, address),
+        ("arm_collisions_decisions", integer, address, integer),
+        ("arm_collisions_motion", address, address, integer),
+        ("arm_collisions_is_held", boolean, address, integer),
+        ("arm_collisions_limit_distances", None, address, integer),
         ("limiter_new", address, packed, packed, address, integer),
         ("limiter_delete", None, address),
         ("limiter_exchange", address, address),
         ("limiter_pair", None, address, address),
-        ("limiter_check", integer, address),
-        ("limiter_limit", integer, address, boolean),
+        ("limiter_check", integer, address, packed),
+        ("limiter_limit", integer, address, packed),
         ("limiter_repeat", integer, address),
-        ("limiter_observe", integer, address),
+        ("limiter_observe", integer, address, packed),
         ("limiter_lose", integer, address, integer),
         ("limiter_go", integer, address, integer),
         ("limiter_scale_speed", None, address, double),
@@ -169,19 +203,30 @@ def load() -> ctypes.PyDLL:
         ("session_close_if_silent", boolean, address, double),
         ("egm_arm_accept", boolean, address, packed, integer, double, boolean, boolean),
         ("egm_arm_reply", integer, address, packed, address),
+        ("stand_in_new", address),
+        ("stand_in_add", None, address, address, address, integer),
+        ("stand_in_start", boolean, address),
+        ("stand_in_delete", None, address),
+        ("stand_in_note_busy", None, address),
+        ("stand_in_note_waiting", None, address),
         ("motion_step_towards", boolean, packed, packed, packed, double, packed, address),
         ("motion_step_to_rest", None, packed, packed, double, packed, address),
+        ("motion_ramp_speed", None, double, double, double, double, double, double, double, address),
+        ("motion_speed_to_stop", double, double, double, double),
         ("motion_braking_path", None, double, double, double, double, address),
     ):
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
+    sizes = (integer * len(SIZES))()
+    library.core_sizes(sizes)
+    if tuple(sizes) != SIZES:  # one would read and write beside what the other has
+        raise RuntimeError(f"the core at {path} has structures of {tuple(sizes)} bytes, and Python of {SIZES}")
     return library
 
 
 def compiled() -> Path:
     """The library compiled for this machine, from this edition of the sources; compiles it where there is none."""
-    folder = _folder()
-    library = folder / f"core-{_edition()}.so"
+    library = _folder() / f"core-{_edition(UNITS[-1])}.so"
     if not library.exists():
         compile_to(library)
     return library
@@ -195,18 +240,16 @@ def compile_to(library: Path, *flags: str) -> None:
         flags: to link with.
     """
     objects = compile_units(UNITS)
-    _, archive = _ruckig()
-    _run([[*_compiler(), "-shared", *flags, *map(str, objects), str(archive)]], [library])
+    _run([[*_compiler(), "-shared", "-pthread", *flags, *map(str, objects), str(_ruckig().archive)]], [library])
 
 
 def compile_units(names: Sequence[str]) -> list[Path]:
     """The objects of some sources, those that are missing compiled at the same time."""
-    folder, edition = _folder(), _edition()
-    objects = [folder / f"{name}-{edition}.o" for name in names]
+    objects = [_folder() / f"{name}-{_edition(name)}.o" for name in names]
     missing = [(name, file) for name, file in zip(names, objects, strict=True) if not file.exists()]
     commands = []
     for name, _ in missing:
-        include = [] if name != UNITS[-1] else ["-isystem", str(_ruckig()[0])]
+        include = [] if name != UNITS[-1] else ["-isystem", str(_ruckig().headers)]
         commands.append([*_compiler(), *FLAGS, *include, "-c", str(FOLDER / f"{name}.cpp")])
     _run(commands, [file for _, file in missing])
     return objects
@@ -219,10 +262,12 @@ def _folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "yumi-ros2"
 
 
-def _edition() -> str:
-    """Of the sources and of what they are compiled with."""
+def _edition(unit: str) -> str:
+    """Of the sources and of what they are compiled with; Ruckig is a part of the last unit, and of the library."""
     made_of = [file.read_bytes() for file in sorted(FOLDER.glob("*.[ch]pp"))]
     made_of.append(" ".join((*FLAGS, os.environ.get("CXX", ""), sysconfig.get_platform())).encode())
+    if unit == UNITS[-1]:
+        made_of.append(_ruckig().version.encode())
     return hashlib.sha256(b"".join(made_of)).hexdigest()[:16]
 
 
@@ -234,17 +279,21 @@ def _compiler() -> list[str]:
     return compiler
 
 
-def _ruckig() -> tuple[Path, Path]:
-    """Ruckig's headers and its library, which its wheel contains."""
+class Ruckig(NamedTuple):
+    """What Ruckig's wheel contains: the folder of its headers, and its library."""
+
+    headers: Path
+    archive: Path
+    version: str
+
+
+def _ruckig() -> Ruckig:
     try:
-        files = metadata.files("ruckig") or []
-    except metadata.PackageNotFoundError:
-        files = []
-    found = {Path(str(file)).name: Path(str(file.locate())) for file in files}
-    header, archive = found.get("ruckig.hpp"), found.get("libruckig.a")
-    if header is None or archive is None:
-        raise MissingPrerequisite(message("ruckig_without_library"))
-    return header.parents[1], archive
+        wheel = metadata.distribution("ruckig")
+        found = {Path(str(file)).name: Path(str(file.locate())) for file in wheel.files or ()}
+        return Ruckig(found["ruckig.hpp"].parents[1], found["libruckig.a"], wheel.version)
+    except (metadata.PackageNotFoundError, KeyError) as error:
+        raise MissingPrerequisite(message("ruckig_without_library")) from error
 
 
 def _run(commands: Sequence[Sequence[str]], outputs: Sequence[Path]) -> None:

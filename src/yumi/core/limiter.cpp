@@ -1,63 +1,17 @@
 // The limiter of each arm, and what both know of each other: what library.py declares for control/limiter.py,
 // control/collisions.py and control/motion.py. No exception leaves, and nothing is allocated after the start.
 
-#include "limiter.hpp"
+#include "limiter_handle.hpp"
+#include "stand_in.hpp"
 
 using namespace core;
 
-namespace {
-
-// What crosses between an arm's limiter and Python; as Exchange in library.py.
-struct Exchange {
-    ArmState state;       // as the robot reports it; then as it was checked
-    ArmCommand command;   // desired; then sent
-    std::int64_t limiter_state = NO_SESSION;
-    std::int64_t forbidden = -1;  // the event that the table forbids in this state
-    std::int64_t is_implausible = 0, are_references_ignored = 0;  // why the arm holds whatever is desired
-    std::int64_t is_at_rest = 1, must_settle = 0, is_other_arm = 0;
-    Values implausible_position{};
-    LimiterCounters counters;
-};
-
-}  // namespace
-
-struct ArmLimiter {
-    Exchange exchange;
-    Limiter limiter;
-
-    ArmLimiter(const Limiter::Settings& settings, const StateTable& table, ArmCollisionLimiter* collisions)
-        : limiter(settings, table, collisions) {}
-
-    // Act, and show what has become of the limiter; -1 where the table forbids that, and the result else.
-    template <typename Act>
-    std::int64_t act(Act action) {
-        std::int64_t result = -1;
-        try {
-            result = action();
-        } catch (const ForbiddenTransition& forbidden) {
-            exchange.forbidden = forbidden.event;
-        } catch (...) {  // no memory: nothing here allocates
-        }
-        const SentMotion& motion = limiter.motion();
-        const FeedbackCheck& feedback = limiter.feedback();
-        exchange.limiter_state = limiter.state();
-        exchange.is_implausible = feedback.is_lost();
-        exchange.are_references_ignored = limiter.are_references_ignored();
-        exchange.is_at_rest = motion.is_at_rest;
-        exchange.must_settle = motion.must_settle;
-        exchange.is_other_arm = feedback.is_other_arm;
-        exchange.implausible_position = feedback.position;
-        exchange.counters = motion.counters;
-        return result;
-    }
-};
-
 // Both arms.
-struct ArmsLimiter {
-    ArmsApart both;
+struct CollisionsHandle {
+    SharedByArms shared;
     ArmCollisionLimiter arms[2];
 
-    explicit ArmsLimiter(const ArmsApart& its) : both(its), arms{{both, 0}, {both, 1}} {
+    explicit CollisionsHandle(const SharedByArms& settings) : shared(settings), arms{{shared, 0}, {shared, 1}} {
         arms[0].other = &arms[1], arms[1].other = &arms[0];
     }
 };
@@ -78,60 +32,65 @@ extern "C" {
 
 // ---- the limiter of an arm
 
-ArmLimiter* limiter_new(const Limiter::Settings* settings, const StateTable* table, ArmsLimiter* both, std::int64_t arm) {
+LimiterHandle* limiter_new(const Limiter::Settings* settings, const StateTable* table, CollisionsHandle* both, std::int64_t arm) {
     try {
-        return new ArmLimiter(*settings, *table, both ? &both->arms[arm] : nullptr);
+        return new LimiterHandle(*settings, *table, both ? &both->arms[arm] : nullptr);
     } catch (...) {  // no memory
         return nullptr;
     }
 }
 
-void limiter_delete(ArmLimiter* arm) { delete arm; }
+void limiter_delete(LimiterHandle* arm) { delete arm; }
 
-Exchange* limiter_exchange(ArmLimiter* arm) { return &arm->exchange; }
+LimiterExchange* limiter_exchange(LimiterHandle* arm) { return &arm->exchange; }
 
 // Each arm knows where the other was measured last.
-void limiter_pair(ArmLimiter* arm, ArmLimiter* other) {
+void limiter_pair(LimiterHandle* arm, LimiterHandle* other) {
     arm->limiter.pair(other->limiter);
     other->limiter.pair(arm->limiter);
 }
 
-// Check the state: 0 where no reply is safe, 1 where it is as it was reported, 2 where something in it was replaced.
-std::int64_t limiter_check(ArmLimiter* arm) {
+// Check a state: 0 where no reply is safe, or the core has replied, 1 where the state is as it was reported, 2 where
+// something in it was replaced.
+std::int64_t limiter_check(LimiterHandle* arm, const ArmState* state) {
     return arm->act([&]() -> std::int64_t {
-        const ArmState reported = arm->exchange.state;
-        if (!arm->limiter.check(arm->exchange.state)) return 0;
-        return std::memcmp(&reported, &arm->exchange.state, sizeof reported) == 0 ? 1 : 2;
+        if (arm->is_answered()) return 0;
+        arm->exchange.state = *state;
+        if (!arm->check()) return 0;
+        return std::memcmp(state, &arm->exchange.state, sizeof *state) == 0 ? 1 : 2;
     });
 }
 
-// Limit the command for the state that was checked; without a desired one hold. Whether the position is the desired one.
-std::int64_t limiter_limit(ArmLimiter* arm, bool has_desired) {
+// Limit the command for the state that was checked; without a desired one hold. 1 where the position is the desired one,
+// 2 where the core has replied meanwhile.
+std::int64_t limiter_limit(LimiterHandle* arm, const ArmCommand* desired) {
     return arm->act([&]() -> std::int64_t {
-        const ArmCommand desired = arm->exchange.command;
-        arm->exchange.command = arm->limiter.limit(arm->exchange.state, has_desired ? &desired : nullptr);
-        return has_desired && arm->exchange.command.position == desired.position;
+        if (arm->is_answered()) return 2;
+        arm->limit(desired, false);
+        return desired && arm->exchange.command.position == desired->position;
     });
 }
 
 // The command where no reply is safe.
-std::int64_t limiter_repeat(ArmLimiter* arm) {
+std::int64_t limiter_repeat(LimiterHandle* arm) {
     return arm->act([&]() -> std::int64_t {
         arm->exchange.command = arm->limiter.repeat(arm->exchange.state);
         return 0;
     });
 }
 
-// After the reply to the state.
-std::int64_t limiter_observe(ArmLimiter* arm) {
+// After the reply to a state; null: to the one that was checked.
+std::int64_t limiter_observe(LimiterHandle* arm, const ArmState* state) {
     return arm->act([&]() -> std::int64_t {
-        arm->limiter.observe(arm->exchange.state);
+        if (arm->session && !arm->owes_observation) return 0;  // the core has done so
+        if (state) arm->exchange.state = *state;
+        arm->observe();
         return 0;
     });
 }
 
 // No datagram arrives, which is the event.
-std::int64_t limiter_lose(ArmLimiter* arm, std::int64_t event) {
+std::int64_t limiter_lose(LimiterHandle* arm, std::int64_t event) {
     return arm->act([&]() -> std::int64_t {
         arm->limiter.lose(Event(event));
         return 0;
@@ -139,72 +98,110 @@ std::int64_t limiter_lose(ArmLimiter* arm, std::int64_t event) {
 }
 
 // An event, for tests.
-std::int64_t limiter_go(ArmLimiter* arm, std::int64_t event) {
+std::int64_t limiter_go(LimiterHandle* arm, std::int64_t event) {
     return arm->act([&]() -> std::int64_t {
         arm->limiter.go(Event(event));
         return 0;
     });
 }
 
-void limiter_scale_speed(ArmLimiter* arm, double scale) { arm->limiter.scale_speed(scale); }
+void limiter_scale_speed(LimiterHandle* arm, double scale) {
+    const Guard guard(lock);
+    arm->limiter.scale_speed(scale);
+}
+
+// ---- the thread that answers while Python does not
+
+StandIn* stand_in_new() {
+    try {
+        return new StandIn();
+    } catch (...) {  // no memory, no thread or no descriptor
+        return nullptr;
+    }
+}
+
+// Before the thread begins: an arm with the descriptor of its socket.
+void stand_in_add(StandIn* thread, LimiterHandle* arm, SessionHandle* session, std::int64_t socket) {
+    thread->add(*arm, *session, int(socket));
+}
+
+bool stand_in_start(StandIn* thread) { return thread->start(); }
+
+// Ends the thread, and waits for its end.
+void stand_in_delete(StandIn* thread) { delete thread; }
+
+void stand_in_note_busy(StandIn* thread) { thread->note_busy(); }
+
+void stand_in_note_waiting(StandIn* thread) { thread->note_waiting(); }
 
 // ---- both arms
 
-ArmsLimiter* arms_new(collision::Limiter* limiter, std::int64_t distances, double gain) {
+CollisionsHandle* arm_collisions_new(collision::Limiter* limiter, std::int64_t distances, double gain) {
     try {
-        return new ArmsLimiter({limiter, distances, gain});
+        return new CollisionsHandle({limiter, distances, gain});
     } catch (...) {  // no memory
         return nullptr;
     }
 }
 
-void arms_delete(ArmsLimiter* both) { delete both; }
+void arm_collisions_delete(CollisionsHandle* both) { delete both; }
 
 // Other margins are kept from now on.
-void arms_note_permission(ArmsLimiter* both) {
-    ++both->both.permission;
+void arm_collisions_note_permission(CollisionsHandle* both) {
+    ++both->shared.permission;
     for (ArmCollisionLimiter& arm : both->arms) arm.forget_boundaries();
 }
 
-bool arms_begin_cycle(ArmsLimiter* both, std::int64_t arm, const ArmCommand* desired, const double* measured, double dt) {
+bool arm_collisions_begin_cycle(CollisionsHandle* both, std::int64_t arm, const ArmCommand* desired, const double* measured, double dt) {
     return both->arms[arm].begin_cycle(desired, values_at(measured), dt);
 }
 
-bool arms_accepts(ArmsLimiter* both, std::int64_t arm, const double* planned, const double* sent, const double* robot,
+bool arm_collisions_accepts(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot,
                   bool feeds_forward) {
     return both->arms[arm].accepts(values_at(planned), *given(sent), given(robot), feeds_forward);
 }
 
-void arms_note_sent(ArmsLimiter* both, std::int64_t arm, const double* planned, const double* sent, const double* robot) {
+void arm_collisions_note_sent(CollisionsHandle* both, std::int64_t arm, const double* planned, const double* sent, const double* robot) {
     both->arms[arm].note_sent(values_at(planned), *given(sent), given(robot));
 }
 
-bool arms_steer(ArmsLimiter* both, std::int64_t arm, ArmCommand* desired) { return both->arms[arm].steer(*desired); }
+bool arm_collisions_steer(CollisionsHandle* both, std::int64_t arm, ArmCommand* desired) { return both->arms[arm].steer(*desired); }
 
-void arms_lose_connection(ArmsLimiter* both, std::int64_t arm) { both->arms[arm].lose_connection(); }
+void arm_collisions_lose_connection(CollisionsHandle* both, std::int64_t arm) { both->arms[arm].lose_connection(); }
 
-void arms_note_measured(ArmsLimiter* both, std::int64_t arm, const double* position) {
+void arm_collisions_note_measured(CollisionsHandle* both, std::int64_t arm, const double* position) {
     both->arms[arm].note_measured(values_at(position));
 }
 
 // What limits an arm in this cycle; whether anything does.
-bool arms_limited(const ArmsLimiter* both, std::int64_t arm, Limited* limited) {
+bool arm_collisions_limited(const CollisionsHandle* both, std::int64_t arm, Limited* limited) {
     const std::optional<Limited>& found = both->arms[arm].limited;
     if (found) *limited = *found;
     return found.has_value();
 }
 
 // As many distances may be calculated for an arm in a cycle from now on.
-void arms_limit_distances(ArmsLimiter* both, std::int64_t most) { both->both.distances = most; }
+void arm_collisions_limit_distances(CollisionsHandle* both, std::int64_t most) { both->shared.distances = most; }
 
 // Whether an arm is held since it came no nearer to where it is commanded.
-bool arms_is_held(const ArmsLimiter* both, std::int64_t arm) { return both->arms[arm].is_held(); }
+bool arm_collisions_is_held(const CollisionsHandle* both, std::int64_t arm) { return both->arms[arm].is_held(); }
 
 // How often paths of an arm were compared, for tests.
-std::int64_t arms_decisions(const ArmsLimiter* both, std::int64_t arm) { return both->arms[arm].decisions; }
+std::int64_t arm_collisions_decisions(const CollisionsHandle* both, std::int64_t arm) { return both->arms[arm].decisions; }
 
 // How the command sent last moves an arm.
-const collision::Motion* arms_motion(const ArmsLimiter* both, std::int64_t arm) { return &both->arms[arm].motion; }
+const collision::Motion* arm_collisions_motion(const CollisionsHandle* both, std::int64_t arm) { return &both->arms[arm].motion; }
+
+// ---- what Python declares, too
+
+// The sizes of what crosses, in the order of SIZES in library.py.
+void core_sizes(std::int64_t* sizes) {
+    for (std::size_t size : {sizeof(ArmState), sizeof(ArmCommand), sizeof(Limiter::Settings), sizeof(StateTable),
+                             sizeof(LimiterExchange), sizeof(Limited), sizeof(collision::Motion), sizeof(Setpoint),
+                             sizeof(JointLimits), sizeof(JointReport), sizeof(Unreadable),
+                             offsetof(SessionHandle, egm)})
+        *sizes++ = std::int64_t(size);
+}
 
 // ---- motion
 
@@ -219,6 +216,15 @@ void motion_step_to_rest(const JointLimits* limits, const Setpoint* now, double 
     Flags flags;
     std::copy(enabled, enabled + JOINTS, flags.begin());
     *after = step_to_rest(*now, *limits, dt, flags);
+}
+
+void motion_ramp_speed(double goal, double last, double rate, double top, double acceleration, double jerk, double dt,
+                       Ramp* ramp) {
+    *ramp = ramp_speed(goal, {last, rate}, top, acceleration, jerk, dt);
+}
+
+double motion_speed_to_stop(double room, double acceleration, double jerk) {
+    return speed_to_stop(room, acceleration, jerk);
 }
 
 void motion_braking_path(double velocity, double acceleration, double top, double jerk, BrakingPath* path) {

@@ -26,6 +26,7 @@ namespace core {
 // Cycles in which the limiter changed something; as LimiterCounters in control/counters.py.
 struct LimiterCounters {
     std::int64_t refused = 0, position_limited = 0, slowed = 0, implausible = 0, kept_apart = 0, feedforward_withheld = 0;
+    std::int64_t unanswered = 0;
 };
 
 // What one arm was sent so far, as far as the next command depends on it.
@@ -135,7 +136,11 @@ public:
     //
     // The first command of a session in which the robot does not follow yet equals the measured position: a robot that
     // begins to follow finds no step. So do the commands while the robot does not follow, once they have come there.
-    ArmCommand limit(const ArmState& state, const ArmCommand* desired) {
+    //
+    // Where no controller has answered in time the arm holds, too, but has not to settle before it goes on.
+    ArmCommand limit(const ArmState& state, const ArmCommand* desired, bool is_unanswered = false) {
+        is_unanswered_ = is_unanswered;
+        motion_.counters.unanswered += is_unanswered;
         const bool is_accepted = limit_within(state, desired);
         if (collisions_ && !is_accepted)
             collisions_->note_sent(state.planned, motion_.positions.moving(), robot_of(motion_));
@@ -218,6 +223,7 @@ private:
 
     void accept(ArmState& state) {
         if (feedback_.in_a_row) {
+            if (feedback_.in_a_row >= FeedbackCheck::DOUBTED) references_.forget_commands();
             resume(state);
             motion_.stop_within.reset(), motion_.stop_at.reset();
             // The command is not where the robot is.
@@ -260,19 +266,19 @@ private:
 
     // Go on with a robot that follows, and whose position is believed; returns what `limit_within` does.
     bool follow(const ArmState& state, const ArmCommand* desired, double dt) {
-        ArmCommand wanted;
+        ArmCommand delayed;
         if (!desired || gain_ == 0.0 || !desired->is_finite()) {
             delay_.clear();
         } else {
-            wanted = delay_.next(*desired, state.dt, last_position());
-            desired = &wanted;
+            delayed = delay_.next(*desired, state.dt, last_position());
+            desired = &delayed;
         }
         const bool was_waiting = state_ == WAITING;
         go(event(state, desired));
         if (state_ == WAITING) {
             if (!was_waiting) rest();  // to brake would lead it on by what it does not follow
-            wanted = place_to_wait();
-            desired = &wanted;
+            delayed = place_to_wait();
+            desired = &delayed;
             const Values speeds = references_.speeds(state, references_.followed());
             motion_.speeds = feed_forward_limiter_.follow(motion_.speeds, speeds, dt);
         } else if (state_ != State::FOLLOWING) {
@@ -288,6 +294,7 @@ private:
     Event event(const ArmState& state, const ArmCommand* desired) {
         if (references_.are_ignored) return IGNORING;
         if (state_ == WAITING ? references_.is_repeating() : references_.are_lost(taken_at_once_)) return REPEATING;
+        if (is_unanswered_ && !motion_.must_settle) return UNANSWERED;
         if (!desired || motion_.must_settle) return UNDESIRED;
         if (!desired->is_finite()) {
             ++motion_.counters.refused;
@@ -321,22 +328,22 @@ private:
     }
 
     // Go on by the first of some motions that keeps the arms apart, and true; where none does, braking, and false.
-    bool step_apart(const ArmState& state, const ArmCommand* wanted, double dt) {
+    bool step_apart(const ArmState& state, const ArmCommand* desired, double dt) {
         const SentMotion& motion = motion_;
-        const bool is_held = collisions_->begin_cycle(wanted, state.position, dt);
+        const bool is_held = collisions_->begin_cycle(desired, state.position, dt);
         SentMotion found = motion;
         auto is_taken = [&](const ArmCommand* candidate) {
             found = step(motion, state, candidate, dt);
             const bool feeds = candidate && candidate->has_velocity;
             return collisions_->accepts(state.planned, found.positions.moving(), robot_of(found), feeds);
         };
-        if (!wanted) {
+        if (!desired) {
             if (is_taken(nullptr)) {
                 found.was_refused = false;
                 motion_ = found;
                 return true;
             }
-        } else if (!is_held && lead(motion, *wanted, is_taken, found)) {
+        } else if (!is_held && take_next(motion, *desired, is_taken, found)) {
             motion_ = found;
             return true;
         }
@@ -352,41 +359,39 @@ private:
         return false;
     }
 
-    // Whether something that may be sent in place of `wanted` is taken, one after the other.
+    // Whether something that may be sent in place of `desired` is taken, one after the other.
     template <typename IsTaken>
-    bool lead(const SentMotion& motion, const ArmCommand& wanted, IsTaken is_taken, SentMotion& found) {
+    bool take_next(const SentMotion& motion, const ArmCommand& desired, IsTaken is_taken, SentMotion& found) {
         int count = 0;
-        auto try_one = [&](const ArmCommand& candidate, bool is_wanted, bool is_elsewhere) {
+        auto try_one = [&](const ArmCommand& candidate, bool is_elsewhere) {
             const bool is_first = count++ == 0;
             if (!is_taken(&candidate)) return false;
             found.was_refused = motion.was_refused && !is_first;
-            if (!is_wanted) {  // a robot that only follows later is not led elsewhere
-                found.counters.kept_apart += is_elsewhere;
-                found.counters.feedforward_withheld += wanted.has_velocity && !candidate.has_velocity;
-            }
+            found.counters.kept_apart += is_elsewhere;  // a robot that only follows later is not led elsewhere
+            found.counters.feedforward_withheld += desired.has_velocity && !candidate.has_velocity;
             return true;
         };
-        ArmCommand first = wanted;
+        ArmCommand first = desired;
         const bool is_steered = collisions_->steer(first);
         if (!first.has_velocity || collisions_->may_feed_forward()) {
-            if (try_one(first, !is_steered, is_steered)) return true;
+            if (try_one(first, is_steered)) return true;
         }
         // May go there, but the robot has to follow it late.
         if (first.has_velocity && !collisions_->may_feed_forward()) {
-            if (try_one({first.position, {}, false}, false, is_steered)) return true;
+            if (try_one({first.position, {}, false}, is_steered)) return true;
         }
         // What was compared has found the boundary; where that does not change the command, it is refused again.
-        ArmCommand along = wanted;
+        ArmCommand along = desired;
         const bool is_along = collisions_->steer(along);
         if (!(along == first) && !motion.was_refused) {
-            if (try_one(along, !is_along, is_along)) return true;
+            if (try_one(along, is_along)) return true;
         }
         const Setpoint now = motion.positions.moving();
-        const double far = largest_difference(wanted.position, now.position);
+        const double far = largest_difference(desired.position, now.position);
         if (!(far > HOP && largest(now.velocity) < HOPS)) return false;
         // On its way to a far goal each joint is as quick as it may, which leads elsewhere than straight there.
-        const Values near = added(now.position, HOP / far, added(wanted.position, -1.0, now.position));
-        return try_one({near, {}, false}, false, true);
+        const Values near = added(now.position, HOP / far, added(desired.position, -1.0, now.position));
+        return try_one({near, {}, false}, true);
     }
 
     // The motion after a cycle in which the robot follows: next to `desired`, or held.
@@ -405,7 +410,7 @@ private:
             return held;
         }
         SentMotion next = motion;
-        const bool is_cut = !limits_.have(desired->position);
+        const bool is_cut = !limits_.contain(desired->position);
         const Values goal = limits_.inside(desired->position, motion.positions.sent.position);
         const bool is_taken = position_limiter_.step(motion.positions, goal, dt, state.dt, next.positions);
         const Values& position = next.positions.sent.position;
@@ -530,6 +535,7 @@ private:
     double sent_at_ = -INF;
     std::optional<Values> measured_;
     PositionDelay delay_;
+    bool is_unanswered_ = false;         // of this cycle
     double scale_ = 1.0, scaled_ = 1.0;  // of speeds, and of positions
     double scales_[SCALES];              // of the last cycles
 };

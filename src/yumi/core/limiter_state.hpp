@@ -42,6 +42,7 @@ enum Event : std::int64_t {
     DESIRED,
     INTERRUPTION,
     CONNECTION_LOST,
+    UNANSWERED,
     EVENTS,
 };
 

@@ -61,7 +61,7 @@ struct Ramp {
     double speed, rate;
 };
 
-// The next speed after `dt` on the way from `last` to `goal`: as ramp_speed in control/motion.py, for one joint.
+// The next speed after `dt` on the way from `last` to `goal`: see ramp_speed in control/motion.py.
 inline Ramp ramp_speed(double goal, const Ramp& last, double top, double acceleration, double jerk, double dt) {
     constexpr double ROUNDING = 1.0 + 1e-3;  // a speed at a limit is not refused for the last digits of the planned position
     double change = (goal - last.speed) / dt;
@@ -109,10 +109,10 @@ inline bool step_towards(const Setpoint& now, const Setpoint& goal, const JointL
     }
     plan.max_jerk = limits.jerk;
     ruckig::Ruckig<JOINTS> generator;  // a new one for each plan keeps no state between plans
-    ruckig::Trajectory<JOINTS> way;
-    if (!is_planned(generator.calculate(plan, way))) return false;
+    ruckig::Trajectory<JOINTS> planned;
+    if (!is_planned(generator.calculate(plan, planned))) return false;
     Setpoint ahead;
-    way.at_time(dt, ahead.position, ahead.velocity, ahead.acceleration);
+    planned.at_time(dt, ahead.position, ahead.velocity, ahead.acceleration);
     reached = {added(goal.position, 1.0, ahead.position), added(goal.velocity, 1.0, ahead.velocity),
                added(goal.acceleration, 1.0, ahead.acceleration)};
     return true;
@@ -132,10 +132,10 @@ inline Setpoint step_to_rest(const Setpoint& now, const JointLimits& limits, dou
     plan.max_acceleration = limits.acceleration;
     plan.max_jerk = limits.jerk;
     ruckig::Ruckig<JOINTS> generator;
-    ruckig::Trajectory<JOINTS> way;
+    ruckig::Trajectory<JOINTS> planned;
     Setpoint after;
-    if (is_planned(generator.calculate(plan, way))) {
-        way.at_time(dt, after.position, after.velocity, after.acceleration);
+    if (is_planned(generator.calculate(plan, planned))) {
+        planned.at_time(dt, after.position, after.velocity, after.acceleration);
         return after;
     }
     // Without a plan: at the highest acceleration, whatever the jerk.

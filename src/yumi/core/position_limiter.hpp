@@ -70,21 +70,21 @@ public:
             next.step_time = dt;
             return true;
         }
-        Setpoint goal, way;
+        Setpoint goal, planned;
         const Setpoint moved_goal = motion_of_goal(motion, desired, dt, elapsed, goal);
         const Setpoint now = motion.moving(0.5 * dt);
-        const bool is_found = step_towards(now, goal, limits_, dt, is_late, way);
-        if (!is_found) way = goal;
+        const bool is_found = step_towards(now, goal, limits_, dt, is_late, planned);
+        if (!is_found) planned = goal;
         Flags must_brake{};
         for (int i = 0; i < JOINTS; ++i)
             must_brake[i] = is_late[i] &&
-                            !(is_found && is_safe(i, way.position[i], way.velocity[i], way.acceleration[i]));
+                            !(is_found && is_safe(i, planned.position[i], planned.velocity[i], planned.acceleration[i]));
         // A joint that is not late takes its step; braking is possible from any state that is safe.
-        const Setpoint brake = has_any(must_brake) ? step_to_rest(now, limits_, dt, must_brake) : way;
+        const Setpoint brake = has_any(must_brake) ? step_to_rest(now, limits_, dt, must_brake) : planned;
         PositionMotion result;
         Values position;
         for (int i = 0; i < JOINTS; ++i) {
-            const Setpoint& source = must_brake[i] ? brake : is_late[i] ? way : goal;
+            const Setpoint& source = must_brake[i] ? brake : is_late[i] ? planned : goal;
             position[i] = source.position[i];
             if (!is_late[i]) continue;
             result.planned[i] = true;
@@ -146,9 +146,9 @@ private:
             room = std::min({room, step.position[i] - limits_.lower[i], limits_.upper[i] - step.position[i]});
         const double acceleration = length(step.acceleration);
         const double fastest = largest(step.velocity) + 0.5 * acceleration * dt + speed_to_come(acceleration, jerk_);
-        const double way = 0.5 * fastest * (fastest / top_ + 3.0 * longest_ramp_);  // see speed_to_stop
+        const double path = 0.5 * fastest * (fastest / top_ + 3.0 * longest_ramp_);  // see speed_to_stop
         return fastest <= speed_ && acceleration <= top_ &&
-               distance(step.acceleration, motion.sent.acceleration) <= jerk_ * dt && way < room;
+               distance(step.acceleration, motion.sent.acceleration) <= jerk_ * dt && path < room;
     }
 
     // Whether a joint may take this step, and go on from there.
@@ -191,8 +191,8 @@ private:
             // its jerk and the length of a step allow.
             const double end = speed > 0.0 ? limits_.upper[i] : limits_.lower[i];
             const double room = (end - last.position[i]) * std::copysign(1.0, speed);
-            const double way = std::abs(speed) * (std::abs(speed) / top + 2.0 * top / jerk + 2.0 * dt);
-            if (std::abs(speed) > most || way >= room) continue;
+            const double path = std::abs(speed) * (std::abs(speed) / top + 2.0 * top / jerk + 2.0 * dt);
+            if (std::abs(speed) > most || path >= room) continue;
             goal.velocity[i] = speed;
             if (std::abs(rate) <= FOLLOWABLE * top && std::abs(rate - last.acceleration[i]) <= jerk * elapsed) {
                 goal.velocity[i] = std::max(-most, std::min(most, speed + 0.5 * rate * dt));

@@ -31,6 +31,10 @@ public:
     void begin(const ArmState& state) {
         are_ignored = false;
         compare_from(state);
+        forget_commands();
+    }
+    // Which command moves the robot is not known any more: its positions could not be believed for a while.
+    void forget_commands() {
         commands_[0] = sent_;
         count_ = 1, furthest_ = 0, repeated_ = 0;
     }
@@ -59,7 +63,7 @@ public:
             differences[i] = distance(bounded(speeds(*last, commands_[i])), moved);
             closest = i ? std::min(closest, differences[i]) : differences[i];
         }
-        if (closest > EXPLAINED + EXPLAINED_SHARE * length(moved)) {  // false feedback, or a robot that moves otherwise
+        if (!(closest <= EXPLAINED + EXPLAINED_SHARE * length(moved))) {  // false feedback, or a robot that moves otherwise
             doubt();
             return;
         }

@@ -28,7 +28,7 @@ from yumi.egm.codec import (
     SensorMessage,
     Twist,
 )
-from yumi.egm.session import SILENCE, ArmSession, Counted, Message, SensorSession
+from yumi.egm.session import SILENCE, ArmSession, Counted, SensorSession, Session
 from yumi.egm.udp import Poller, UdpServer, address_towards
 from yumi.errors import CommandRefused, NoConnection, ProtocolError, RobotNotReady
 from yumi.robot.joints import CYCLE, ArmCommand, ArmState, Pose, Quaternion, Vector
@@ -430,7 +430,9 @@ class EgmArm:
         return () if datagram is None else (datagram,)
 
     def write(self, command: ArmCommand) -> None:
-        self._link.send(self._stages.timed(ENCODE, self._session.answer(command)))
+        datagram = self._stages.timed(ENCODE, self._session.answer(command))
+        if datagram is not None:
+            self._link.send(datagram)
         self._stages.note(SEND)
         self._session.settle()
         self._keep(self._datagram)
@@ -509,7 +511,7 @@ def period(before: Counted | None, message: Counted) -> float:
     return passed if 0.0 < passed <= LONGEST_PERIOD else CYCLE
 
 
-def wire_counters(session: SensorSession[Message], foreign: int) -> WireCounters:
+def wire_counters(session: Session, foreign: int) -> WireCounters:
     counters, arrivals = session.counters, session.arrivals
     return WireCounters(
         session.number,

@@ -56,6 +56,7 @@ from yumi.driver.egm_server import EgmArm
 from yumi.driver.gripper import Gripper, GripperRoutines, GripperSignals
 from yumi.driver.robot_manager import RobotManager
 from yumi.driver.settings import MANAGER_SETTINGS, CollisionSettings, ControllerSettings, InitialState, Settings
+from yumi.driver.stand_in import StandIn
 from yumi.driver.state_machine import FIRST_SPEED_SCALE, SpeedSetting
 from yumi.driver.stops import StopLog
 from yumi.egm.session import ArmSession
@@ -258,7 +259,7 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
     set_prefix(plan.prefix)
     halves: Halves = {}
     arms: dict[Side, ConnectedArm] = {}
-    limiters: list[Limiter] = []
+    answered: list[tuple[Limiter, ArmSession, UdpServer]] = []
     collisions = None
     if plan.collision.enabled:
         collisions = CollisionLimiter(
@@ -270,7 +271,8 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
         stages, speed = StageClock(time.monotonic), SpeedScale(own.speed_scale)
         manager = _manager_of(side, own, halves, plan.limits, plan.period, speed, plan.tool_limits)
         start_controllers(manager, plan.controllers[side])
-        arm = EgmArm(socket, ArmSession(silence=plan.silence), stages, own.datagram.write)
+        session = ArmSession(silence=plan.silence)
+        arm = EgmArm(socket, session, stages, own.datagram.write)
         apart = collisions.arm(side) if collisions else None
         limiter = Limiter(plan.limits, plan.period, plan.position_gain, apart, plan.bandwidth)
         recorder = FlightRecorder(own.flight)
@@ -288,10 +290,11 @@ def build_arms(plan: EgmPlan, buffers: Mapping[Side, ArmBuffers]) -> Mapping[Sid
             own.read_joints,
         )
         arms[side] = ConnectedArm(loop, socket)
-        limiters.append(limiter)
-    for limiter, other in pairwise(limiters):
+        answered.append((limiter, session, socket))
+    for (limiter, *_), (other, *_) in pairwise(answered):
         limiter.pair(other)
-    return arms
+    stand_in = StandIn(answered)
+    return {side: arm._replace(stand_in=stand_in) for side, arm in arms.items()}
 
 
 Halves = dict[str, dict[Side, DualArmTrajectoryController]]

@@ -17,13 +17,13 @@ from ctypes import create_string_buffer
 from dataclasses import dataclass
 from enum import IntEnum
 from math import hypot, isfinite, pi
-from struct import Struct, pack, unpack
+from struct import pack, unpack
 from typing import NamedTuple, TypeVar, cast
 
 from google.protobuf.message import DecodeError
 
 from yumi.catalogue import Message, message, said_by
-from yumi.core.library import load
+from yumi.core.library import COMMAND, REPORT, UNREADABLE, load
 from yumi.egm import egm_pb2 as pb
 from yumi.errors import ProtocolError
 from yumi.robot.joints import ZERO, Joints, Pose, Quaternion, Vector
@@ -449,7 +449,6 @@ class RobotCodec:
 LARGEST_REFERENCE = 160
 """Our own datagrams are shorter [bytes]."""
 
-_REPORT, _UNREADABLE, _COMMAND = Struct("q15d3q"), Struct("4q7d"), Struct("14dq")
 _PARTS = {2: "feedBack", 3: "planned", 4: "motorState", 5: "mciState", 8: "rapidExecState"}
 
 
@@ -458,7 +457,7 @@ class JointCodec:
 
     def __init__(self) -> None:
         self._library = load()
-        self._report, self._unreadable = create_string_buffer(_REPORT.size), create_string_buffer(_UNREADABLE.size)
+        self._report, self._unreadable = create_string_buffer(REPORT.size), create_string_buffer(UNREADABLE.size)
         self._datagram = create_string_buffer(LARGEST_REFERENCE)
 
     def decode(self, datagram: bytes) -> JointReport:
@@ -468,8 +467,8 @@ class JointCodec:
             ProtocolError: the datagram is not a complete message of a seven-axis robot.
         """
         if not self._library.codec_decode(datagram, len(datagram), self._report, self._unreadable):
-            raise ProtocolError(_unreadable(len(datagram), *_UNREADABLE.unpack(self._unreadable.raw)))
-        seqno, *values, time, motors, mci, rapid = _REPORT.unpack(self._report.raw)
+            raise ProtocolError(_unreadable(len(datagram), *UNREADABLE.unpack(self._unreadable.raw)))
+        seqno, *values, time, motors, mci, rapid = REPORT.unpack(self._report.raw)
         measured, planned = (cast("Joints", tuple(each)) for each in (values[:7], values[7:]))
         states = _MOTOR_STATES[motors], _MCI_STATES[mci], _RAPID_STATES[rapid]
         return JointReport(seqno, measured, planned, time, *states)
@@ -480,7 +479,7 @@ class JointCodec:
         Raises:
             ValueError: a value is not finite: a reference with NaN crashes the controller (reference/egm.md §4.5).
         """
-        command = _COMMAND.pack(*position, *(velocity or ZERO), velocity is not None)
+        command = COMMAND.pack(*position, *(velocity or ZERO), velocity is not None)
         size = self._library.codec_encode(seqno % _UINT32, command, self._datagram)
         if not size:
             raise not_finite(position, velocity or ZERO)

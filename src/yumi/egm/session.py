@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from ctypes import create_string_buffer
-from struct import Struct
 from typing import Generic, NamedTuple, Protocol, TypeVar
 from weakref import finalize
 
-from yumi.core.library import SessionValues, load
-from yumi.egm.codec import LARGEST_REFERENCE, JointCodec, JointReport, not_finite
+from yumi.core.library import COMMAND, STATE, SessionValues, load
+from yumi.egm.codec import LARGEST_REFERENCE, not_finite
 from yumi.errors import ProtocolError
 from yumi.robot.joints import ZERO, ArmCommand, ArmState, Joints
 
@@ -21,8 +20,6 @@ SILENCE = 0.020
 """A robot that says nothing for five cycles is lost [s]."""
 
 _NONE, _BEGUN, _RESUMED, _OPEN, _SILENT = range(5)  # states of the conversation, as in the core
-_ARM = Struct("2dq21dq")
-_COMMAND = Struct("14dq")
 
 
 class Counted(Protocol):
@@ -93,22 +90,23 @@ class Arrivals(NamedTuple):
     cycle_time: float
 
 
-class SensorSession(Generic[Message]):
-    """Turns datagrams into messages that count, and commands into datagrams.
+class Session:
+    """What the conversations of all robots have.
+
+    Args:
+        silence: a robot that says nothing for longer is lost [s].
 
     Attributes:
-        last_error: what was wrong with the malformed datagram that came last.
+        handle: what the core calls it.
     """
 
-    def __init__(self, codec: Codec[Message], *, silence: float = SILENCE) -> None:
-        self.last_error = ""
-        self._codec = codec
+    def __init__(self, silence: float = SILENCE) -> None:
         self._library = load()
-        self._handle: int = self._library.session_new(silence)
-        if not self._handle:
+        self.handle: int = self._library.session_new(silence)
+        if not self.handle:
             raise MemoryError("no memory for a session")
-        finalize(self, self._library.session_delete, self._handle).atexit = False  # threads may still use it
-        self._values = SessionValues.from_address(self._handle)
+        finalize(self, self._library.session_delete, self.handle).atexit = False  # threads may still use it
+        self._values = SessionValues.from_address(self.handle)
 
     @property
     def number(self) -> int:
@@ -140,6 +138,35 @@ class SensorSession(Generic[Message]):
         """Whether the message accepted last is the first after a silence that the session has outlived."""
         return bool(self._values.state == _RESUMED)
 
+    def settle(self) -> None:
+        """After the reply: take the message accepted last into the statistics."""
+        self._library.session_settle(self.handle)
+
+    def silence(self, now: float) -> float:
+        """Time since the last datagram that counted [s]."""
+        return float(self._library.session_silence(self.handle, now))
+
+    def close_if_silent(self, now: float) -> bool:
+        """Close the session when the robot has been silent for too long; returns whether it was closed now."""
+        return bool(self._library.session_close_if_silent(self.handle, now))
+
+
+class SensorSession(Session, Generic[Message]):
+    """Turns datagrams into messages that count, and commands into datagrams.
+
+    Args:
+        codec: of the robot's messages.
+        silence: a robot that says nothing for longer is lost [s].
+
+    Attributes:
+        last_error: what was wrong with the malformed datagram that came last.
+    """
+
+    def __init__(self, codec: Codec[Message], *, silence: float = SILENCE) -> None:
+        super().__init__(silence)
+        self.last_error = ""
+        self._codec = codec
+
     def accept(self, datagrams: Sequence[bytes], now: float) -> Message | None:
         """Take what has arrived, oldest first; the newest counts, the others are too late to answer.
 
@@ -151,15 +178,15 @@ class SensorSession(Generic[Message]):
             What is to be answered, or None.
         """
         accepted: Message | None = None
-        self._library.session_begin_batch(self._handle)
+        self._library.session_begin_batch(self.handle)
         for datagram in datagrams:
             try:
                 message = self._codec.decode(datagram)
             except ProtocolError as error:
-                self._library.session_note_malformed(self._handle)
+                self._library.session_note_malformed(self.handle)
                 self.last_error = str(error)
                 continue
-            if self._library.session_takes(self._handle, message.seqno, message.measured_time, now):
+            if self._library.session_takes(self.handle, message.seqno, message.measured_time, now):
                 accepted = message
         return accepted
 
@@ -169,49 +196,46 @@ class SensorSession(Generic[Message]):
 
     def next_seqno(self) -> int:
         """The number of our next datagram in this session."""
-        return int(self._library.session_next_seqno(self._handle))
-
-    def settle(self) -> None:
-        """After the reply: take the message accepted last into the statistics."""
-        self._library.session_settle(self._handle)
-
-    def silence(self, now: float) -> float:
-        """Time since the last datagram that counted [s]."""
-        return float(self._library.session_silence(self._handle, now))
-
-    def close_if_silent(self, now: float) -> bool:
-        """Close the session when the robot has been silent for too long; returns whether it was closed now."""
-        return bool(self._library.session_close_if_silent(self._handle, now))
+        return int(self._library.session_next_seqno(self.handle))
 
 
-class ArmSession(SensorSession[JointReport]):
-    """The conversation of a seven-axis arm in the control loop; the core reads its datagrams and writes the answers."""
+class ArmSession(Session):
+    """The conversation of a seven-axis arm in the control loop; the core reads its datagrams and writes the answers.
 
-    def __init__(self, *, silence: float = SILENCE) -> None:
-        super().__init__(JointCodec(), silence=silence)
+    Args:
+        silence: a robot that says nothing for longer is lost [s].
+    """
+
+    def __init__(self, silence: float = SILENCE) -> None:
+        super().__init__(silence)
         self._answer = create_string_buffer(LARGEST_REFERENCE)
 
     def accept_state(self, datagrams: Sequence[bytes], now: float) -> ArmState | None:
-        """As :meth:`accept`; what is to be answered as the state of the arm."""
-        handle, accept, last = self._handle, self._library.egm_arm_accept, len(datagrams) - 1
+        """Take what has arrived, oldest first; the newest that counts, as the state of the arm, or None.
+
+        Args:
+            datagrams: everything that waits in the socket; usually one.
+            now: arrival time [s].
+        """
+        handle, accept, last = self.handle, self._library.egm_arm_accept, len(datagrams) - 1
         is_accepted = False
         for index, datagram in enumerate(datagrams):
             is_accepted = accept(handle, datagram, len(datagram), now, index == 0, index == last)
         if not is_accepted:
             return None
-        time, dt, session, *values, is_running = _ARM.unpack_from(self._values, SessionValues.arm.offset)
+        time, dt, session, *values, is_running = STATE.unpack_from(self._values, SessionValues.arm.offset)
         position, velocity, planned = tuple(values[:7]), tuple(values[7:14]), tuple(values[14:])
         return ArmState(time, dt, session, position, velocity, planned, is_running != 0)
 
-    def answer(self, command: ArmCommand) -> bytes:
-        """The answer to the datagram accepted last.
+    def answer(self, command: ArmCommand) -> bytes | None:
+        """The answer to the datagram accepted last; None where the core has answered a newer one.
 
         Raises:
             ValueError: a value is not finite.
         """
         position, velocity = command
-        packed = _COMMAND.pack(*position, *velocity, velocity is not ZERO)
-        size = self._library.egm_arm_reply(self._handle, packed, self._answer)
+        packed = COMMAND.pack(*position, *velocity, velocity is not ZERO)
+        size = self._library.egm_arm_reply(self.handle, packed, self._answer)
         if not size:
             raise not_finite(position, velocity)
-        return self._answer.raw[:size]
+        return self._answer.raw[:size] if size > 0 else None

@@ -381,7 +381,7 @@ def test_robot_goes_where_it_was_compared_when_its_command_brakes(drive: Callabl
     for _ in range(40):
         arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
     motion = arms.both.arm(Side.RIGHT).motion
-    arms.both.library.arms_limit_distances(arms.both.arms_handle, 0)  # nothing is accepted
+    arms.both.library.arm_collisions_limit_distances(arms.both.arm_collisions_handle, 0)  # nothing is accepted
     postures = []
     for _ in range(150):
         arms.cycle({Side.RIGHT: drive(FORWARD[Side.RIGHT])})
@@ -397,7 +397,7 @@ def test_robot_whose_link_is_lost_goes_where_it_was_compared() -> None:
         arms.cycle({Side.RIGHT: at_speed(scaled_by(0.3, YUMI_LIMITS.velocity))})
     motion = arms.both.arm(Side.RIGHT).motion
     braking, coasting = Segments(motion), Segments(motion, coasts=True)
-    arms.both.library.arms_limit_distances(arms.both.arms_handle, 0)  # nothing is accepted
+    arms.both.library.arm_collisions_limit_distances(arms.both.arm_collisions_handle, 0)  # nothing is accepted
     postures = []
     for _ in range(30):
         postures += [each[Side.RIGHT].planned for each in arms.without_links()]

@@ -611,3 +611,17 @@ def test_arm_that_was_held_stays_where_something_else_has_moved_it(
     for _ in range(700):
         step(None)
         assert planned == pytest.approx(left, abs=2e-3)
+
+
+@pytest.mark.parametrize("gain", [0.0, EGM_GAIN])
+def test_speed_that_has_faded_is_none(gain: float, middle: Joints) -> None:
+    """Not seven zeros: who looks whether an arm is to move would see a speed."""
+    limiter, planned = Limiter(YUMI_LIMITS, gain=gain), middle
+    limiter.limit(state(middle), None)
+    for cycle in range(400):
+        desired = ArmCommand(planned, moved(ZERO, 6, 0.001)) if cycle < 30 else None
+        command = limiter.limit(state(planned), desired)
+        limiter.observe(state(planned))
+        planned = moved(planned, 6, DT * command.velocity[6])
+    assert command.velocity is ZERO
+    assert limiter.is_at_rest

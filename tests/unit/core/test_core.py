@@ -17,7 +17,7 @@ SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover
 @pytest.mark.parametrize("flags", [short(()), long(SANITIZED, 300.0)])
 @pytest.mark.parametrize("file", FILES, ids=lambda file: file.stem)
 def test_core(file: Path, flags: tuple[str, ...], tmp_path: Path) -> None:
-    headers, archive = _ruckig()
+    headers, archive, _ = _ruckig()
     program = str(tmp_path / file.stem)
     warnings = ("-Wall", "-Wextra", "-Werror")
     includes = ("-I", str(FOLDER), "-I", str(file.parent), "-isystem", str(headers))

@@ -41,6 +41,14 @@ ARMS: Mapping[str, Text] = {
         "{controllers} deactivated",
         "{start_egm} to go on",
     ),
+    "controllers_were_late": Text(
+        "{arm} arm: {controllers} did not answer {cycles} datagrams within 2 ms; the arm braked and went on",
+        "find out what keeps the controller, or the machine, busy",
+    ),
+    "loop_was_late": Text(
+        "{arm} arm: the control loop did not answer {cycles} datagrams within 2 ms; the arm held meanwhile",
+        "find out what keeps the machine busy",
+    ),
     "virtual_robot_was_late": Text(
         "{arm} arm: this machine was too busy for its virtual robot, which sent nothing for {silence:.0ms}; "
         "{controllers} deactivated",

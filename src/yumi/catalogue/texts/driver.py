@@ -23,6 +23,10 @@ DRIVER: Mapping[str, Text] = {
         "this process stood still for {duration:g} s, and what it was asked for meanwhile, be it a motion or a stop, "
         "is dropped; the arm holds"
     ),
+    "no_thread_for_core": Text(
+        "the operating system gives the control process no thread that answers the robot while a controller is busy",
+        "raise the limits of processes and of open files",
+    ),
     "command_too_late": Text("the command {command} came too late and is dropped; the arms hold"),
     "command_unknown": Text("there is no command {command:quoted}"),
     "command_unreadable": Text("the command cannot be read: {kind}: {reason}"),

@@ -1,0 +1,43 @@
+// A conversation of an arm as Python holds it, and who is to answer the datagram that was accepted last.
+
+#pragma once
+
+#include "egm_arm.hpp"
+#include "lock.hpp"
+
+namespace core {
+
+// Who is to answer: nobody where it is answered, or no reply is safe.
+enum class CycleOwner { NOBODY, PYTHON, CORE };
+
+}  // namespace core
+
+// What others read of it comes first; as SessionValues in library.py.
+struct SessionHandle {
+    std::int64_t state = core::Session::NONE, number = 0;
+    core::SessionCounters counters;
+    double jitter = 0.0, worst_jitter = 0.0, drift_ppm = 0.0, cycle_time = 0.0;
+    core::ArmState arm;  // as it was reported last
+
+    core::EgmArm egm;
+    core::CycleOwner owner = core::CycleOwner::NOBODY;
+    std::int64_t cycle = 0, pythons = 0;  // how many were to be answered, and the last of them that Python took
+
+    explicit SessionHandle(double silence) : egm(silence) {}
+
+    // The last of the datagrams that waited together was taken: what is to be answered, and by whom.
+    void end_batch(double now, core::CycleOwner by) {
+        if (egm.session.is_accepted()) {
+            arm = egm.state(now), owner = by, ++cycle;
+            if (by == core::CycleOwner::PYTHON) pythons = cycle;
+        }
+        show();
+    }
+
+    void show() {
+        const core::Session& session = egm.session;
+        state = session.state, number = session.number, counters = session.counters;
+        jitter = session.arrivals.jitter, worst_jitter = session.arrivals.worst_jitter;
+        drift_ppm = session.arrivals.drift_ppm, cycle_time = session.arrivals.cycle_time();
+    }
+};

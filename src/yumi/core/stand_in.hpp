@@ -1,0 +1,184 @@
+// The thread that answers for controllers that do not: no arm waits for Python.
+//
+// Python says when it waits for datagrams and when it is busy. Where it is busy for longer than PATIENCE, the thread takes
+// what is not answered, and whatever arrives until Python waits again: each arm brakes within its limits. An answer of
+// Python that comes later is dropped; the next one goes on from what was sent. The thread never takes Python's lock.
+
+#pragma once
+
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/eventfd.h>
+#include <sys/socket.h>
+#include <sys/timerfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <system_error>
+#include <thread>
+
+#include "limiter_handle.hpp"
+
+class StandIn {
+public:
+    StandIn() : timer_(timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK | TFD_CLOEXEC)), wake_(eventfd(0, EFD_CLOEXEC)) {
+        if (timer_ < 0 || wake_ < 0) {
+            close_descriptors();
+            throw std::system_error(errno, std::generic_category());
+        }
+    }
+    StandIn(const StandIn&) = delete;
+    ~StandIn() {
+        if (thread_.joinable()) {
+            is_over_ = true;
+            const std::uint64_t one = 1;
+            if (write(wake_, &one, sizeof one) == sizeof one) thread_.join();
+        }
+        for (int i = 0; i < count_; ++i) arms_[i].limiter->session = nullptr;
+        close_descriptors();
+    }
+
+    void add(LimiterHandle& limiter, SessionHandle& session, int socket) {
+        limiter.session = &session;
+        arms_[count_++] = {&limiter, &session, socket};
+    }
+
+    bool start() {
+        try {
+            thread_ = std::thread([this] { run(); });
+            return true;
+        } catch (const std::system_error&) {
+            return false;
+        }
+    }
+
+    // Python has found something to do.
+    void note_busy() {
+        const core::Guard guard(core::lock);
+        is_busy_ = true;
+        set_timer(PATIENCE);
+    }
+
+    // Python waits for datagrams again. What it has left without an answer, since something failed, is answered now.
+    void note_waiting() {
+        const core::Guard guard(core::lock);
+        is_busy_ = false;
+        set_timer(0);
+        for (int i = 0; i < count_; ++i)
+            if (arms_[i].session->owner == core::CycleOwner::PYTHON) answer(arms_[i]);
+    }
+
+private:
+    static constexpr long PATIENCE = 2'000'000;  // [ns]
+
+    struct Arm {
+        LimiterHandle* limiter;
+        SessionHandle* session;
+        int socket;
+    };
+
+    void close_descriptors() {
+        if (timer_ >= 0) close(timer_);
+        if (wake_ >= 0) close(wake_);
+    }
+
+    void set_timer(long nanoseconds) {
+        const itimerspec once = {{0, 0}, {0, nanoseconds}};
+        timerfd_settime(timer_, 0, &once, nullptr);  // of a descriptor and times that are sound, which cannot fail
+    }
+
+    static double now() {
+        timespec time;
+        clock_gettime(CLOCK_MONOTONIC, &time);
+        return double(time.tv_sec) + 1e-9 * double(time.tv_nsec);
+    }
+
+    // Before Python's thread, where both have a priority in real time: one that computes is in the way on its processor.
+    static void go_before() {
+        sched_param priority;
+        int policy;
+        if (pthread_getschedparam(pthread_self(), &policy, &priority) != 0) return;
+        if (policy != SCHED_FIFO && policy != SCHED_RR) return;
+        ++priority.sched_priority;
+        pthread_setschedparam(pthread_self(), policy, &priority);  // where that is not permitted it goes beside it
+    }
+
+    void run() {
+        go_before();
+        pollfd waits[2 + 2] = {{wake_, POLLIN, 0}, {timer_, POLLIN, 0}, {}, {}};
+        bool is_in_charge = false;
+        while (!is_over_) {
+            // In charge, what arrives is answered at once; else Python has its time first.
+            for (int i = 0; i < count_; ++i) waits[2 + i] = {has_peer(arms_[i]) ? arms_[i].socket : -1, POLLIN, 0};
+            poll(waits, is_in_charge ? nfds_t(2 + count_) : 2, is_in_charge ? int(PATIENCE / 1'000'000) : -1);
+            std::uint64_t expirations;
+            const bool has_expired = read(timer_, &expirations, sizeof expirations) == sizeof expirations;
+            const core::Guard guard(core::lock);
+            is_in_charge = is_busy_ && (is_in_charge || has_expired);
+            if (!is_in_charge) continue;
+            for (int i = 0; i < count_; ++i) {
+                if (arms_[i].session->owner == core::CycleOwner::PYTHON) answer(arms_[i]);
+                receive(arms_[i]);
+            }
+        }
+    }
+
+    // Whether an arm's robot is known: the socket is connected to it then. Anybody else is for Python to judge.
+    static bool has_peer(const Arm& arm) {
+        sockaddr_storage peer;
+        socklen_t size = sizeof peer;
+        return getpeername(arm.socket, reinterpret_cast<sockaddr*>(&peer), &size) == 0;
+    }
+
+    // Take what has arrived for an arm.
+    void receive(Arm& arm) {
+        if (!has_peer(arm)) return;
+        unsigned char datagram[2048];
+        core::Session& session = arm.session->egm.session;
+        session.begin_batch();
+        const double arrival = now();
+        bool has_any = false;
+        for (int i = 0; i < MOST; ++i) {
+            const ssize_t length = recv(arm.socket, datagram, sizeof datagram, MSG_DONTWAIT);
+            if (length < 0) break;
+            arm.session->egm.accept(datagram, std::size_t(length), arrival);
+            has_any = true;
+        }
+        if (!has_any) return;
+        arm.session->end_batch(arrival, core::CycleOwner::CORE);
+        if (session.is_accepted()) answer(arm);
+    }
+
+    // Brake an arm within its limits.
+    void answer(Arm& arm) {
+        LimiterHandle& limiter = *arm.limiter;
+        limiter.act([&]() -> std::int64_t {
+            const bool was_pythons = arm.session->owner == core::CycleOwner::PYTHON;
+            if (!(was_pythons && limiter.is_checked)) {
+                limiter.exchange.state = arm.session->arm;
+                if (!limiter.check()) return 0;
+            }
+            limiter.limit(nullptr, true);
+            unsigned char datagram[core::LARGEST_REFERENCE];
+            const std::size_t size = arm.session->egm.reply(limiter.exchange.command, datagram);
+            const ssize_t sent = send(arm.socket, datagram, size, MSG_DONTWAIT | MSG_NOSIGNAL);
+            limiter.observe();
+            return sent;  // a reply that cannot leave is lost, as on any network
+        });
+        arm.session->owner = core::CycleOwner::NOBODY;
+        arm.session->egm.session.settle();
+        arm.session->show();
+    }
+
+    static constexpr int MOST = 256;  // datagrams read at once
+
+    int timer_, wake_;
+    Arm arms_[2];
+    int count_ = 0;
+    bool is_busy_ = false;
+    std::atomic<bool> is_over_{false};
+    std::thread thread_;
+};
