@@ -111,7 +111,7 @@ def joint_state(
 
 _COUNTERS = (
     *("cycles", "missed", "lost", "late", "stale", "repeated", "malformed", "foreign", "refused"),
-    *("position_limited", "slowed", "kept_apart", "interruptions", "implausible"),
+    *("position_limited", "slowed", "kept_apart", "interruptions", "implausible", "unanswered"),
 )
 """Of an arm, in the values of ``egm_state``."""
 
