@@ -376,7 +376,7 @@ class ArmLoop:
                 velocity=last.state.velocity if last else ZERO,
                 sent=last.sent.position if last else self._position,
                 reference=reference,
-                cycles=self._cycles,
+                cycles=self._cycles + self._limiter.unanswered,
                 wire=self._arm.wire_counters(),
                 limiter=self._limiter.counters,
                 limited_part=limited.part,
